@@ -1,0 +1,22 @@
+from .cvt import EFFORTS, Tessellation, tessellate
+from .io import find_images, image_info, read_image, write_image
+from .methods import METHODS
+from .quantization import Quantized, quantize
+from .samples import ColorSamples, color_samples
+from .seeding import SEEDINGS
+
+__all__ = [
+    "EFFORTS",
+    "METHODS",
+    "SEEDINGS",
+    "ColorSamples",
+    "Quantized",
+    "Tessellation",
+    "color_samples",
+    "find_images",
+    "image_info",
+    "quantize",
+    "read_image",
+    "tessellate",
+    "write_image",
+]

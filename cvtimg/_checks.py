@@ -1,0 +1,90 @@
+"""The one door: arguments are checked here and nowhere else.
+
+Every message gives the name, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: Sample types that the kernels read as they are.
+SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
+
+
+def check_choice(name: str, value: str, choices: Collection[str]) -> str:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        raise ValueError(f"{name}={value!r} must be one of {', '.join(choices)}")
+    return value
+
+
+def check_count(name: str, value: int, largest: int, reason: str) -> int:
+    """Return `value` as an int in 1..largest; `reason` says what sets the largest."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"{name}={value!r} must be an integer in 1..{largest}, {reason}")
+    if not 1 <= value <= largest:
+        raise ValueError(f"{name}={value} must be in 1..{largest}, {reason}")
+    return int(value)
+
+
+def check_non_negative(name: str, value: float) -> float:
+    """Return `value` as a finite float >= 0."""
+    number = float(value)
+    if not 0 <= number < np.inf:
+        raise ValueError(f"{name}={value!r} must be a finite number >= 0")
+    return number
+
+
+def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
+    """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
+    array = np.asarray(rows)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (N, D) with N, D >= 1")
+    return _as_samples(name, array)
+
+
+def check_image(name: str, image: Any) -> NDArray[Any]:
+    """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
+    array = np.asarray(image)
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")
+    return _as_samples(name, array)
+
+
+def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
+    """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
+    if density is None:
+        return np.ones(n_samples)
+    array = np.asarray(density, dtype=np.float64)
+    if array.shape != (n_samples,):
+        raise ValueError(f"density of shape {array.shape} must be ({n_samples},), one weight for each sample")
+    if not (np.isfinite(array).all() and array.min() >= 0 and array.any()):
+        raise ValueError("density must be finite and >= 0, and not all 0")
+    return array
+
+
+def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims: int) -> NDArray[np.float64]:
+    """Return `generators` as a finite (n_generators, n_dims) array."""
+    array = np.asarray(generators, dtype=np.float64)
+    if array.shape != (n_generators, n_dims):
+        raise ValueError(f"{name} of shape {array.shape} must be ({n_generators}, {n_dims}), a row for each generator")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return array
+
+
+def _as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    """Booleans and integers of other widths become float64; other types are refused."""
+    if array.dtype.kind in "biu" and array.dtype not in SAMPLE_DTYPES:
+        array = array.astype(np.uint8 if array.dtype.kind == "b" else np.float64)
+    elif array.dtype == np.float16:
+        array = array.astype(np.float32)
+    elif array.dtype not in SAMPLE_DTYPES:
+        raise TypeError(f"{name} of type {array.dtype} must be of integers or of floating point numbers")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite: it contains NaN or infinity")
+    return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))

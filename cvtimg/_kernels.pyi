@@ -1,0 +1,75 @@
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SIMD_LEVELS: tuple[str, ...]
+TILE: int
+PAGE_SIZE: int
+simd: str
+
+def pack_tiles(rows: NDArray[Any], center: NDArray[np.float64], tiles: NDArray[np.float32]) -> None: ...
+def assign(
+    tiles: NDArray[np.float32],
+    generators: NDArray[np.float32],
+    half_norms: NDArray[np.float32],
+    labels: NDArray[np.int32],
+) -> None: ...
+def accumulate(
+    tiles: NDArray[np.float32],
+    density: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    sums: NDArray[np.float64],
+) -> None: ...
+def measure(
+    tiles: NDArray[np.float32],
+    density: NDArray[np.float64],
+    generators: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    energies: NDArray[np.float64],
+) -> None: ...
+def squared_distances(
+    tiles: NDArray[np.float32],
+    generator: NDArray[np.float32],
+    bound: NDArray[np.float32],
+    distances: NDArray[np.float32],
+) -> None: ...
+def partition(
+    tiles: NDArray[np.float32],
+    density: NDArray[np.float64],
+    members: NDArray[np.int32],
+    above: NDArray[np.int32],
+    axis: NDArray[np.float64],
+    offset: float,
+    moments: NDArray[np.float64],
+) -> int: ...
+def count_keys(
+    pixels: NDArray[np.uint8],
+    spread: NDArray[np.uint32],
+    pages: NDArray[np.uint16],
+    counts: NDArray[np.uint32],
+    used: int,
+) -> int: ...
+def number_keys(
+    pages: NDArray[np.uint16],
+    counts: NDArray[np.uint32],
+    keys: NDArray[np.uint32],
+    density: NDArray[np.float64],
+) -> int: ...
+def look_up_keys(
+    pixels: NDArray[np.uint8],
+    spread: NDArray[np.uint32],
+    pages: NDArray[np.uint16],
+    ranks: NDArray[np.uint32],
+    inverse: NDArray[np.int32],
+) -> None: ...
+def count_rows(
+    rows: NDArray[np.uint8],
+    start: int,
+    slots: NDArray[np.int32],
+    firsts: NDArray[np.int64],
+    counts: NDArray[np.float64],
+    ranks: NDArray[np.int32],
+    found: int,
+) -> tuple[int, int]: ...
+def rehash(rows: NDArray[np.uint8], firsts: NDArray[np.int64], slots: NDArray[np.int32]) -> None: ...

@@ -1,0 +1,315 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops: one pass each, over buffers that the caller owns.
+
+Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
+Each argument is marked IN, OUT or INOUT. Points are packed in tiles of LANES points, (n_tiles, D, LANES), the
+last tile padded with points of density 0.
+"""
+import os
+
+cimport cython
+from cython.parallel cimport prange
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.string cimport memcmp
+
+cdef extern from "nearest.h" nogil:
+    enum: LANES
+    ctypedef void nearest_function(
+        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+        int32_t *nearest)
+    nearest_function *nearest_in_tile[3]
+    int supported_simd_level()
+
+SIMD_LEVELS = ("baseline", "avx2", "avx512")
+TILE = LANES
+PAGE_SIZE = PAGE
+
+cdef enum:
+    PAGE = 512  # 2 KiB of counts: the 8 x 8 x 8 neighbours of a color
+    THREADING = 1 << 18  # steps of work, about 0.2 ms, below which waking threads costs more than it saves
+
+ctypedef fused sample_t:
+    uint8_t
+    uint16_t
+    float
+    double
+
+
+def _simd_level():
+    """The processor's best level, or the lower one that the environment variable CVTIMG_SIMD names."""
+    wanted = os.environ.get("CVTIMG_SIMD", "avx512")
+    if wanted not in SIMD_LEVELS:
+        raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
+    return min(supported_simd_level(), SIMD_LEVELS.index(wanted))
+
+
+cdef int level = _simd_level()
+simd = SIMD_LEVELS[level]
+
+
+def pack_tiles(
+    const sample_t[:, ::1] rows,  # IN (N, D)
+    const double[::1] center,     # IN (D,)
+    float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): rows less the center; the last row fills the padding
+):
+    cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
+    cdef Py_ssize_t t, d, i
+    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * LANES * dims > THREADING):
+        for d in range(dims):
+            for i in range(LANES):
+                tiles[t, d, i] = <float>(rows[min(t * LANES + i, n - 1), d] - center[d])
+
+
+def assign(
+    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const float[:, ::1] generators,     # IN (K, D)
+    const float[::1] half_norms,        # IN (K,): |generator|^2 / 2
+    int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator, the lowest index on a tie
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef nearest_function *nearest = nearest_in_tile[level]
+    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * n_generators * dims > THREADING):
+        nearest(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+
+
+def accumulate(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    const int32_t[::1] labels,      # IN (n_tiles * LANES,)
+    double[:, :, ::1] sums,         # INOUT (n_parts, K, D + 1): += density times (point, 1), by label
+):
+    # Each part of the points has sums of its own, so that the result does not depend on the number of threads.
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], n_parts = sums.shape[0]
+    cdef Py_ssize_t part, t, i, d
+    cdef double weight
+    cdef double *cell
+    for part in prange(n_parts, nogil=True, schedule="static", chunksize=1, use_threads_if=n_tiles * LANES * dims > THREADING):
+        for t in range(part * n_tiles // n_parts, (part + 1) * n_tiles // n_parts):
+            for i in range(LANES):
+                weight = density[t * LANES + i]
+                cell = &sums[part, labels[t * LANES + i], 0]
+                for d in range(dims):
+                    cell[d] = cell[d] + weight * tiles[t, d, i]
+                cell[dims] = cell[dims] + weight
+
+
+def measure(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    const double[:, ::1] generators,  # IN (K, D)
+    const int32_t[::1] labels,      # IN (n_tiles * LANES,)
+    double[:, ::1] energies,        # INOUT (n_parts, K): += density times squared distance to the own generator
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], n_parts = energies.shape[0]
+    cdef Py_ssize_t part, t, i, d
+    cdef int32_t label
+    cdef double total, step
+    for part in prange(n_parts, nogil=True, schedule="static", chunksize=1, use_threads_if=n_tiles * LANES * dims > THREADING):
+        for t in range(part * n_tiles // n_parts, (part + 1) * n_tiles // n_parts):
+            for i in range(LANES):
+                label = labels[t * LANES + i]
+                total = 0
+                for d in range(dims):
+                    step = tiles[t, d, i] - generators[label, d]
+                    total = total + step * step
+                energies[part, label] += density[t * LANES + i] * total
+
+
+def squared_distances(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const float[::1] generator,     # IN (D,)
+    const float[::1] bound,         # IN (n_tiles * LANES,)
+    float[::1] distances,           # OUT (n_tiles * LANES,): the lesser of bound and squared distance; may be bound
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
+    cdef float total[LANES]
+    cdef float step
+    with nogil:
+        for t in range(n_tiles):
+            for i in range(LANES):
+                total[i] = 0
+            for d in range(dims):
+                for i in range(LANES):
+                    step = tiles[t, d, i] - generator[d]
+                    total[i] += step * step
+            for i in range(LANES):
+                distances[t * LANES + i] = min(total[i], bound[t * LANES + i])
+
+
+def partition(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    int32_t[::1] members,           # INOUT (m,): points of one cell; those below the plane come first, in order
+    int32_t[::1] above,             # OUT (m,): scratch
+    const double[::1] axis,         # IN (D,): normal of the plane
+    double offset,                  # IN: below the plane is axis . point < offset
+    double[:, ::1] moments,         # OUT (D + 1, D + 1): sum of density times (1, point)^T (1, point), below
+):
+    cdef Py_ssize_t n = members.shape[0], dims = tiles.shape[1], below = 0, rest = 0, j, d, e, t, i
+    cdef int32_t member
+    cdef double height, weight
+    with nogil:
+        moments[:, :] = 0
+        for j in range(n):
+            member = members[j]
+            t = member // LANES
+            i = member % LANES
+            height = 0
+            for d in range(dims):
+                height = height + axis[d] * tiles[t, d, i]
+            if height >= offset:
+                above[rest] = member
+                rest += 1
+                continue
+            members[below] = member
+            below += 1
+            weight = density[member]
+            moments[0, 0] += weight
+            for d in range(dims):
+                moments[0, d + 1] += weight * tiles[t, d, i]
+                for e in range(d + 1):
+                    moments[d + 1, e + 1] += weight * tiles[t, d, i] * tiles[t, e, i]
+        for j in range(rest):
+            members[below + j] = above[j]
+        for d in range(dims):
+            moments[d + 1, 0] = moments[0, d + 1]
+            for e in range(d):
+                moments[e + 1, d + 1] = moments[d + 1, e + 1]
+    return below
+
+
+cdef inline uint32_t key_of(const uint8_t *pixel, Py_ssize_t n_bytes, const uint32_t *spread) noexcept nogil:
+    cdef uint32_t key = spread[pixel[0]]
+    cdef Py_ssize_t b
+    for b in range(1, n_bytes):
+        key = key | spread[b * 256 + pixel[b]]
+    return key
+
+
+def count_keys(
+    const uint8_t[::1] pixels,      # IN (N * B,): the bytes of each pixel
+    const uint32_t[:, ::1] spread,  # IN (B, 256): the bits of the key that each byte sets
+    uint16_t[::1] pages,            # INOUT: for each PAGE of keys its place in `counts`, or 0 before its first use
+    uint32_t[:, ::1] counts,        # INOUT (n_pages + 1, PAGE): += 1 at the key of each pixel
+    Py_ssize_t used,                # IN: pages in use
+):
+    """Return the number of pages in use."""
+    # Neighbouring keys are similar colors: a photograph fills few pages, and memory is touched only for those.
+    cdef Py_ssize_t n_bytes = spread.shape[0], n = pixels.shape[0] // n_bytes, p
+    cdef const uint8_t *pixel = &pixels[0]
+    cdef const uint32_t *bits = &spread[0, 0]
+    cdef uint16_t *page_of = &pages[0]
+    cdef uint32_t *count = &counts[0, 0]
+    cdef uint32_t key, page
+    with nogil:
+        for p in range(n):
+            key = key_of(pixel, 3, bits) if n_bytes == 3 else key_of(pixel, n_bytes, bits)
+            page = page_of[key // PAGE]
+            if page == 0:
+                used += 1
+                page = <uint32_t>used
+                page_of[key // PAGE] = <uint16_t>page
+            count[page * PAGE + key % PAGE] += 1
+            pixel += n_bytes
+    return used
+
+
+def number_keys(
+    const uint16_t[::1] pages,  # IN
+    uint32_t[:, ::1] counts,    # INOUT: counts; then, for each key that was counted, its rank
+    uint32_t[::1] keys,         # OUT: keys that were counted, ascending
+    double[::1] density,        # OUT: their counts
+):
+    """Return how many keys were counted."""
+    cdef Py_ssize_t n_pages = pages.shape[0], page, entry, found = 0
+    cdef uint32_t *count
+    with nogil:
+        for page in range(n_pages):
+            if pages[page] == 0:
+                continue
+            count = &counts[pages[page], 0]
+            for entry in range(PAGE):
+                if count[entry]:
+                    keys[found] = <uint32_t>(page * PAGE + entry)
+                    density[found] = count[entry]
+                    count[entry] = <uint32_t>found
+                    found += 1
+    return found
+
+
+def look_up_keys(
+    const uint8_t[::1] pixels,      # IN (N * B,)
+    const uint32_t[:, ::1] spread,  # IN (B, 256)
+    const uint16_t[::1] pages,      # IN
+    const uint32_t[:, ::1] ranks,   # IN (n_pages + 1, PAGE)
+    int32_t[::1] inverse,           # OUT (N,): rank of the key of each pixel
+):
+    cdef Py_ssize_t n_bytes = spread.shape[0], n = inverse.shape[0], p
+    cdef const uint8_t *pixel = &pixels[0]
+    cdef const uint32_t *bits = &spread[0, 0]
+    cdef const uint32_t *rank = &ranks[0, 0]
+    cdef uint32_t key
+    for p in prange(n, nogil=True, schedule="static", use_threads_if=n > THREADING):
+        key = key_of(pixel + 3 * p, 3, bits) if n_bytes == 3 else key_of(pixel + n_bytes * p, n_bytes, bits)
+        inverse[p] = rank[<uint32_t>pages[key // PAGE] * PAGE + key % PAGE]
+
+
+cdef inline uint64_t hash_bytes(const uint8_t *row, Py_ssize_t n_bytes) noexcept nogil:
+    # FNV-1a, with a final mix because the table is indexed by the low bits.
+    cdef uint64_t value = <uint64_t>0xCBF29CE484222325
+    cdef Py_ssize_t b
+    for b in range(n_bytes):
+        value = (value ^ row[b]) * <uint64_t>0x100000001B3
+    value = value ^ (value >> 32)
+    return value * <uint64_t>0x9E3779B97F4A7C15 >> 20
+
+
+def count_rows(
+    const uint8_t[:, ::1] rows,  # IN (N, B): the bytes of each row
+    Py_ssize_t start,            # IN: first row not yet counted
+    int32_t[::1] slots,          # INOUT: hash table, a power of two: rank of the row kept there, or -1
+    int64_t[::1] firsts,         # INOUT: where each distinct row was first seen
+    double[::1] counts,          # INOUT: how often
+    int32_t[::1] ranks,          # INOUT (N,): rank of each row
+    Py_ssize_t found,            # IN: distinct rows so far
+):
+    """Count rows until all are done or `firsts` is full; return (next row, distinct rows)."""
+    cdef Py_ssize_t n = rows.shape[0], n_bytes = rows.shape[1], capacity = firsts.shape[0], p = start
+    cdef uint64_t mask = slots.shape[0] - 1, slot
+    cdef int32_t rank
+    with nogil:
+        while p < n:
+            slot = hash_bytes(&rows[p, 0], n_bytes) & mask
+            while True:
+                rank = slots[slot]
+                if rank < 0 or memcmp(&rows[firsts[rank], 0], &rows[p, 0], n_bytes) == 0:
+                    break
+                slot = (slot + 1) & mask
+            if rank < 0:
+                if found == capacity:
+                    break
+                rank = <int32_t>found
+                slots[slot] = rank
+                firsts[rank] = p
+                counts[rank] = 0
+                found += 1
+            counts[rank] += 1
+            ranks[p] = rank
+            p += 1
+    return p, found
+
+
+def rehash(
+    const uint8_t[:, ::1] rows,   # IN (N, B)
+    const int64_t[::1] firsts,    # IN (found,)
+    int32_t[::1] slots,           # INOUT: a larger table, all -1
+):
+    cdef Py_ssize_t n_bytes = rows.shape[1], rank
+    cdef uint64_t mask = slots.shape[0] - 1, slot
+    with nogil:
+        for rank in range(firsts.shape[0]):
+            slot = hash_bytes(&rows[firsts[rank], 0], n_bytes) & mask
+            while slots[slot] >= 0:
+                slot = (slot + 1) & mask
+            slots[slot] = <int32_t>rank

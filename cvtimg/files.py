@@ -1,0 +1,186 @@
+"""Files on disk: outputs that appear whole or not at all, and inputs named by people."""
+
+from __future__ import annotations
+
+import glob
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "whole_file"]
+
+StrPath: TypeAlias = str | os.PathLike[str]
+
+# Pillow names these but has no pixels for them, or runs another program to draw them: PostScript
+# from a stranger would go through Ghostscript.
+NOT_RASTER = frozenset({"BUFR", "EPS", "GRIB", "HDF5", "MPEG", "WMF"})
+
+
+@contextmanager
+def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Open a file that appears whole when the block ends, or not at all if it fails.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Where the file shall appear. An existing file keeps its permissions, a link stays a link.
+    overwrite : bool
+        Replace an existing file.
+
+    Yields
+    ------
+    binary file
+        Open for writing and reading, under another name in the same folder.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is false, even if it appears meanwhile.
+    OSError
+        If the file cannot be written.
+
+    Notes
+    -----
+    This guards against programs that fail or are stopped. It does not wait for the disk, so it
+    does not guard against a power cut.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with whole_file(f"{folder}/a.txt") as file:
+    ...         _ = file.write(b"all of it")
+    ...     Path(folder, "a.txt").read_text()
+    'all of it'
+    """
+    target = Path(os.path.realpath(path))
+    _check_target(path, target, overwrite)
+    part = target.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        # Opened by hand, for tempfile would give 0600 in place of what the umask allows.
+        with part.open("x+b") as file:
+            yield file
+        _publish(path, part, target, overwrite)
+    except OSError as error:
+        # One without errno is worded already; one that names another file is not ours.
+        if error.errno is None or error.filename not in (None, str(part)):
+            raise
+        raise type(error)(f"{path}: cannot be written ({one_line(error)})") from error
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
+    """List the pictures that files, folders and patterns name.
+
+    Parameters
+    ----------
+    paths : path or iterable of paths
+        A file stays, whatever its suffix. A folder stands for all files in it and below whose
+        suffix Pillow reads, hidden ones left out. A pattern with ``*``, ``?`` or ``[`` stands for
+        what it matches (``**`` for any depth), as if a shell had expanded it.
+
+    Returns
+    -------
+    list of Path
+        In the order given, sorted within a folder or pattern, each path once.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a path does not exist, a pattern matches nothing or a folder has no picture.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("b.png", "a.jpg", "notes.txt"):
+    ...         Path(folder, name).touch()
+    ...     [path.name for path in find_images(folder)]
+    ['a.jpg', 'b.png']
+    """
+    if isinstance(paths, (str, os.PathLike)):
+        paths = [paths]
+    return list(dict.fromkeys(found for path in paths for found in _expand(path)))
+
+
+def _expand(path: StrPath) -> list[Path]:
+    given = Path(path)
+    if given.is_dir():
+        inside = sorted(
+            file
+            for file in given.rglob("*")
+            if file.suffix.lower() in _picture_suffixes()
+            and not any(part.startswith(".") for part in file.relative_to(given).parts)
+            and file.is_file()
+        )
+        if not inside:
+            raise FileNotFoundError(f"{path}: no picture in this folder")
+        return inside
+    if given.exists():
+        return [given]
+    if not glob.has_magic(str(path)):
+        raise FileNotFoundError(f"{path}: no such file")
+    # Path.glob takes no absolute pattern and, unlike a shell, matches hidden files.
+    matches = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207
+    if not matches:
+        raise FileNotFoundError(f"{path}: no file matches")
+    return [file for match in matches for file in _expand(match)]
+
+
+@lru_cache(maxsize=1)
+def _picture_suffixes() -> frozenset[str]:
+    from PIL import Image  # late: who writes a table needs no Pillow
+
+    formats = Image.registered_extensions()
+    return frozenset(suffix for suffix, name in formats.items() if name in Image.OPEN and name not in NOT_RASTER)
+
+
+def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:
+    if target.is_dir():
+        raise IsADirectoryError(f"{path}: is a directory, not a file")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {target.parent}")
+    if not target.exists():
+        return
+    if not overwrite:
+        raise _exists(path)
+    # Moving a file into place would put it where a device or a pipe was, and does not ask
+    # whether the old file may be written.
+    if not target.is_file():
+        raise OSError(f"{path}: is not a regular file")
+    if not os.access(target, os.W_OK):
+        raise PermissionError(f"{path}: is write-protected")
+
+
+def _publish(path: StrPath, part: Path, target: Path, overwrite: bool) -> None:
+    if overwrite:
+        if target.exists():
+            shutil.copymode(target, part)
+        part.replace(target)
+        return
+    try:
+        target.hardlink_to(part)  # unlike a rename, fails if the name is taken meanwhile
+    except FileExistsError as error:
+        raise _exists(path) from error
+    except OSError as error:  # a file system without hard links
+        if target.exists():
+            raise _exists(path) from error
+        part.rename(target)
+
+
+def _exists(path: StrPath) -> FileExistsError:
+    return FileExistsError(f"{path}: exists already; pass overwrite (--overwrite) to replace it")
+
+
+def one_line(error: Exception) -> str:
+    """Give the reason of an error in one plain line."""
+    system = error.strerror if isinstance(error, OSError) else None
+    lines = (system.lower() if system else str(error)).splitlines()
+    return lines[0] if lines else type(error).__name__

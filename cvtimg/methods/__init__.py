@@ -1,0 +1,11 @@
+"""How generators move from where they start to a centroidal Voronoi tessellation: one short file a method."""
+
+from __future__ import annotations
+
+from cvtimg.methods._iteration import Iteration, Method, Stopping
+from cvtimg.methods.lloyd import lloyd
+
+#: The registry: names for `method`, for tests and for the documentation.
+METHODS: dict[str, Method] = {"lloyd": lloyd}
+
+__all__ = ["METHODS", "Iteration", "Method", "Stopping"]

@@ -1,0 +1,105 @@
+"""Weighted points as the kernels read them, and the three passes over them that every method is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import _kernels
+
+#: Points are summed in this many parts at most, each of this many tiles at least. The parts depend on the data
+#: alone: the sums have the same bits whatever the number of threads.
+_MAX_PARTS = 32
+_MIN_TILES = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Weighted points, packed in tiles for the kernels and centered.
+
+    Attributes
+    ----------
+    tiles : (n_tiles, D, TILE) float32 array
+        Points less the center, the last one repeated to fill the last tile.
+    density : (n_tiles * TILE,) float64 array
+        Weight of each point, 0 in the padding.
+    center : (D,) float64 array
+        Mean of the points, so that float32 holds what matters.
+    n_points : int
+        Points without the padding.
+    spread : float
+        Sum of density times squared distance to the center.
+    """
+
+    tiles: NDArray[np.float32]
+    density: NDArray[np.float64]
+    center: NDArray[np.float64]
+    n_points: int
+    spread: float
+
+    @property
+    def n_dims(self) -> int:
+        """Number of coordinates, D."""
+        return int(self.tiles.shape[1])
+
+    def rows(self, members: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
+        """(m, D) centered coordinates of some points."""
+        index = np.arange(self.n_points)[members]
+        return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
+
+
+def pack(rows: NDArray[Any], density: NDArray[np.float64]) -> Points:
+    """Pack (N, D) rows and their weights; the rows are copied once, here."""
+    n_points, n_dims = rows.shape
+    n_tiles = -(-n_points // _kernels.TILE)
+    center = np.average(rows, axis=0, weights=density)
+    tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
+    _kernels.pack_tiles(rows, center, tiles)
+    padded = np.zeros(n_tiles * _kernels.TILE)
+    padded[:n_points] = density
+    squares = np.einsum("tdi,tdi->ti", tiles, tiles, dtype=np.float64)
+    spread = float(padded @ squares.reshape(-1))
+    return Points(tiles, padded, center, n_points, spread)
+
+
+def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Label each point, padding too, with its nearest generator; the first one on a tie."""
+    single = np.ascontiguousarray(generators, dtype=np.float32)
+    half_norms = (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
+    labels = np.empty(len(points.density), np.int32)
+    _kernels.assign(points.tiles, single, half_norms, labels)
+    return labels
+
+
+def cell_moments(
+    points: Points, labels: NDArray[np.int32], n_cells: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(K,) mass of each cell and (K, D) sum of density times point."""
+    parts = np.zeros((_n_parts(points), n_cells, points.n_dims + 1))
+    _kernels.accumulate(points.tiles, points.density, labels, parts)
+    total = parts.sum(axis=0)
+    return total[:, -1].copy(), total[:, :-1].copy()
+
+
+def energy(
+    points: Points, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
+) -> float:
+    """Sum of density times squared distance to the own generator, from the moments of the cells."""
+    cross = np.einsum("kd,kd->", generators, sums)
+    norms = np.einsum("k,kd,kd->", masses, generators, generators)
+    return float(max(points.spread - 2 * cross + norms, 0.0))
+
+
+def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(K,) energy of each cell, summed point by point: exact where `energy` cancels."""
+    parts = np.zeros((_n_parts(points), len(generators)))
+    _kernels.measure(points.tiles, points.density, generators, labels, parts)
+    energies: NDArray[np.float64] = parts.sum(axis=0)
+    return energies
+
+
+def _n_parts(points: Points) -> int:
+    return min(max(len(points.tiles) // _MIN_TILES, 1), _MAX_PARTS)

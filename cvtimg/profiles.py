@@ -1,0 +1,74 @@
+"""Embedded colour profiles: from what they describe to sRGB."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from PIL import Image, ImageCms
+
+__all__ = ["apply_profile", "profile_name"]
+
+# What littleCMS and Pillow raise for a profile that is damaged.
+UNREADABLE = (ImageCms.PyCMSError, OSError, ValueError, TypeError)
+
+
+def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
+    """Bring an L, RGB, RGBA or CMYK picture to sRGB; `grey` if all its colours are grey.
+
+    A profile that is damaged or for another colour space says nothing about this picture, which
+    comes back as it is: it is of use without.
+    """
+    try:
+        return _convert(image, ImageCms.ImageCmsProfile(io.BytesIO(icc)), grey)
+    except UNREADABLE:
+        return image
+
+
+def profile_name(icc: bytes | None) -> str | None:
+    """Give the description of a profile, "unreadable" for a damaged one."""
+    if not icc:
+        return None
+    try:
+        return ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(icc))).strip()
+    except UNREADABLE:
+        return "unreadable"
+
+
+def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) -> Image.Image:
+    space = profile.profile.xcolor_space.strip()
+    if grey and space in ("GRAY", "RGB"):
+        ramp = Image.frombytes("L", (256, 1), bytes(range(256)))
+        source = ramp if space == "GRAY" else ramp.convert("RGB")
+        curve = _transform(profile, source.mode, "RGB").apply(source).getchannel("G")
+        # One curve for all bands, so that grey stays grey.
+        alpha = list(range(256)) if image.mode == "RGBA" else []
+        levels = list(curve.tobytes())
+        return image.point(levels * (len(image.getbands()) - bool(alpha)) + alpha)
+    if space == image.mode.removesuffix("A"):
+        transform = _transform(profile, image.mode, "RGBA" if image.mode == "RGBA" else "RGB")
+        if image.mode == "CMYK" or _changes_colors(transform, image.mode):
+            return transform.apply(image)
+    return image
+
+
+def _transform(profile: ImageCms.ImageCmsProfile, source: str, target: str) -> ImageCms.ImageCmsTransform:
+    # Relative colorimetric keeps each colour that sRGB can show as it is, where the perceptual
+    # intent shifts all of them to make room for the few that it cannot; black point compensation
+    # keeps the dark parts of print profiles apart.
+    return ImageCms.buildTransform(
+        profile,
+        ImageCms.createProfile("sRGB"),
+        source,
+        target,
+        ImageCms.Intent.RELATIVE_COLORIMETRIC,
+        ImageCms.Flags.BLACKPOINTCOMPENSATION,
+    )
+
+
+def _changes_colors(transform: ImageCms.ImageCmsTransform, mode: str) -> bool:
+    """Say whether a transform is more than rounding: sRGB comes under many names and versions."""
+    grid = np.indices((6, 6, 6), np.uint8).reshape(3, 1, -1).transpose(1, 2, 0) * 51
+    probe = Image.fromarray(grid).convert(mode)
+    moved = np.asarray(transform.apply(probe)).astype(int) - np.asarray(probe)
+    return bool(np.abs(moved).max() > 1)

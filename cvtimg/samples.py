@@ -1,0 +1,144 @@
+"""Distinct colors of an image, how often each occurs, and the way back to the pixels.
+
+A photograph of twelve million pixels has some hundred thousand colors. Everything after this step works on the
+colors, weighted by their density, so its cost does not depend on the size of the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import _kernels
+from cvtimg._checks import check_image
+
+#: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
+_TABLE_BYTES = 3
+_FIRST_CAPACITY = 1 << 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColorSamples:
+    """The distinct colors of an image.
+
+    Attributes
+    ----------
+    colors : (M, D) array of the image's type
+        Each distinct color once, in the units of the image. Similar colors are near each other where the pixels
+        have at most three bytes; elsewhere colors come in the order of their first pixel.
+    density : (M,) float64 array
+        How many pixels have each color.
+    inverse : (H, W) int32 array
+        For each pixel the index of its color: ``colors[inverse]`` is the image, as (H, W, D).
+    """
+
+    colors: NDArray[Any]
+    density: NDArray[np.float64]
+    inverse: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        for array in (self.colors, self.density, self.inverse):
+            array.flags.writeable = False
+
+    @property
+    def n_colors(self) -> int:
+        """Number of distinct colors, M."""
+        return len(self.colors)
+
+
+def color_samples(image: Any) -> ColorSamples:
+    """Count the distinct colors of an image.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        uint8, uint16 or floating point, any number of channels, no NaN.
+
+    Returns
+    -------
+    ColorSamples
+        With D = C, or D = 1 for an image without a channel axis.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the image has another shape or type, or NaN or infinity in it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import color_samples
+    >>> samples = color_samples(np.array([[0, 7, 7], [7, 9, 0]], dtype=np.uint8))
+    >>> samples.colors.ravel().tolist(), samples.density.tolist()
+    ([0, 7, 9], [2.0, 3.0, 1.0])
+    >>> samples.inverse.tolist()
+    [[0, 1, 1], [1, 2, 0]]
+    """
+    array = check_image("image", image)
+    height, width = array.shape[:2]
+    rows = array.reshape(height * width, -1)
+    if rows.dtype.kind == "f":
+        rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
+    pixels = rows.view(np.uint8)
+    count = _count_in_table if pixels.shape[1] <= _TABLE_BYTES else _count_in_hash
+    colors, density, inverse = count(pixels)
+    return ColorSamples(colors.view(rows.dtype), density, inverse.reshape(height, width))
+
+
+_Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
+
+
+def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
+    """Count pixels of at most three bytes, each a key into a table of pages that are filled as they are met."""
+    n_pixels, n_bytes = pixels.shape
+    spread = _interleave(n_bytes)
+    n_pages = max(1, (1 << 8 * n_bytes) // _kernels.PAGE_SIZE)
+    pages = np.zeros(n_pages, np.uint16)
+    counts = np.zeros((n_pages + 1, _kernels.PAGE_SIZE), np.uint32)
+    flat = pixels.reshape(-1)
+    n_used = _kernels.count_keys(flat, spread, pages, counts, 0)
+    keys = np.empty(min(n_pixels, n_used * _kernels.PAGE_SIZE), np.uint32)
+    density = np.empty(len(keys))
+    n_colors = _kernels.number_keys(pages, counts, keys, density)
+    inverse = np.empty(n_pixels, np.int32)
+    _kernels.look_up_keys(flat, spread, pages, counts, inverse)
+    return _deinterleave(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
+
+
+def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
+    """Count pixels of any size, with room that grows as colors are met."""
+    n_pixels = len(pixels)
+    capacity = min(_FIRST_CAPACITY, n_pixels)
+    firsts, density = np.empty(capacity, np.int64), np.empty(capacity)
+    inverse = np.empty(n_pixels, np.int32)
+    n_done = n_colors = 0
+    while True:
+        slots = np.full(1 << (2 * capacity - 1).bit_length(), -1, np.int32)
+        _kernels.rehash(pixels, firsts[:n_colors], slots)
+        n_done, n_colors = _kernels.count_rows(pixels, n_done, slots, firsts, density, inverse, n_colors)
+        if n_done == n_pixels:
+            return pixels[firsts[:n_colors]], density[:n_colors].copy(), inverse
+        capacity = min(4 * capacity, n_pixels)
+        firsts, density = np.resize(firsts, capacity), np.resize(density, capacity)
+
+
+def _interleave(n_bytes: int) -> NDArray[np.uint32]:
+    """(B, 256) bits of the key that each byte sets: bits of equal rank side by side, so near keys are near colors."""
+    values = np.arange(256, dtype=np.uint32)
+    spread = np.zeros((n_bytes, 256), np.uint32)
+    for byte in range(n_bytes):
+        for bit in range(8):
+            spread[byte] |= (values >> bit & 1) << (n_bytes * bit + n_bytes - 1 - byte)
+    return spread
+
+
+def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
+    """(M, B) bytes of each key: the inverse of `_interleave`."""
+    pixels = np.zeros((len(keys), n_bytes), np.uint8)
+    for byte in range(n_bytes):
+        for bit in range(8):
+            pixels[:, byte] |= (keys >> (n_bytes * bit + n_bytes - 1 - byte) & 1).astype(np.uint8) << bit
+    return pixels

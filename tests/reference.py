@@ -1,0 +1,28 @@
+"""Plain NumPy oracles: slow, short and obviously right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def squared_distances(samples: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
+    """(M, K) squared distance of each sample to each generator."""
+    return ((samples[:, None].astype(float) - generators[None]) ** 2).sum(axis=2)
+
+
+def energy(samples: NDArray[Any], density: NDArray[Any], generators: NDArray[Any]) -> float:
+    """Sum of density times squared distance to the nearest generator."""
+    return float(density @ squared_distances(samples, generators).min(axis=1))
+
+
+def lloyd_step(samples: NDArray[Any], density: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
+    """Move every generator to the mean of its Voronoi cell; those of empty cells stay."""
+    labels = squared_distances(samples, generators).argmin(axis=1)
+    moved = generators.astype(float).copy()
+    for k in range(len(generators)):
+        if density[labels == k].sum() > 0:
+            moved[k] = np.average(samples[labels == k], axis=0, weights=density[labels == k])
+    return moved
