@@ -27,7 +27,7 @@ class Points:
     density : (n_tiles * TILE,) float64 array
         Weight of each point, 0 in the padding.
     center : (D,) float64 array
-        Mean of the points, so that float32 holds what matters.
+        Mean of the points, or an integer near it, so that float32 holds what matters.
     n_points : int
         Points without the padding.
     spread : float
@@ -56,6 +56,8 @@ def pack(rows: NDArray[Any], density: NDArray[np.float64]) -> Points:
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     center = np.average(rows, axis=0, weights=density)
+    if rows.dtype.kind == "u":
+        center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
     _kernels.pack_tiles(rows, center, tiles)
     padded = np.zeros(n_tiles * _kernels.TILE)

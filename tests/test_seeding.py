@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import reference
 from numpy.typing import NDArray
 
-import reference
 from cvtimg import SEEDINGS, color_samples
 from cvtimg.points import Points, pack
 from cvtimg.seeding import TooFewSamplesError

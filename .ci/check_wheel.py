@@ -1,0 +1,31 @@
+"""Check what a wheel holds: ``python .ci/check_wheel.py WHEEL``."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+#: Of the package folder, what builds the wheel and does not go into it.
+NOT_INSTALLED = {".build", ".h", ".pyx"}
+
+
+def main(wheel: str) -> None:
+    """Compare the wheel's files with the package folder, and its top level with what may be installed."""
+    names = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "cvtimg").rglob("*")
+        if path.is_file() and path.suffix not in NOT_INSTALLED and "__pycache__" not in path.parts
+    }
+    in_package = {name for name in names if name.startswith("cvtimg/")}
+    kernels = {name for name in in_package if name.startswith("cvtimg/_kernels.") and name.endswith((".so", ".pyd"))}
+    others = {name for name in names - in_package if ".dist-info/" not in name}
+    problems = [f"missing: {name}" for name in sorted(wanted - in_package)]
+    problems += [f"unexpected: {name}" for name in sorted((in_package - wanted - kernels) | others)]
+    problems += ["the compiled kernels are missing"] if len(kernels) != 1 else []
+    print(f"{Path(wheel).name}: {len(names)} files", *problems, sep="\n")
+    sys.exit(bool(problems))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

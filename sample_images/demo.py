@@ -1,0 +1,130 @@
+"""Show what cvtimg does: the sample pictures in 4, 16, 64 and 256 colours.
+
+Run it from anywhere: ``python sample_images/demo.py [OUT_DIR]``. It writes each picture in each number of colours
+and a sheet of all of them side by side, and prints what it cost. Pictures of an earlier run are replaced.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import Quantized, quantize, read_image, write_image
+from cvtimg.plot import Panel, contact_sheet
+
+FOLDER = Path(__file__).resolve().parent
+PICTURES = (
+    "coffee.png",
+    "chelsea.png",
+    "astronaut.png",
+    "rocket.jpg",
+    "europe_night.png",
+    "bone_texture.png",
+    "drawing.png",
+)
+N_COLORS = (4, 16, 64, 256)
+TITLE = "cvtimg: pictures in the 4, 16, 64 and 256 colours that stand best for them"
+
+HEADER = ("picture", "size", "colours", "KB", "k", "energy", "PSNR", "ms", "KB")
+COLUMNS = "{:<14} {:>9} {:>9} {:>6} {:>6} {:>9} {:>9} {:>7} {:>6}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A picture in few colours, and what that took."""
+
+    result: Quantized
+    milliseconds: float
+    n_bytes: int
+
+    @property
+    def energy(self) -> str:
+        """Summed squared error a pixel."""
+        energy = self.result.energy / self.result.indices.size
+        return f"{energy:,.0f}" if energy >= 100 else f"{energy:.1f}"
+
+    @property
+    def psnr(self) -> str:
+        """In dB, or that nothing was lost."""
+        return "exact" if self.exact else f"{self.result.psnr:.1f} dB"
+
+    @property
+    def exact(self) -> bool:
+        """Whether the picture had no more colours than were asked for."""
+        return self.result.tessellation is None
+
+
+def main() -> None:
+    """Quantize, write, print."""
+    parser = argparse.ArgumentParser(description="Quantize the sample pictures to 4, 16, 64 and 256 colours.")
+    parser.add_argument("out_dir", nargs="?", type=Path, default=Path("out"), help="folder to write to (default: out)")
+    out = parser.parse_args().out_dir
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        run(out)
+    except OSError as error:
+        sys.exit(f"demo: {error}")
+
+
+def run(out: Path) -> None:
+    """Write the pictures and the sheet to `out`, and print a table."""
+    quantize(np.arange(9, dtype=np.uint8).reshape(3, 3), 2)  # so that no picture pays for loading the library
+    print(COLUMNS.format(*HEADER))
+    rows = []
+    for name in PICTURES:
+        image = read_image(FOLDER / name)
+        outcomes = [quantized(image, k, out / f"{Path(name).stem}-{k}.png") for k in N_COLORS]
+        print_rows(FOLDER / name, image, outcomes)
+        rows.append([original_panel(Path(name).stem, image, outcomes[0].result.n_distinct)])
+        rows[-1] += [panel(k, outcome) for k, outcome in zip(N_COLORS, outcomes, strict=True)]
+    sheet = out / "sheet.png"
+    write_image(sheet, contact_sheet(rows, title=TITLE), overwrite=True)
+    print("\nenergy: squared error a pixel, summed over the channels; ms: time to quantize, without reading and writing")
+    print(f"{len(PICTURES) * len(N_COLORS)} pictures are in {out}; see them side by side in {sheet}")
+
+
+def quantized(image: NDArray[Any], n_colors: int, path: Path) -> Outcome:
+    """Quantize a picture and write it."""
+    start = perf_counter()
+    result = quantize(image, n_colors)
+    milliseconds = 1000 * (perf_counter() - start)
+    palette = result.palette
+    if palette.shape[1] == 1:
+        palette = np.repeat(palette, 3, axis=1)
+    write_image(path, result.indices, palette=palette, overwrite=True)
+    return Outcome(result, milliseconds, path.stat().st_size)
+
+
+def print_rows(source: Path, image: NDArray[Any], outcomes: list[Outcome]) -> None:
+    """Print a line for each number of colours; what they share stands in the first."""
+    height, width = image.shape[:2]
+    kilobytes = f"{source.stat().st_size / 1024:.0f}"
+    shared = (source.stem, f"{width}x{height}", f"{outcomes[0].result.n_distinct:,}", kilobytes)
+    for k, outcome in zip(N_COLORS, outcomes, strict=True):
+        figures = (k, outcome.energy, outcome.psnr, f"{outcome.milliseconds:.1f}", f"{outcome.n_bytes / 1024:.0f}")
+        print(COLUMNS.format(*shared, *figures))
+        shared = ("", "", "", "")
+
+
+def original_panel(name: str, image: NDArray[Any], n_distinct: int) -> Panel:
+    """Show a picture as it was."""
+    height, width = image.shape[:2]
+    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {n_distinct:,} colours"))
+
+
+def panel(n_colors: int, outcome: Outcome) -> Panel:
+    """Show a picture in few colours."""
+    result = outcome.result
+    figures = "exact" if outcome.exact else f"energy {outcome.energy} a pixel, {outcome.psnr}"
+    return Panel(result.image, (f"{n_colors} colours", figures), result.palette)
+
+
+if __name__ == "__main__":
+    main()

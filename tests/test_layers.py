@@ -1,0 +1,56 @@
+"""The layout is the architecture: a module imports only modules to its left."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import cvtimg
+
+PACKAGE = Path(cvtimg.__file__).parent
+
+#: From left to right; modules of one group do not import each other.
+LAYERS: list[set[str]] = [
+    {"_kernels", "_checks", "files", "profiles"},
+    {"io", "samples", "points", "palette"},
+    {"seeding"},
+    {"methods._iteration"},
+    {"methods.lloyd"},
+    {"methods"},
+    {"cvt"},
+    {"quantization"},
+    {"plot"},
+    {"cli"},
+]
+RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
+MODULES = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in PACKAGE.rglob("*.py")
+    if path != PACKAGE / "__init__.py"
+}
+
+
+def imported(path: Path) -> set[str]:
+    """Return the modules of cvtimg that a file imports, at its top or in a function."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
+            found |= {alias.name for alias in node.names if alias.name in RANK}
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
+            found.add((node.module or "").removeprefix("cvtimg."))
+        elif isinstance(node, ast.Import):
+            found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_a_module_imports_only_to_its_left(name: str) -> None:
+    for other in imported(MODULES[name]):
+        assert RANK[other] < RANK[name], f"{name} imports {other}"
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_no_module_is_too_long(name: str) -> None:
+    assert len(MODULES[name].read_text().splitlines()) <= 440
