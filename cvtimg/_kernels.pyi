@@ -5,12 +5,21 @@ from numpy.typing import NDArray
 
 SIMD_LEVELS: tuple[str, ...]
 TILE: int
+MAX_GROUPED_DIMS: int
 PAGE_SIZE: int
 simd: str
 
 def pack_tiles(rows: NDArray[Any], center: NDArray[np.float64], tiles: NDArray[np.float32]) -> None: ...
 def assign(
     tiles: NDArray[np.float32],
+    generators: NDArray[np.float32],
+    half_norms: NDArray[np.float32],
+    labels: NDArray[np.int32],
+) -> None: ...
+def assign_grouped(
+    tiles: NDArray[np.float32],
+    boxes: NDArray[np.float32],
+    columns: NDArray[np.float32],
     generators: NDArray[np.float32],
     half_norms: NDArray[np.float32],
     labels: NDArray[np.int32],

@@ -4,7 +4,7 @@
  * generator is broadcast to a whole tile. Comparing |z|^2 / 2 - x.z in place of |x - z|^2 leaves one multiply-add
  * a dimension; callers centre the data, so that the product form loses nothing that matters in float32.
  *
- * The loops are written once and compiled for three instruction sets; nearest_in_tile[] is indexed by level.
+ * The loops are written once and compiled for three instruction sets; the tables at the end are indexed by level.
  * They vectorise only with -ffinite-math-only -fno-signed-zeros -fno-trapping-math.
  */
 #ifndef CVTIMG_NEAREST_H
@@ -106,31 +106,202 @@ INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *
         score_generators(tile, dims, generators, half_norms, k, 1, least, nearest);
 }
 
+/* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */
+
+enum {
+    FEW_DIMS = 4,
+    TILES_IN_GROUP = 16,
+    MOST_NEAR = 1024, /* candidates that a group, or a tile, may have; with more, all generators are compared */
+};
+
+/* Fills columns up; its square is still a float. */
+#define FAR_AWAY 1e18f
+
+/* Generators in columns, (dims, width), so that they lie in lanes; width is a multiple of LANES. */
+struct columns {
+    const float *at;
+    ptrdiff_t width;
+    const int32_t *names; /* which generator each column is, or NULL where that is the number of the column */
+};
+
+INLINE float square(float x)
+{
+    return x * x;
+}
+
+/* The column nearest to a place. */
+INLINE ptrdiff_t nearest_column(struct columns z, int dims, const float *restrict place)
+{
+    float least[LANES];
+    int32_t index[LANES];
+    int32_t best = INT32_MAX;
+    float minimum = FLT_MAX;
+
+    for (int i = 0; i < LANES; i++)
+        least[i] = FLT_MAX;
+    for (ptrdiff_t k = 0; k < z.width; k += LANES) {
+        for (int i = 0; i < LANES; i++) {
+            float distance = 0;
+            for (int d = 0; d < dims; d++)
+                distance += square(z.at[d * z.width + k + i] - place[d]);
+            int closer = distance < least[i];
+            least[i] = closer ? distance : least[i];
+            index[i] = closer ? (int32_t)k + i : index[i];
+        }
+    }
+    for (int i = 0; i < LANES; i++)
+        minimum = least[i] < minimum ? least[i] : minimum;
+    for (int i = 0; i < LANES; i++)
+        best = least[i] == minimum && index[i] < best ? index[i] : best;
+    return best;
+}
+
+/* Columns that are nearest to some point of a box; their number, or -1 if there are more than fit.
+ *
+ * The one nearest to the middle of the box rules out every other that is farther away even from the corner of the
+ * box that lies most in its direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
+ */
+INLINE int columns_near(struct columns z, int dims, const float *restrict low, const float *restrict high,
+                        int32_t *restrict near)
+{
+    float place[FEW_DIMS], size = 0;
+    int n_near = 0;
+
+    for (int d = 0; d < dims; d++) {
+        place[d] = 0.5f * (low[d] + high[d]);
+        size += square(high[d] - low[d]);
+    }
+    ptrdiff_t middle = nearest_column(z, dims, place);
+    for (int d = 0; d < dims; d++)
+        place[d] = z.at[d * z.width + middle];
+    for (ptrdiff_t k = 0; k < z.width; k += LANES) {
+        float farther[LANES], scale[LANES];
+        if (n_near > MOST_NEAR - LANES)
+            return -1;
+        for (int i = 0; i < LANES; i++) {
+            farther[i] = 0;
+            scale[i] = size;
+            for (int d = 0; d < dims; d++) {
+                float other = z.at[d * z.width + k + i], step = other - place[d];
+                float corner = step > 0 ? high[d] : low[d];
+                farther[i] += step * (0.5f * (other + place[d]) - corner);
+                scale[i] += square(other - corner);
+            }
+        }
+        /* A generator is kept when rounding leaves a doubt: the margin is some ulp of the distances compared. */
+        for (int i = 0; i < LANES; i++) {
+            near[n_near] = (int32_t)k + i;
+            n_near += farther[i] <= 1e-6f * scale[i];
+        }
+    }
+    return n_near;
+}
+
+/* One tile against some columns, with the middle of its box as origin: differences keep their precision. */
+INLINE void nearest_of_columns(const float *restrict tile, int dims, struct columns z, const float *restrict low,
+                               const float *restrict high, const int32_t *restrict near, int n_near,
+                               int32_t *restrict nearest)
+{
+    float points[FEW_DIMS * LANES], generators[FEW_DIMS * MOST_NEAR], half_norms[MOST_NEAR];
+    int32_t index[LANES], name[MOST_NEAR];
+
+    for (int d = 0; d < dims; d++)
+        for (int i = 0; i < LANES; i++)
+            points[d * LANES + i] = tile[d * LANES + i] - 0.5f * (low[d] + high[d]);
+    for (int k = 0; k < n_near; k++) {
+        name[k] = z.names ? z.names[near[k]] : near[k];
+        half_norms[k] = 0;
+        for (int d = 0; d < dims; d++) {
+            float step = z.at[d * z.width + near[k]] - 0.5f * (low[d] + high[d]);
+            generators[k * dims + d] = step;
+            half_norms[k] += 0.5f * square(step);
+        }
+    }
+    nearest_few_dims(points, dims, generators, half_norms, n_near, index);
+    for (int i = 0; i < LANES; i++)
+        nearest[i] = name[index[i]];
+}
+
+/* Tiles that follow each other, against the generators that can be nearest to any of their points. */
+INLINE void nearest_in_group(const float *restrict tiles, const float *restrict boxes, int n_tiles, int dims,
+                             struct columns z, const float *restrict generators, const float *restrict half_norms,
+                             int n_generators, int32_t *restrict nearest)
+{
+    float low[FEW_DIMS], high[FEW_DIMS], at[FEW_DIMS * MOST_NEAR];
+    int32_t in_group[MOST_NEAR], in_tile[MOST_NEAR];
+
+    for (int d = 0; d < dims; d++) {
+        low[d] = boxes[d];
+        high[d] = boxes[dims + d];
+        for (int t = 1; t < n_tiles; t++) {
+            const float *box = boxes + (ptrdiff_t)t * 2 * dims;
+            low[d] = box[d] < low[d] ? box[d] : low[d];
+            high[d] = box[dims + d] > high[d] ? box[dims + d] : high[d];
+        }
+    }
+    int n_near = columns_near(z, dims, low, high, in_group);
+    struct columns group = z;
+    if (n_near >= 0) {
+        group = (struct columns){at, (n_near + LANES - 1) / LANES * LANES, in_group};
+        for (int d = 0; d < dims; d++)
+            for (int k = 0; k < group.width; k++)
+                at[d * group.width + k] = k < n_near ? z.at[d * z.width + in_group[k]] : FAR_AWAY;
+    }
+    for (int t = 0; t < n_tiles; t++) {
+        const float *tile = tiles + (ptrdiff_t)t * dims * LANES, *box = boxes + (ptrdiff_t)t * 2 * dims;
+        int n = columns_near(group, dims, box, box + dims, in_tile);
+        if (n >= 0)
+            nearest_of_columns(tile, dims, group, box, box + dims, in_tile, n, nearest + (ptrdiff_t)t * LANES);
+        else
+            nearest_few_dims(tile, dims, generators, half_norms, n_generators, nearest + (ptrdiff_t)t * LANES);
+    }
+}
+
 typedef void nearest_function(const float *tile, int dims, const float *generators, const float *half_norms,
                               int n_generators, int32_t *nearest);
 
-#define DEFINE_NEAREST(name, target)                                                                        \
-    target static void name(const float *tile, int dims, const float *generators, const float *half_norms,  \
-                            int n_generators, int32_t *nearest)                                             \
-    {                                                                                                       \
-        switch (dims) {                                                                                     \
-        case 1: nearest_few_dims(tile, 1, generators, half_norms, n_generators, nearest); break;            \
-        case 2: nearest_few_dims(tile, 2, generators, half_norms, n_generators, nearest); break;            \
-        case 3: nearest_few_dims(tile, 3, generators, half_norms, n_generators, nearest); break;            \
-        case 4: nearest_few_dims(tile, 4, generators, half_norms, n_generators, nearest); break;            \
-        default: nearest_any_dims(tile, dims, generators, half_norms, n_generators, nearest);               \
-        }                                                                                                   \
+typedef void group_function(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns,
+                            ptrdiff_t width, const float *generators, const float *half_norms, int n_generators,
+                            int32_t *nearest);
+
+#define BY_DIMS(dims, call) \
+    switch (dims) {         \
+    case 1: call(1); break; \
+    case 2: call(2); break; \
+    case 3: call(3); break; \
+    case 4: call(4); break; \
+    default: call(0);       \
     }
 
-DEFINE_NEAREST(nearest_baseline, )
+#define NEAREST(D)                                                                           \
+    D ? nearest_few_dims(tile, D, generators, half_norms, n_generators, nearest)             \
+      : nearest_any_dims(tile, dims, generators, half_norms, n_generators, nearest)
+
+#define NEAREST_IN_GROUP(D) \
+    nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
+
+#define DEFINE_NEAREST(level, target)                                                                              \
+    target static void nearest_##level(const float *tile, int dims, const float *generators,                       \
+                                       const float *half_norms, int n_generators, int32_t *nearest)                \
+    {                                                                                                              \
+        BY_DIMS(dims, NEAREST)                                                                                     \
+    }                                                                                                              \
+    target static void group_##level(const float *tiles, const float *boxes, int n_tiles, int dims,                \
+                                     const float *columns, ptrdiff_t width, const float *generators,               \
+                                     const float *half_norms, int n_generators, int32_t *nearest)                  \
+    {                                                                                                              \
+        struct columns z = {columns, width, NULL};                                                                     \
+        BY_DIMS(dims, NEAREST_IN_GROUP)                                                                            \
+    }
+
+DEFINE_NEAREST(baseline, )
 
 #if defined(__GNUC__) && defined(__x86_64__)
-DEFINE_NEAREST(nearest_avx2, __attribute__((target("avx2,fma"))))
+DEFINE_NEAREST(avx2, __attribute__((target("avx2,fma"))))
 #if defined(__clang__)
-DEFINE_NEAREST(nearest_avx512, __attribute__((target("avx2,fma,avx512f,avx512dq,avx512bw,avx512vl"))))
+DEFINE_NEAREST(avx512, __attribute__((target("avx2,fma,avx512f,avx512dq,avx512bw,avx512vl"))))
 #else
-DEFINE_NEAREST(nearest_avx512,
-               __attribute__((target("avx2,fma,avx512f,avx512dq,avx512bw,avx512vl,prefer-vector-width=512"))))
+DEFINE_NEAREST(avx512, __attribute__((target("avx2,fma,avx512f,avx512dq,avx512bw,avx512vl,prefer-vector-width=512"))))
 #endif
 
 /* The best level that this processor runs: 0 baseline, 1 AVX2, 2 AVX-512. */
@@ -145,14 +316,16 @@ static int supported_simd_level(void)
                : 1;
 }
 
-static nearest_function *const nearest_in_tile[] = {nearest_baseline, nearest_avx2, nearest_avx512};
+static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_avx2, nearest_avx512};
+static group_function *const group_by_level[] = {group_baseline, group_avx2, group_avx512};
 #else
 static int supported_simd_level(void)
 {
     return 0;
 }
 
-static nearest_function *const nearest_in_tile[] = {nearest_baseline, nearest_baseline, nearest_baseline};
+static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_baseline, nearest_baseline};
+static group_function *const group_by_level[] = {group_baseline, group_baseline, group_baseline};
 #endif
 
 #endif

@@ -84,13 +84,13 @@ def palette_strip(
         Size of the strip in pixels.
     shares : (K,) array, optional
         Draw bands in proportion to these weights, at least one pixel wide each, for example the masses of the
-        cells. By default all colors get the same room, because a color may be rare and yet matter, and many colors
-        are laid in several rows, so that their fields stay wide enough to see.
+        cells. By default all colors get the same room, because a color may be rare and yet matter; many colors
+        stand two or more in a column, so that their fields stay large enough to see.
 
     Returns
     -------
     (height, width, 3) uint8 array
-        The colors in their order: from left to right, then from top to bottom.
+        The colors in their order, column by column from left to right, downwards in each.
 
     Raises
     ------
@@ -214,18 +214,21 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _as_array(image: Any) -> NDArray[Any]:
+    """(H, W, C) array of the types that are drawn."""
     array = np.asarray(image)
-    return check_image("image", array * np.uint8(255) if array.dtype == np.bool_ else array)
+    picture = check_image("image", array * np.uint8(255) if array.dtype == np.bool_ else array)
+    return picture.reshape(*picture.shape[:2], -1)
 
 
 def _limits(pictures: Iterable[NDArray[Any]]) -> tuple[float, float]:
-    """Least and greatest value of the pictures that have more than eight bits, without their alpha."""
+    """Least and greatest value of the pictures that are not 8-bit, without their alpha."""
     deep = [_split_alpha(picture)[0] for picture in pictures if picture.dtype != np.uint8]
-    return min((float(color.min()) for color in deep), default=0), max((float(color.max()) for color in deep), default=1)
+    low = min((float(color.min()) for color in deep), default=0)
+    return low, max((float(color.max()) for color in deep), default=low)
 
 
 def _split_alpha(picture: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The channels to show, (..., 1) or (..., 3), and alpha, (..., 1) or (..., 0)."""
+    """Separate the channels to show, (..., 1) or (..., 3), from alpha, (..., 1) or (..., 0)."""
     n_channels = picture.shape[-1]
     return picture[..., : 3 if n_channels >= 3 else 1], picture[..., 3 : 4 if n_channels == 4 else 3]
 
@@ -241,8 +244,8 @@ def _as_bytes(picture: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.
 
 
 def _stretch(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]:
-    scale = 255 / (high - low) if high > low else 0.0
-    return np.rint(np.clip((values - np.float64(low)) * scale, 0, 255)).astype(np.uint8)
+    span = high - low or 1.0
+    return np.rint(np.clip((values - np.float64(low)) * 255 / span, 0, 255)).astype(np.uint8)
 
 
 def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:
@@ -281,16 +284,20 @@ def _strip(
 
 
 def _fields(n_colors: int, width: int, height: int) -> NDArray[np.intp]:
-    """(height, width) index of a color for each pixel: equal fields, in rows where one row would make them narrow."""
-    upright = int(np.sqrt(n_colors * height / width))  # most rows whose fields are at least as high as wide
-    n_rows = min(max(upright, -(-n_colors // width)), height)
-    row = np.arange(height)[:, None] * n_rows // height
-    first, end = row * n_colors // n_rows, (row + 1) * n_colors // n_rows
-    return first + (end - first) * np.arange(width) // width
+    """(height, width) index of a color for each pixel: equal fields, two or more in a column where they are many."""
+    upright = int(np.sqrt(n_colors * height / width))  # most in a column that leave the fields as high as wide
+    n_rows = min(max(upright, -(-n_colors // width), 1), height)
+    n_columns = -(-n_colors // n_rows)
+    column = np.arange(width) * n_columns // width
+    first, end = column * n_colors // n_columns, (column + 1) * n_colors // n_columns
+    return first + (end - first) * np.arange(height)[:, None] // height
 
 
 def _bands(shares: NDArray[np.float64], width: int) -> NDArray[np.intp]:
-    """(width,) index of a color for each column: a column for each color, the others by share."""
+    """(width,) index of a color for each column: by share, but a column for each color at least."""
+    numbers = np.arange(1, len(shares) + 1)
     part = np.cumsum(shares)
-    ends = np.arange(1, len(shares) + 1) + np.floor((width - len(shares)) * (part / part[-1])).astype(np.intp)
+    ends = np.floor(width * (part / part[-1]) + 0.5).astype(np.intp)
+    ends = np.maximum.accumulate(np.maximum(ends - numbers, 0)) + numbers
+    ends = np.minimum(ends, width - len(shares) + numbers)
     return np.searchsorted(ends, np.arange(width), side="right")

@@ -14,6 +14,8 @@ from cvtimg import _kernels
 #: alone: the sums have the same bits whatever the number of threads.
 _MAX_PARTS = 32
 _MIN_TILES = 64
+#: Finding which generators can be nearest pays from this number of generators.
+_GROUPED_FROM = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +26,8 @@ class Points:
     ----------
     tiles : (n_tiles, D, TILE) float32 array
         Points less the center, the last one repeated to fill the last tile.
+    boxes : (n_tiles, 2, D) float32 array
+        Least and greatest coordinates in each tile.
     density : (n_tiles * TILE,) float64 array
         Weight of each point, 0 in the padding.
     center : (D,) float64 array
@@ -35,6 +39,7 @@ class Points:
     """
 
     tiles: NDArray[np.float32]
+    boxes: NDArray[np.float32]
     density: NDArray[np.float64]
     center: NDArray[np.float64]
     n_points: int
@@ -64,7 +69,8 @@ def pack(rows: NDArray[Any], density: NDArray[np.float64]) -> Points:
     padded[:n_points] = density
     squares = np.einsum("tdi,tdi->ti", tiles, tiles, dtype=np.float64)
     spread = float(padded @ squares.reshape(-1))
-    return Points(tiles, padded, center, n_points, spread)
+    boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
+    return Points(tiles, boxes, padded, center, n_points, spread)
 
 
 def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -72,7 +78,13 @@ def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]
     single = np.ascontiguousarray(generators, dtype=np.float32)
     half_norms = (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
     labels = np.empty(len(points.density), np.int32)
-    _kernels.assign(points.tiles, single, half_norms, labels)
+    if points.n_dims > _kernels.MAX_GROUPED_DIMS or len(single) < _GROUPED_FROM:
+        _kernels.assign(points.tiles, single, half_norms, labels)
+    else:
+        n_filled = -(-len(single) // _kernels.TILE) * _kernels.TILE
+        columns = np.full((points.n_dims, n_filled), 1e18, np.float32)
+        columns[:, : len(single)] = single.T
+        _kernels.assign_grouped(points.tiles, points.boxes, columns, single, half_norms, labels)
     return labels
 
 
