@@ -24,6 +24,14 @@ def assign_grouped(
     half_norms: NDArray[np.float32],
     labels: NDArray[np.int32],
 ) -> None: ...
+def assign_two(
+    tiles: NDArray[np.float32],
+    generators: NDArray[np.float32],
+    half_norms: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    seconds: NDArray[np.int32],
+    gaps: NDArray[np.float32],
+) -> None: ...
 def accumulate(
     tiles: NDArray[np.float32],
     density: NDArray[np.float64],

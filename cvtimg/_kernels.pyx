@@ -17,10 +17,14 @@ cdef extern from "nearest.h" nogil:
     ctypedef void nearest_function(
         const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
         int32_t *nearest)
+    ctypedef void two_function(
+        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+        int32_t *nearest, int32_t *second, float *gap)
     ctypedef void group_function(
         const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
         const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
     nearest_function *nearest_by_level[3]
+    two_function *two_by_level[3]
     group_function *group_by_level[3]
     int supported_simd_level()
 
@@ -96,6 +100,24 @@ def assign_grouped(
         nearest(
             &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
             &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+
+
+def assign_two(
+    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const float[:, ::1] generators,     # IN (K, D), K >= 2
+    const float[::1] half_norms,        # IN (K,)
+    int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator
+    int32_t[::1] seconds,               # OUT (n_tiles * LANES,): second nearest
+    float[::1] gaps,                    # OUT (n_tiles * LANES,): how much farther that is, in squared distance
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef two_function *nearest_two = two_by_level[level]
+    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * n_generators * dims > THREADING):
+        at = t * LANES
+        nearest_two(
+            &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
+            &gaps[at])
 
 
 def accumulate(

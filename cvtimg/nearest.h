@@ -106,6 +106,37 @@ INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *
         score_generators(tile, dims, generators, half_norms, k, 1, least, nearest);
 }
 
+/* The nearest and the second nearest generator, and how much farther (squared) the second is. */
+INLINE void nearest_two(const float *restrict tile, int dims, const float *restrict generators,
+                        const float *restrict half_norms, int n_generators, int32_t *restrict nearest,
+                        int32_t *restrict second, float *restrict gap)
+{
+    float least[LANES], next[LANES];
+    int32_t index[LANES], next_index[LANES];
+
+    for (int i = 0; i < LANES; i++) {
+        least[i] = next[i] = FLT_MAX;
+        index[i] = next_index[i] = 0;
+    }
+    for (int k = 0; k < n_generators; k++) {
+        const float *z = generators + (ptrdiff_t)k * dims;
+        for (int i = 0; i < LANES; i++) {
+            float score = half_norms[k];
+            for (int d = 0; d < dims; d++)
+                score -= tile[d * LANES + i] * z[d];
+            int closer = score < least[i], close = score < next[i];
+            next[i] = closer ? least[i] : close ? score : next[i];
+            next_index[i] = closer ? index[i] : close ? k : next_index[i];
+            least[i] = closer ? score : least[i];
+            index[i] = closer ? k : index[i];
+        }
+    }
+    memcpy(nearest, index, sizeof index);
+    memcpy(second, next_index, sizeof next_index);
+    for (int i = 0; i < LANES; i++)
+        gap[i] = 2 * (next[i] - least[i]);
+}
+
 /* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */
 
 enum {
@@ -260,6 +291,9 @@ INLINE void nearest_in_group(const float *restrict tiles, const float *restrict 
 typedef void nearest_function(const float *tile, int dims, const float *generators, const float *half_norms,
                               int n_generators, int32_t *nearest);
 
+typedef void two_function(const float *tile, int dims, const float *generators, const float *half_norms,
+                          int n_generators, int32_t *nearest, int32_t *second, float *gap);
+
 typedef void group_function(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns,
                             ptrdiff_t width, const float *generators, const float *half_norms, int n_generators,
                             int32_t *nearest);
@@ -277,6 +311,9 @@ typedef void group_function(const float *tiles, const float *boxes, int n_tiles,
     D ? nearest_few_dims(tile, D, generators, half_norms, n_generators, nearest)             \
       : nearest_any_dims(tile, dims, generators, half_norms, n_generators, nearest)
 
+#define NEAREST_TWO(D) \
+    nearest_two(tile, D ? D : dims, generators, half_norms, n_generators, nearest, second, gap)
+
 #define NEAREST_IN_GROUP(D) \
     nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
 
@@ -285,6 +322,11 @@ typedef void group_function(const float *tiles, const float *boxes, int n_tiles,
                                        const float *half_norms, int n_generators, int32_t *nearest)                \
     {                                                                                                              \
         BY_DIMS(dims, NEAREST)                                                                                     \
+    }                                                                                                              \
+    target static void two_##level(const float *tile, int dims, const float *generators, const float *half_norms,  \
+                                   int n_generators, int32_t *nearest, int32_t *second, float *gap)                \
+    {                                                                                                              \
+        BY_DIMS(dims, NEAREST_TWO)                                                                                 \
     }                                                                                                              \
     target static void group_##level(const float *tiles, const float *boxes, int n_tiles, int dims,                \
                                      const float *columns, ptrdiff_t width, const float *generators,               \
@@ -317,6 +359,7 @@ static int supported_simd_level(void)
 }
 
 static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_avx2, nearest_avx512};
+static two_function *const two_by_level[] = {two_baseline, two_avx2, two_avx512};
 static group_function *const group_by_level[] = {group_baseline, group_avx2, group_avx512};
 #else
 static int supported_simd_level(void)
@@ -325,6 +368,7 @@ static int supported_simd_level(void)
 }
 
 static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_baseline, nearest_baseline};
+static two_function *const two_by_level[] = {two_baseline, two_baseline, two_baseline};
 static group_function *const group_by_level[] = {group_baseline, group_baseline, group_baseline};
 #endif
 

@@ -18,6 +18,10 @@ from cvtimg._checks import check_image
 #: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
 _TABLE_BYTES = 3
 _FIRST_CAPACITY = 1 << 16
+#: A key of 64 bits has 16 for each of so many channels.
+_MAX_ORDERED_DIMS = 4
+#: Shifts and masks that bring three zeros between the bits of a 16-bit number.
+_SPREAD_BY_4 = ((24, 0x000000FF000000FF), (12, 0x000F000F000F000F), (6, 0x0303030303030303), (3, 0x1111111111111111))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,17 +31,19 @@ class ColorSamples:
     Attributes
     ----------
     colors : (M, D) array of the image's type
-        Each distinct color once, in the units of the image. Similar colors are near each other where the pixels
-        have at most three bytes; elsewhere colors come in the order of their first pixel.
+        Each distinct color once, in the units of the image.
     density : (M,) float64 array
         How many pixels have each color.
     inverse : (H, W) int32 array
         For each pixel the index of its color: ``colors[inverse]`` is the image, as (H, W, D).
+    in_order : bool
+        Whether colors follow a curve that fills their space, so that near ones are similar: where D <= 4.
     """
 
     colors: NDArray[Any]
     density: NDArray[np.float64]
     inverse: NDArray[np.int32]
+    in_order: bool
 
     def __post_init__(self) -> None:
         for array in (self.colors, self.density, self.inverse):
@@ -83,9 +89,17 @@ def color_samples(image: Any) -> ColorSamples:
     if rows.dtype.kind == "f":
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
     pixels = rows.view(np.uint8)
-    count = _count_in_table if pixels.shape[1] <= _TABLE_BYTES else _count_in_hash
-    colors, density, inverse = count(pixels)
-    return ColorSamples(colors.view(rows.dtype), density, inverse.reshape(height, width))
+    in_order = rows.shape[1] <= _MAX_ORDERED_DIMS
+    if pixels.shape[1] <= _TABLE_BYTES:
+        colors, density, inverse = _count_in_table(pixels)
+    else:
+        colors, density, inverse = _count_in_hash(pixels)
+        if in_order:
+            order = _along_curve(colors.view(rows.dtype))
+            rank = np.empty(len(order), np.int32)
+            rank[order] = np.arange(len(order), dtype=np.int32)
+            colors, density, inverse = colors[order], density[order], rank[inverse]
+    return ColorSamples(colors.view(rows.dtype), density, inverse.reshape(height, width), in_order)
 
 
 _Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
@@ -142,3 +156,16 @@ def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
         for bit in range(8):
             pixels[:, byte] |= (keys >> (n_bytes * bit + n_bytes - 1 - byte) & 1).astype(np.uint8) << bit
     return pixels
+
+
+def _along_curve(colors: NDArray[Any]) -> NDArray[np.intp]:
+    """Order of (M, D <= 4) colors along a Morton curve over their range, in steps of a 2^16th part of it."""
+    low, high = float(colors.min()), float(colors.max())
+    scale = 65535 / (high - low) if high > low else 0.0
+    keys = np.zeros(len(colors), np.uint64)
+    for dim in range(colors.shape[1]):
+        level = ((colors[:, dim].astype(np.float64) - low) * scale).astype(np.uint64)
+        for shift, mask in _SPREAD_BY_4:
+            level = (level | level << np.uint64(shift)) & np.uint64(mask)
+        keys |= level << np.uint64(dim)
+    return np.argsort(keys, kind="stable")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import Quantized, quantize, read_image, write_image
+from cvtimg import Quantized, color_samples, quantize, read_image, write_image
 from cvtimg.plot import Panel, contact_sheet
 
 FOLDER = Path(__file__).resolve().parent
@@ -30,6 +30,8 @@ PICTURES = (
     "drawing.png",
 )
 N_COLORS = (4, 16, 64, 256)
+#: Colours in the strip below an original.
+N_SHOWN = 1024
 TITLE = "cvtimg: pictures in the 4, 16, 64 and 256 colours that stand best for them"
 
 HEADER = ("picture", "size", "colours", "KB", "k", "energy", "PSNR", "ms", "KB")
@@ -82,11 +84,11 @@ def run(out: Path) -> None:
         image = read_image(FOLDER / name)
         outcomes = [quantized(image, k, out / f"{Path(name).stem}-{k}.png") for k in N_COLORS]
         print_rows(FOLDER / name, image, outcomes)
-        rows.append([original_panel(Path(name).stem, image, outcomes[0].result.n_distinct)])
+        rows.append([original_panel(Path(name).stem, image)])
         rows[-1] += [panel(k, outcome) for k, outcome in zip(N_COLORS, outcomes, strict=True)]
     sheet = out / "sheet.png"
     write_image(sheet, contact_sheet(rows, title=TITLE), overwrite=True)
-    print("\nenergy: squared error a pixel, summed over the channels; ms: time to quantize, without reading and writing")
+    print("\nenergy: squared error a pixel, summed over the channels; ms: time to quantize alone, files left out")
     print(f"{len(PICTURES) * len(N_COLORS)} pictures are in {out}; see them side by side in {sheet}")
 
 
@@ -113,16 +115,21 @@ def print_rows(source: Path, image: NDArray[Any], outcomes: list[Outcome]) -> No
         shared = ("", "", "", "")
 
 
-def original_panel(name: str, image: NDArray[Any], n_distinct: int) -> Panel:
-    """Show a picture as it was."""
+def original_panel(name: str, image: NDArray[Any]) -> Panel:
+    """Show a picture as it was, over its colours from dark to bright: so many that only some of them fit."""
     height, width = image.shape[:2]
-    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {n_distinct:,} colours"))
+    colors = color_samples(image).colors
+    ordered = colors[np.argsort(colors.sum(axis=1, dtype=np.int64), kind="stable")]
+    some = ordered[np.linspace(0, len(ordered) - 1, min(len(ordered), N_SHOWN)).astype(int)]
+    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {len(colors):,} colours"), some)
 
 
 def panel(n_colors: int, outcome: Outcome) -> Panel:
     """Show a picture in few colours."""
     result = outcome.result
-    figures = "exact" if outcome.exact else f"energy {outcome.energy} a pixel, {outcome.psnr}"
+    figures = f"energy {outcome.energy} a pixel, {outcome.psnr}"
+    if outcome.exact:
+        figures = f"exact: it has {result.n_distinct} colours"
     return Panel(result.image, (f"{n_colors} colours", figures), result.palette)
 
 

@@ -14,10 +14,11 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from cvtimg import EFFORTS, METHODS, SEEDINGS, Tessellation, color_samples, tessellate
+from cvtimg.cvt import Effort
 from cvtimg.methods import Stopping
 
-ONE_MOVE = Stopping(tolerance=0, max_iterations=1)
-TO_THE_END = Stopping(tolerance=0, max_iterations=1000)
+ONE_MOVE = Effort(1, 0, 0, Stopping(tolerance=0, max_iterations=1))
+TO_THE_END = Effort(2, 1 / 4, 1 / 4, Stopping(tolerance=0, max_iterations=1000))
 
 
 @pytest.fixture
@@ -83,8 +84,9 @@ def test_weights_count_as_repetitions(method: str) -> None:
 
 
 def test_a_picture_and_its_pixels_give_the_same_generators(photograph: NDArray[Any]) -> None:
-    by_color = tessellate(color_samples(photograph), 12)
-    by_pixel = tessellate(photograph.reshape(-1, 3), 12)
+    initial = photograph.reshape(-1, 3)[::5000][:12]
+    by_color = tessellate(color_samples(photograph), 12, init=initial)
+    by_pixel = tessellate(photograph.reshape(-1, 3), 12, init=initial)
     np.testing.assert_allclose(by_color.generators, by_pixel.generators, atol=0.5)
     np.testing.assert_allclose(by_color.energy, by_pixel.energy, rtol=1e-3)
 
@@ -123,20 +125,25 @@ def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
     np.testing.assert_allclose(np.sort(result.generators[:, 0]), [0.5, 100.5, 200, 204])
 
 
-def test_it_stops_when_the_energy_rests_and_says_so(
-    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_stops_when_the_energy_rests_and_says_so(photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     samples = color_samples(photograph)
-    fast, balanced, best = (tessellate(samples, 32, effort=effort) for effort in ("fast", "balanced", "best"))
-    assert fast.n_iter <= 4 < balanced.n_iter < best.n_iter < EFFORTS["best"].max_iterations
-    assert balanced.converged
-    assert best.converged
-    assert fast.energy > balanced.energy > best.energy
-    *_, before, last = balanced.energies
-    assert before - last <= 1e-4 * before
-    assert len(balanced.energies) == balanced.n_iter + 1
+    initial = samples.colors[::400][:32]
+    for effort, tolerance in (("balanced", 1e-4), ("best", 1e-6)):
+        result = tessellate(samples, 32, effort=effort, init=initial)
+        *_, before, last = result.energies
+        assert result.converged
+        assert result.n_iter == len(result.energies) - 1 < 1000
+        assert before - last <= tolerance * before
+    assert tessellate(samples, 32, effort="fast", init=initial).n_iter == 4
     monkeypatch.setitem(EFFORTS, "fast", ONE_MOVE)
-    assert not tessellate(samples, 32, effort="fast").converged
+    assert not tessellate(samples, 32, effort="fast", init=initial).converged
+
+
+def test_more_effort_finds_less_energy(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    for n_generators in (8, 32, 128):
+        fast, balanced, best = (tessellate(samples, n_generators, effort=effort).energy for effort in EFFORTS)
+        assert fast > balanced > best
 
 
 @pytest.mark.parametrize("init", SEEDINGS)
