@@ -67,6 +67,16 @@ def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float
     return array
 
 
+def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> NDArray[np.float64]:
+    """Return locked generators as a finite (L, D) array, L < `n_generators`; none by default."""
+    if locked is None:
+        return np.empty((0, n_dims))
+    array = check_generators("locked", locked, len(np.asarray(locked)), n_dims)
+    if len(array) >= n_generators:
+        raise ValueError(f"locked has {len(array)} generators and must have fewer than n_generators={n_generators}")
+    return array
+
+
 def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims: int) -> NDArray[np.float64]:
     """Return `generators` as a finite (n_generators, n_dims) array."""
     array = np.asarray(generators, dtype=np.float64)

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
+from io import StringIO
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,12 +27,15 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 Row = dict[str, Any]
+Missing = list[tuple[str, OSError]]
 
 MAX_COLORS = 1 << 16  # as in quantization.py, which would import NumPy for --help
 
 
-class WrongUsageError(Exception):
+class WrongUsageError(typer.TyperException):
     """What was asked for makes no sense, whatever is in the pictures."""
+
+    exit_code = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +137,10 @@ def quantize(
         raise WrongUsageError("--json and --quiet exclude each other")
     sources, missing = _find(inputs, out_dir)
     _check_outputs(len(sources) + len(missing), out_dir, {"-o": output, "--save-palette": save_palette})
-    extra = {}
+    extra = {"palette": save_palette} if save_palette else {}
     if save_palette:
         _check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
-        extra["palette"] = save_palette
-    tasks = [Task(one, {"picture": output or _beside(one, out_dir, "-quantized"), **extra}) for one in sources]
+    tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
     _check_no_clash(tasks)
 
     def work(task: Task) -> Row:
@@ -213,7 +216,7 @@ def _info(task: Task) -> Row:
     return {"input": str(task.source), **header, "distinct_colors": n_colors}
 
 
-def _find(inputs: Iterable[str], out_dir: Path | None = None) -> tuple[list[Path], list[tuple[str, OSError]]]:
+def _find(inputs: Iterable[str], out_dir: Path | None = None) -> tuple[list[Path], Missing]:
     """Pictures that the arguments name, each once, and the arguments that name none.
 
     What lies in an output folder inside an input folder came from an earlier run, and is no input.
@@ -221,7 +224,7 @@ def _find(inputs: Iterable[str], out_dir: Path | None = None) -> tuple[list[Path
     from cvtimg import find_images
 
     sources: dict[Path, None] = {}
-    missing: list[tuple[str, OSError]] = []
+    missing: Missing = []
     outside = out_dir.resolve() if out_dir else None
     for text in inputs:
         try:
@@ -247,17 +250,17 @@ def _check_outputs(n_inputs: int, out_dir: Path | None, files: Mapping[str, Path
     output = files["-o"]
     if output and out_dir:
         raise WrongUsageError("-o and --out-dir exclude each other")
-    for option in files:
-        if files[option] and n_inputs > 1:
-            raise WrongUsageError(f"{option} is for one input, and these are {n_inputs}")
+    given = [option for option, file in files.items() if file]
+    if n_inputs > 1 and given:
+        raise WrongUsageError(f"{given[0]} is for one input, and these are {n_inputs}")
     if n_inputs > 1 and not out_dir:
         raise WrongUsageError(f"{n_inputs} inputs need --out-dir DIR")
     if output:
         _check_choice("-o", output.suffix.lower(), [suffix for suffix, form in _FORMATS.items() if form.lossless])
 
 
-def _beside(source: Path, out_dir: Path | None, ending: str) -> Path:
-    return out_dir / f"{source.stem}.png" if out_dir else source.with_name(f"{source.stem}{ending}.png")
+def _name_output(source: Path, out_dir: Path | None) -> Path:
+    return out_dir / f"{source.stem}.png" if out_dir else source.with_name(f"{source.stem}-quantized.png")
 
 
 def _check_no_clash(tasks: Sequence[Task]) -> None:
@@ -280,16 +283,15 @@ def _identity(path: Path) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-class _TrialError(Exception):
-    """Ends a trial of writing."""
-
-
 def _check_can_be_written(path: Path, overwrite: bool) -> None:
     """Fail now rather than after the work: begin to write, and do not go through with it."""
     from cvtimg.files import whole_file
 
-    with suppress(_TrialError), whole_file(path, overwrite=overwrite):
-        raise _TrialError
+    class EndOfTrialError(Exception):
+        pass
+
+    with suppress(EndOfTrialError), whole_file(path, overwrite=overwrite):
+        raise EndOfTrialError
 
 
 @contextmanager
@@ -305,9 +307,7 @@ def _folder(path: Path) -> Iterator[None]:
                 path.rmdir()
 
 
-def _run(
-    tasks: Sequence[Task], missing: Iterable[tuple[str, OSError]], work: Callable[[Task], Row], report: _Report
-) -> None:
+def _run(tasks: Sequence[Task], missing: Missing, work: Callable[[Task], Row], report: _Report) -> None:
     """Do all that can be done, name what fails, and leave with the right status."""
     for text, error in missing:
         report.failed(text, error)
@@ -325,8 +325,7 @@ def _run(
 @contextmanager
 def _progress(tasks: Sequence[Task], report: _Report) -> Iterator[Iterable[Task]]:
     """Show a bar on stderr where a person watches it, and where it does not mix with JSON on the same terminal."""
-    mixed = report.as_json and sys.stdout.isatty()
-    if len(tasks) < 2 or report.quiet or mixed or not sys.stderr.isatty():
+    if len(tasks) < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
         yield tasks
         return
     from rich.console import Console
@@ -384,7 +383,6 @@ class _Report:
             shown = {**row, "input": Path(row["input"]).name} if narrow else row
             table.add_row(*(_cell(column, shown[column]) for column in self._columns))
         console.print(table)
-        sys.stdout.flush()
 
 
 def _cell(column: str, value: Any) -> str:
@@ -397,7 +395,8 @@ def _cell(column: str, value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, tuple):
         return ",".join(value)
-    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    return text.encode(errors="replace").decode()  # names of files need not be text
 
 
 def _reason(path: str | Path, error: Exception) -> str:
@@ -418,22 +417,20 @@ def _complain(text: str) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, ``sys.argv`` by default, and return the exit status; the console script ``cvtimg``."""
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()  # None where nobody listens
     try:
         command = typer.main.get_command(app)
         code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)
     except (KeyboardInterrupt, typer.Abort):
         code = 130
-    except WrongUsageError as error:
-        _complain(f"{error} (see cvtimg {given[0]} --help)")
-        return 2
+    except typer.TyperException as error:
+        command_line = getattr(getattr(error, "ctx", None), "command_path", f"cvtimg {given[0]}")
+        _complain(f"{error.format_message().rstrip('.')} (see {command_line} --help)")
+        return error.exit_code
     except Exception as error:  # no traceback reaches a user
-        # Typer's errors, which are Click's in older versions, word themselves and know the command.
-        worded = getattr(error, "format_message", None)
-        context = getattr(error, "ctx", None)
-        hint = f" (see {context.command_path} --help)" if context else ""
         path = error.filename if isinstance(error, OSError) and error.filename else "unexpected"
-        _complain(f"{worded().rstrip('.')}{hint}" if worded else f"{path}: {_reason(path, error)}")
-        return int(getattr(error, "exit_code", 1))
+        _complain(f"{path}: {_reason(path, error)}")
+        return 1
     if code == 130:
         _complain("interrupted")
     return code

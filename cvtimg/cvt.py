@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._checks import check_choice, check_count, check_density, check_generators, check_rows
-from cvtimg.methods import METHODS, Iteration, Method, Stopping
+from cvtimg._checks import check_choice, check_count, check_density, check_generators, check_locked, check_rows
+from cvtimg.methods import METHODS, Callback, Conditions, Iteration, Method, Stopping, Watch
 from cvtimg.methods.breathing import breathe
 from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, pack, thin
 from cvtimg.samples import ColorSamples
@@ -101,7 +101,9 @@ def tessellate(
     method: str = "lloyd",
     init: str | ArrayLike = "split",
     effort: str = "balanced",
+    locked: ArrayLike | None = None,
     rng: int | np.random.Generator = 0,
+    callback: Callback | None = None,
 ) -> Tessellation:
     """Compute a centroidal Voronoi tessellation.
 
@@ -125,8 +127,13 @@ def tessellate(
         which leaves most local minima, and then moves until that lowers the energy by 1e-4 of it or less: about
         twice the time of "fast". "best" searches 8 times and breathes over all samples at the end: about ten
         times the time of "balanced", for an energy some tenths of a percent lower.
+    locked : (L, D) array, optional
+        Generators that stay in place: the first L of the K. Those of `init`, if given, come after them.
     rng : int or numpy.random.Generator
         Seed of what is drawn. The same seed gives the same result, bit by bit, whatever the number of threads.
+    callback : callable, optional
+        Called before each step with its number and the energy (of fewer points, in the search); it stops the
+        computation by returning True, and the best generators so far are the result.
 
     Returns
     -------
@@ -160,13 +167,15 @@ def tessellate(
         weights = check_density(density, len(rows))
         check_count("n_generators", n_generators, len(rows), "the number of samples")
     points = pack(rows, weights, in_order=isinstance(samples, ColorSamples) and samples.in_order)
-    random = np.random.default_rng(rng)
+    fixed = check_locked(locked, n_generators, points.n_dims) - points.center
+    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), watch=Watch(callback))
     if isinstance(init, str):
         check_choice("init", init, SEEDINGS)
-        initial = _search(points, n_generators, init, METHODS[method], settings, random)
+        initial = _search(points, fixed, n_generators, init, METHODS[method], settings, conditions)
     else:
-        initial = check_generators("init", init, n_generators, points.n_dims) - points.center
-    end = _descend(points, initial, METHODS[method], settings.stopping, settings.last_breath)
+        free = check_generators("init", init, n_generators - len(fixed), points.n_dims) - points.center
+        initial = np.concatenate([fixed, free])
+    end = _descend(points, initial, METHODS[method], conditions, settings.last_breath)
     labels = assign(points, end.generators)
     masses, _ = cell_moments(points, labels, n_generators)
     return Tessellation(
@@ -181,25 +190,35 @@ def tessellate(
 
 
 def _search(
-    points: Points, n_generators: int, init: str, method: Method, effort: Effort, rng: np.random.Generator
+    points: Points,
+    fixed: NDArray[np.float64],
+    n_generators: int,
+    init: str,
+    method: Method,
+    effort: Effort,
+    conditions: Conditions,
 ) -> NDArray[np.float64]:
-    """Initial generators for all points: the best end of some searches over fewer points."""
+    """Return the generators, the fixed ones first, at the best end of some searches over fewer points."""
     fewer = points
     for factor in _COARSER:
         if points.n_points >= factor * _POINTS_PER_GENERATOR * n_generators:
-            fewer = coarsen(points, factor) if points.in_order else thin(points, factor, rng)
+            fewer = coarsen(points, factor) if points.in_order else thin(points, factor, conditions.rng)
             break
     ends = []
     for start in range(effort.n_starts):
         # Seeds that draw nothing serve once.
         seeding = SEEDINGS[init if start == 0 else "k-means++"]
-        ends.append(_descend(fewer, seeding(fewer, n_generators, rng), method, _SEARCHING, effort.breath))
+        seeds = seeding(fewer, n_generators - len(fixed), conditions.rng)
+        initial = np.concatenate([fixed, seeds])
+        ends.append(_descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breath))
+        if conditions.watch.stopped:
+            break
     return min(ends, key=lambda end: end.energies[-1]).generators
 
 
 def _descend(
-    points: Points, generators: NDArray[np.float64], method: Method, stopping: Stopping, breath: float
+    points: Points, generators: NDArray[np.float64], method: Method, conditions: Conditions, breath: float
 ) -> Iteration:
     if not breath:
-        return method(points, generators, stopping)
-    return breathe(points, generators, method, stopping, max(1, int(breath * len(generators))))
+        return method(points, generators, conditions)
+    return breathe(points, generators, method, conditions, max(1, int(breath * len(generators))))

@@ -172,7 +172,7 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
 
 
 def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Generators in float32, and half their squared norms."""
+    """Return generators in float32, and half their squared norms."""
     single = np.ascontiguousarray(generators, dtype=np.float32)
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
 

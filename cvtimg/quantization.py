@@ -128,8 +128,9 @@ def _to_depth(generators: NDArray[np.float64], dtype: np.dtype[Any]) -> NDArray[
 
 def _dark_to_bright(palette: NDArray[Any]) -> NDArray[Any]:
     """Distinct colors by the sum of their channels."""
-    distinct = np.unique(palette, axis=0)
-    return distinct[np.argsort(distinct.sum(axis=1, dtype=np.float64), kind="stable")]
+    ordered = palette[np.lexsort((*palette.T[::-1], palette.sum(axis=1, dtype=np.float64)))]
+    is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    return ordered[is_new]
 
 
 def _map_to_palette(samples: ColorSamples, palette: NDArray[Any]) -> tuple[NDArray[np.int32], float]:

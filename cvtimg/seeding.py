@@ -37,7 +37,7 @@ class Cell:
     @property
     def energy(self) -> float:
         """Sum of density times squared distance to the mean."""
-        return float(np.trace(self.scatter))
+        return float(self.moments[1:, 1:].trace() - self.moments[0, 1:] @ self.mean)
 
     @property
     def scatter(self) -> NDArray[np.float64]:

@@ -253,3 +253,67 @@ def test_color_samples_bring_their_own_density_and_bound() -> None:
         tessellate(samples, 1, density=[1, 1])
     with pytest.raises(ValueError, match=r"n_generators=3 must be in 1\.\.2, the number of distinct colors"):
         tessellate(samples, 3)
+
+
+@pytest.mark.parametrize("init", ["split", "k-means++", "given"])
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str, photograph: NDArray[Any]) -> None:
+    locked = np.array([[0, 255, 0], [120.5, 100, 100]])
+    samples = color_samples(photograph)
+    start: Any = samples.colors[::4000][:8] if init == "given" else init
+    result = tessellate(samples, 10, init=start, effort=effort, locked=locked)
+    np.testing.assert_allclose(result.generators[:2], locked)
+    assert len(result.generators) == 10
+    assert result.energy < 1.5 * tessellate(samples, 8, effort="fast").energy
+    assert (result.masses[2:] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ([[1, 2, 3], [4, 5, 6]], r"locked has 2 generators and must have fewer than n_generators=2"),
+        ([[1, 2]], r"locked of shape \(1, 2\) must be \(1, 3\)"),
+        ([[1, 2, np.inf]], "locked must be finite"),
+    ],
+)
+def test_wrong_locked_generators_are_named(locked: Any, message: str, photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match=message):
+        tessellate(color_samples(photograph), 2, locked=locked)
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_a_callback_sees_every_step_and_can_stop(effort: str, photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    steps: list[tuple[int, float]] = []
+    tessellate(samples, 20, effort=effort, callback=lambda *step: steps.append(step))
+    assert [number for number, _ in steps] == list(range(len(steps)))
+    assert all(energy >= 0 for _, energy in steps)
+
+    seen = []
+
+    def stop_at_once(number: int, energy: float) -> bool:
+        seen.append(number)
+        return True
+
+    result = tessellate(samples, 20, effort=effort, callback=stop_at_once)
+    assert seen == [0]
+    assert not result.converged
+    assert len(result.generators) == 20
+
+
+def test_an_interrupt_ends_at_once_and_leaves_no_thread_working() -> None:
+    code = """
+import os, signal, threading, time, numpy as np
+from cvtimg import tessellate
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+rows = np.random.default_rng(0).random((400_000, 3))
+try:
+    while True:
+        tessellate(rows, 200, effort="best")
+except KeyboardInterrupt:
+    time.sleep(0.3)
+    before = time.process_time()
+    time.sleep(0.5)
+    print("idle" if time.process_time() - before < 0.2 else "working")
+"""
+    assert run(code).strip() == "idle"

@@ -17,7 +17,7 @@ LAYERS: list[set[str]] = [
     {"io", "samples", "points", "palette"},
     {"seeding"},
     {"methods._iteration"},
-    {"methods.lloyd"},
+    {"methods.lloyd", "methods.breathing"},
     {"methods"},
     {"cvt"},
     {"quantization"},

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cvtimg.methods._iteration import Iteration, Method, Stopping
+from cvtimg.methods._iteration import Callback, Conditions, Iteration, Method, Stopping, Watch
 from cvtimg.methods.lloyd import lloyd
 
 #: The registry: names for `method`, for tests and for the documentation.
 METHODS: dict[str, Method] = {"lloyd": lloyd}
 
-__all__ = ["METHODS", "Iteration", "Method", "Stopping"]
+__all__ = ["METHODS", "Callback", "Conditions", "Iteration", "Method", "Stopping", "Watch"]

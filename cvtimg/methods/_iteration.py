@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.points import Points
+
+#: Sees the number of the step and the energy before it; returns True to stop.
+Callback = Callable[[int, float], bool | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +36,64 @@ class Stopping:
         return len(energies) > 1 and energies[-2] - energies[-1] <= self.tolerance * energies[-2]
 
 
+class Watch:
+    """Counts the steps of all iterations that serve one result, and asks the callback whether to go on."""
+
+    def __init__(self, callback: Callback | None = None) -> None:
+        self._callback = callback
+        self._n_steps = 0
+        self.stopped = False
+
+    def __call__(self, energy: float) -> bool:
+        """Report a step; return whether to stop now."""
+        if self._callback is not None and not self.stopped:
+            self.stopped = bool(self._callback(self._n_steps, energy))
+        self._n_steps += 1
+        return self.stopped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditions:
+    """What a method must respect.
+
+    Attributes
+    ----------
+    stopping : Stopping
+        When to stop.
+    rng : numpy.random.Generator
+        Where everything that is drawn comes from.
+    n_locked : int
+        So many generators, the first ones, stay in place.
+    volume_power : float
+        How a cell counts by its mass; 0 for methods that take no other.
+    watch : Watch
+        To be called with the energy before each step.
+    """
+
+    stopping: Stopping
+    rng: np.random.Generator
+    n_locked: int = 0
+    volume_power: float = 0.0
+    watch: Watch = field(default_factory=Watch)
+
+    def until(self, stopping: Stopping) -> Conditions:
+        """Return the same conditions with another stopping rule."""
+        return replace(self, stopping=stopping)
+
+    def ended(self, energies: list[float]) -> bool:
+        """Whether to stop before the next step, given the energies so far."""
+        asked = self.watch(energies[-1])
+        return asked or self.stopping.converged(energies) or len(energies) > self.stopping.max_iterations
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """The end of an iteration: generators (K, D), centered as the points, and the energy before each of its moves."""
+    """The end of an iteration: generators (K, D), centered as the points, and the energy before each step and after."""
 
     generators: NDArray[np.float64]
     energies: list[float]
     converged: bool
 
 
-#: From points, initial generators (K, D) and a stopping rule to the end of the iteration.
-Method = Callable[[Points, NDArray[np.float64], Stopping], Iteration]
+#: From points, initial generators (K, D) and conditions to the end of the iteration.
+Method = Callable[[Points, NDArray[np.float64], Conditions], Iteration]

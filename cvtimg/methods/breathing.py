@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.methods._iteration import Iteration, Method, Stopping
+from cvtimg.methods._iteration import Conditions, Iteration, Method, Stopping
 from cvtimg.points import Points, assign, assign_two, cell_energies
 from cvtimg.seeding import divide
 
@@ -21,53 +21,54 @@ _WORTHWHILE = 1e-4
 
 
 def breathe(
-    points: Points, generators: NDArray[np.float64], descend: Method, stopping: Stopping, largest_breath: int
+    points: Points, generators: NDArray[np.float64], descend: Method, conditions: Conditions, largest_breath: int
 ) -> Iteration:
     """Breathe until no breath, of `largest_breath` generators down to one, lowers the energy any more; then descend."""
-    best, breath = descend(points, generators, _OUT), largest_breath
+    n_locked = conditions.n_locked
+    best, breath = descend(points, generators, conditions.until(_OUT)), largest_breath
     energies = list(best.energies)
-    while breath and energies[-1] > 0:
-        more = descend(points, _add(points, best.generators, breath), _IN)
-        breath = len(more.generators) - len(best.generators)
-        if not breath:
+    while breath and energies[-1] > 0 and not conditions.watch.stopped:
+        more = descend(points, _add(points, best.generators, breath, n_locked), conditions.until(_IN))
+        n_added = len(more.generators) - len(best.generators)
+        if not n_added:
             break  # every cell is a single point
-        fewer = descend(points, _remove(points, more.generators, breath), _OUT)
+        fewer = descend(points, _remove(points, more.generators, n_added, n_locked), conditions.until(_OUT))
         if fewer.energies[-1] < energies[-1] * (1 - _WORTHWHILE):
             best = fewer
             energies.append(fewer.energies[-1])
         else:
             breath //= 2
-    end = descend(points, best.generators, stopping)
+    end = descend(points, best.generators, conditions)
     return Iteration(end.generators, energies + end.energies[1:], end.converged)
 
 
-def _add(points: Points, generators: NDArray[np.float64], n_more: int) -> NDArray[np.float64]:
-    """Divide the cells of greatest energy, `n_more` times or as often as can be."""
+def _add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
+    """Divide the cells of greatest energy, `n_more` times or as often as can be; locked generators stay as well."""
     labels = assign(points, generators)
     worst = np.argsort(cell_energies(points, generators, labels), kind="stable")[-n_more:]
     weighted = points.density > 0
     members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
     halves = divide(points, [group for group in members if len(group)], n_more)
-    others = np.delete(generators, [cell for cell, group in zip(worst, members, strict=True) if len(group)], axis=0)
-    return np.concatenate([others, [half.mean for half in halves]])
+    divided = [cell for cell, group in zip(worst, members, strict=True) if len(group) and cell >= n_locked]
+    return np.concatenate([np.delete(generators, divided, axis=0), [half.mean for half in halves]])
 
 
-def _remove(points: Points, generators: NDArray[np.float64], n_fewer: int) -> NDArray[np.float64]:
+def _remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
     """Take away the generators whose removal raises the energy least, no two neighbours while there are others."""
     labels, seconds, gaps = assign_two(points, generators)
     n_generators = len(generators)
     costs = np.bincount(labels, points.density * gaps, n_generators)
-    pairs = np.unique(labels * np.int64(n_generators) + seconds)
-    cells, neighbours = pairs // n_generators, pairs % n_generators
+    cells, neighbours = np.divmod(np.sort(labels * np.int64(n_generators) + seconds), n_generators)
+    first = np.searchsorted(cells, np.arange(n_generators + 1))
     removed: list[int] = []
     spared: list[int] = []
     frozen = np.zeros(n_generators, bool)
-    for cell in np.argsort(costs, kind="stable"):
+    for cell in n_locked + np.argsort(costs[n_locked:], kind="stable"):
         if frozen[cell]:
             spared.append(cell)
         else:
             removed.append(cell)
-            frozen[neighbours[cells == cell]] = True
+            frozen[neighbours[first[cell] : first[cell + 1]]] = True
         if len(removed) == n_fewer:
             break
     removed += spared[: n_fewer - len(removed)]

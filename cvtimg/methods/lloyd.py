@@ -8,36 +8,43 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.methods._iteration import Iteration, Stopping
+from cvtimg.methods._iteration import Conditions, Iteration
 from cvtimg.points import Points, assign, cell_energies, cell_moments, energy
 from cvtimg.seeding import divide
 
 
-def lloyd(points: Points, generators: NDArray[np.float64], stopping: Stopping) -> Iteration:
+def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
     """Iterate until the energy rests. It never rises, but for the rounding of distances to float32."""
     energies: list[float] = []
+    locked = np.arange(len(generators)) < conditions.n_locked
     while True:
         labels = assign(points, generators)
         masses, sums = cell_moments(points, labels, len(generators))
         energies.append(energy(points, generators, masses, sums))
-        converged = stopping.converged(energies)
-        if converged or len(energies) > stopping.max_iterations:
-            return Iteration(generators, energies, converged)
-        empty = masses == 0
-        means = np.divide(sums, masses[:, None], out=generators.copy(), where=~empty[:, None])
-        generators = _refill(points, means, labels, empty) if empty.any() else means
+        if conditions.ended(energies):
+            return Iteration(generators, energies, conditions.stopping.converged(energies))
+        free = ~locked & (masses > 0)
+        generators = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
+        empty = ~locked & (masses == 0)
+        if empty.any():
+            generators = _refill(points, generators, labels, free, empty)
 
 
 def _refill(
-    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32], empty: NDArray[np.bool_]
+    points: Points,
+    generators: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    free: NDArray[np.bool_],
+    empty: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Give empty cells half of the cells of greatest energy, where a generator lowers the energy most."""
+    """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
     weighted = points.density > 0
     energies = cell_energies(points, generators, labels)
-    worst = np.argsort(np.where(empty, -1, energies), kind="stable")[-min(empty.sum(), (~empty).sum()) :]
+    n_divided = min(np.count_nonzero(empty), np.count_nonzero(free))
+    worst = np.argsort(np.where(free, -energies, np.inf), kind="stable")[:n_divided]
     members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
-    halves = divide(points, members, int(empty.sum()))
+    halves = divide(points, members, int(np.count_nonzero(empty)))
     refilled = generators.copy()
     places = np.concatenate([worst, np.flatnonzero(empty)])[: len(halves)]
-    refilled[places] = [half.mean for half in halves]
+    refilled[places] = np.reshape([half.mean for half in halves], (-1, points.n_dims))
     return refilled

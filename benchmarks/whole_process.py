@@ -1,0 +1,199 @@
+"""Whole programs side by side: a 12-megapixel PNG in, a PNG of 256 colors out.
+
+Prints for each program the median seconds on the clock, the median of its ratio to cvtimg in the same round, the
+seconds of processors, the size of the file and the squared error of a pixel. Programs take turns, in one order and
+then in the other. Everything counts: starting, decoding, clustering, encoding. Nobody dithers.
+
+    python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256]
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import statistics
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from common import (
+    Process,
+    large_pictures,
+    machine,
+    parser,
+    pin_threads,
+    print_table,
+    progress,
+    read_rgb,
+    run_process,
+    squared_error,
+    write_results,
+)
+from numpy.typing import NDArray
+from rivals import ImageMagick, Pngquant
+
+#: The program that the others are compared with.
+MEASURE = "cvtimg quantize"
+
+#: From input, output and k to a command.
+Spelling = Callable[[Path, Path, int], list[str | Path]]
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One program on one picture: medians over the rounds."""
+
+    picture: str
+    program: str
+    seconds: float
+    ratio: float | None
+    cpu_seconds: float
+    file_mib: float
+    error: float
+    rounds: int
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--k", type=int, default=256, metavar="K", help="number of colors (256)")
+    read.add_argument("--rounds", type=int, metavar="N", help="times of which to take the median (5; quick: 2)")
+    given = read.parse_args()
+    given.rounds = given.rounds or (2 if given.quick else 5)
+    return given
+
+
+def programs() -> dict[str, Spelling]:
+    """List the programs that run here, by name, and print why others are left out."""
+    pngquant, magick = Pngquant(), ImageMagick()
+    known: dict[str, tuple[str, str, Spelling]] = {}
+    path, reason = find_cvtimg()
+    for effort in ("", "fast"):
+        name = f"{MEASURE} --effort {effort}" if effort else MEASURE
+        known[name] = (reason, path, _cvtimg(path, effort))
+    for speed in ("", "11"):
+        name = f"pngquant --speed {speed}" if speed else "pngquant"
+        known[name] = (pngquant.missing(), pngquant.program, _pngquant(pngquant.program, speed))
+    known["ImageMagick"] = (magick.missing(), magick.program, _magick(magick.program))
+    versions = {"pngquant": pngquant, "ImageMagick": magick}
+    for name, (why, _, _) in known.items():
+        rival = versions.get(name.partition(" ")[0])
+        print(f"- {name}: {'left out: ' + why if why else rival.version() if rival else path}")
+    return {name: spelling for name, (why, _, spelling) in known.items() if not why}
+
+
+def find_cvtimg() -> tuple[str, str]:
+    """Return the command that belongs to this Python, or the one on the path; and why it cannot be used, if so."""
+    path = shutil.which("cvtimg", path=str(Path(sys.executable).parent)) or shutil.which("cvtimg")
+    if not path:
+        return "", "no command cvtimg beside this Python or on the path"
+    return path, run_process([path, "quantize", "--help"]).failure
+
+
+def _cvtimg(path: str, effort: str) -> Spelling:
+    extra = ["--effort", effort] if effort else []
+    return lambda before, after, k: [
+        path, "quantize", before, "-k", str(k), "-o", after, "--overwrite", "--quiet", *extra
+    ]  # fmt: skip
+
+
+def _pngquant(path: str, speed: str) -> Spelling:
+    extra = ["--speed", speed] if speed else []
+    return lambda before, after, k: [path, "--nofs", *extra, "--force", "--output", after, str(k), "--", before]
+
+
+def _magick(path: str) -> Spelling:
+    return lambda before, after, k: [path, before, "+dither", "-colors", str(k), f"png8:{after}"]
+
+
+def take_turns(
+    picture: Path, folder: Path, commands: dict[str, Spelling], given: argparse.Namespace
+) -> dict[str, list[Process]]:
+    """Run every program once a round, in one order and then in the other; after a round that is not counted."""
+    runs: dict[str, list[Process]] = {name: [] for name in commands}
+    for turn in range(given.rounds + 1):
+        for name in list(runs)[:: 1 if turn % 2 else -1]:
+            progress(f"{picture.stem} round {turn} of {given.rounds}: {name}")
+            cost = run_process(commands[name](picture, output(folder, name), given.k))
+            if cost.failure:
+                print(f"- {name} is left out: it failed on {picture.name}: {cost.failure}")
+                del runs[name]
+            elif turn:
+                runs[name].append(cost)
+    progress("")
+    return runs
+
+
+def output(folder: Path, name: str) -> Path:
+    """Name the file that a program writes."""
+    return folder / f"{name.replace(' ', '_')}.png"
+
+
+def summarize(picture: Path, pixels: NDArray[np.uint8], folder: Path, runs: dict[str, list[Process]]) -> list[Record]:
+    """Take medians, and measure what was written."""
+    base = runs.get(MEASURE)
+    return [
+        Record(
+            picture=picture.stem,
+            program=name,
+            seconds=round(statistics.median(cost.wall for cost in costs), 3),
+            ratio=_median_ratio(costs, base),
+            cpu_seconds=round(statistics.median(cost.cpu for cost in costs), 3),
+            file_mib=round(output(folder, name).stat().st_size / 2**20, 2),
+            error=round(squared_error(pixels, read_rgb(output(folder, name))), 3),
+            rounds=len(costs),
+        )
+        for name, costs in runs.items()
+    ]
+
+
+def _median_ratio(costs: Sequence[Process], base: Sequence[Process] | None) -> float | None:
+    """Take the median of the ratio to cvtimg, round by round: what slows a round slows both."""
+    if not base:
+        return None
+    return round(statistics.median(cost.wall / other.wall for cost, other in zip(costs, base, strict=True)), 3)
+
+
+def report(pixels: NDArray[np.uint8], records: Sequence[Record]) -> None:
+    """Print the table of a picture."""
+    height, width = pixels.shape[:2]
+    print_table(
+        f"{records[0].picture}, {width}x{height}, median of {records[0].rounds} rounds",
+        ["program", "seconds", f"times {MEASURE}", "processor seconds", "file MiB", "error a pixel"],
+        [
+            [
+                record.program,
+                f"{record.seconds:.2f}",
+                f"x{record.ratio:.2f}" if record.ratio else "-",
+                f"{record.cpu_seconds:.2f}",
+                f"{record.file_mib:.2f}",
+                f"{record.error:.2f}",
+            ]
+            for record in records
+        ],
+    )
+
+
+def main() -> None:
+    """Measure, print, write."""
+    given = options()
+    pin_threads(given.threads)
+    print(f"PNG to PNG at k={given.k}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
+    commands = programs()
+    records: list[Record] = []
+    for picture in large_pictures(given.data)[: 1 if given.quick else None]:
+        pixels = read_rgb(picture)
+        with tempfile.TemporaryDirectory() as folder:
+            runs = take_turns(picture, Path(folder), commands, given)
+            of_picture = summarize(picture, pixels, Path(folder), runs)
+        if of_picture:
+            report(pixels, of_picture)
+        records += of_picture
+    write_results("whole_process", {"threads": given.threads, "k": given.k}, [asdict(record) for record in records])
+
+
+if __name__ == "__main__":
+    main()
