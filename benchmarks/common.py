@@ -120,7 +120,7 @@ def squared_error(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
     total = 0
     for top in range(0, len(before), 256):
         steps = before[top : top + 256].astype(np.int32) - after[top : top + 256]
-        total += int(np.vdot(steps, steps))
+        total += int(np.square(steps).sum(dtype=np.int64))  # a product of int32 arrays would be summed in int32
     return total / before[:, :, 0].size
 
 

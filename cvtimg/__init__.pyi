@@ -1,8 +1,9 @@
-from .cvt import EFFORTS, Tessellation, tessellate
+from .cvt import Tessellation, tessellate
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
 from .quantization import Quantized, quantize
 from .samples import ColorSamples, color_samples
+from .search import EFFORTS
 from .seeding import SEEDINGS
 
 __all__ = [

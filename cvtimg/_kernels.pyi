@@ -45,6 +45,18 @@ def measure(
     labels: NDArray[np.int32],
     energies: NDArray[np.float64],
 ) -> None: ...
+def transfer(
+    tiles: NDArray[np.float32],
+    density: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    masses: NDArray[np.float64],
+    means: NDArray[np.float64],
+    energies: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    n_locked: int,
+    power: float,
+    total: float,
+) -> int: ...
 def squared_distances(
     tiles: NDArray[np.float32],
     generator: NDArray[np.float32],

@@ -9,6 +9,7 @@ import os
 
 cimport cython
 from cython.parallel cimport prange
+from libc.math cimport pow
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcmp
 
@@ -161,6 +162,82 @@ def measure(
                     step = tiles[t, d, i] - generators[label, d]
                     total = total + step * step
                 energies[part, label] += density[t * LANES + i] * total
+
+
+cdef inline double cell_weight(double share, double power) noexcept nogil:
+    if power == 0:
+        return 1
+    if power == 1:
+        return share
+    if power == 2:
+        return share * share
+    return pow(share, power)
+
+
+def transfer(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    int32_t[::1] labels,            # INOUT (n_tiles * LANES,)
+    double[::1] masses,             # INOUT (K,), positive
+    double[:, ::1] means,           # INOUT (D, K)
+    double[::1] energies,           # INOUT (K,): of each cell about its mean
+    double[::1] squares,            # OUT (K,): scratch
+    Py_ssize_t n_locked,            # IN: the means of the first cells stay in place
+    double power,                   # IN: a cell counts by its share of the mass to this power
+    double total,                   # IN: mass of all cells
+):
+    """Move each point to the cell where the weighted energy is least, one after the other; return how many moved."""
+    cdef Py_ssize_t n_points = density.shape[0], dims = tiles.shape[1], n_cells = masses.shape[0]
+    cdef Py_ssize_t p, d, k, own, best, n_moved = 0
+    cdef double mass, step, before, after, change, gain, least, own_change
+    with nogil:
+        for p in range(n_points):
+            mass = density[p]
+            own = labels[p]
+            if mass == 0 or masses[own] <= mass:
+                continue  # the last point of a cell stays: there are as many cells as asked for
+            for k in range(n_cells):
+                squares[k] = 0
+            for d in range(dims):
+                for k in range(n_cells):
+                    step = tiles[p // LANES, d, p % LANES] - means[d, k]
+                    squares[k] += step * step
+            before = cell_weight(masses[own] / total, power)
+            after = cell_weight((masses[own] - mass) / total, power)
+            own_change = mass * squares[own]
+            if own >= n_locked:
+                own_change *= masses[own] / (masses[own] - mass)
+            gain = after * own_change + (before - after) * energies[own]
+            least = gain * (1 - 1e-12)  # less is rounding, and might go round in circles
+            best = own
+            for k in range(n_cells):
+                change = mass * squares[k]
+                if k >= n_locked:
+                    change *= masses[k] / (masses[k] + mass)
+                if power != 0:
+                    before = cell_weight(masses[k] / total, power)
+                    after = cell_weight((masses[k] + mass) / total, power)
+                    change = after * change + (after - before) * energies[k]
+                if change < least and k != own:
+                    least = change
+                    best = k
+            if best == own:
+                continue
+            n_moved += 1
+            labels[p] = <int32_t>best
+            energies[own] -= own_change
+            change = mass * squares[best]
+            if best >= n_locked:
+                change *= masses[best] / (masses[best] + mass)
+            energies[best] += change
+            for d in range(dims):
+                if own >= n_locked:
+                    means[d, own] -= (tiles[p // LANES, d, p % LANES] - means[d, own]) * mass / (masses[own] - mass)
+                if best >= n_locked:
+                    means[d, best] += (tiles[p // LANES, d, p % LANES] - means[d, best]) * mass / (masses[best] + mass)
+            masses[own] -= mass
+            masses[best] += mass
+    return n_moved
 
 
 def squared_distances(

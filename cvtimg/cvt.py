@@ -11,47 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._checks import check_choice, check_count, check_density, check_generators, check_locked, check_rows
-from cvtimg.methods import METHODS, Callback, Conditions, Iteration, Method, Stopping, Watch
-from cvtimg.methods.breathing import breathe
-from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, pack, thin
+from cvtimg._checks import (
+    check_choice,
+    check_count,
+    check_density,
+    check_generators,
+    check_locked,
+    check_non_negative,
+    check_rows,
+)
+from cvtimg.methods import METHODS, Callback, Conditions, Method, Watch
+from cvtimg.methods.transfer import transfer, weighted_energy
+from cvtimg.points import assign, cell_energies, cell_moments, pack
 from cvtimg.samples import ColorSamples
+from cvtimg.search import EFFORTS, descend, search
 from cvtimg.seeding import SEEDINGS
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """How long to look for a low energy.
-
-    Attributes
-    ----------
-    n_starts : int
-        Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed.
-    breath : float
-        Share of the generators that come and go at first when such a search breathes, or 0 if it does not.
-    last_breath : float
-        The same on all samples, when the descent has come to rest.
-    stopping : Stopping
-        When that is.
-    """
-
-    n_starts: int
-    breath: float
-    last_breath: float
-    stopping: Stopping
-
-
-#: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort(1, 0, 0, Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": Effort(1, 1 / 4, 0, Stopping(tolerance=1e-4, max_iterations=300)),
-    "best": Effort(8, 1 / 2, 1 / 4, Stopping(tolerance=1e-6, max_iterations=1000)),
-}
-
-_SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
-#: A search goes over so many times fewer points, the first of these that leaves so many for each generator.
-_COARSER = (8, 4, 2)
-_POINTS_PER_GENERATOR = 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,13 +37,16 @@ class Tessellation:
     generators : (K, D) float64 array
         In the units of the samples.
     labels : (M,) int32 array
-        For each sample the index of its nearest generator, the lowest on a tie.
+        For each sample the index of its nearest generator, the lowest on a tie; with a `volume_power`, of the
+        generator that it was transferred to.
     masses : (K,) float64 array
         Sum of the density over each cell.
     energy : float
-        Sum of density times squared distance to the nearest generator.
+        Sum of density times squared distance to the own generator.
+    weighted_energy : float
+        The same with each cell times its share of the mass to the power `volume_power`.
     energies : tuple of float
-        The energy before each move of the generators, after each breath, and at the end; it never rises.
+        The weighted energy before each move of the generators, after each breath, and at the end; it never rises.
     n_iter : int
         Steps between these energies.
     converged : bool
@@ -84,6 +61,7 @@ class Tessellation:
     labels: NDArray[np.int32]
     masses: NDArray[np.float64]
     energy: float
+    weighted_energy: float
     energies: tuple[float, ...]
     n_iter: int
     converged: bool
@@ -98,9 +76,10 @@ def tessellate(
     n_generators: int,
     *,
     density: ArrayLike | None = None,
-    method: str = "lloyd",
+    method: str | Method | None = None,
     init: str | ArrayLike = "split",
     effort: str = "balanced",
+    volume_power: float = 0,
     locked: ArrayLike | None = None,
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
@@ -116,8 +95,8 @@ def tessellate(
         Number of generators K, at most the number of distinct samples.
     density : (N,) array, optional
         Weights >= 0 for the rows of a table, 1 each by default. ColorSamples have a density of their own.
-    method : {"lloyd"}
-        How generators move.
+    method : {"lloyd", "transfer"} or Method, optional
+        How generators move: by default "transfer" if `volume_power` is not 0, else "lloyd".
     init : {"split", "k-means++", "maximin", "random"} or (K, D) array
         Initial generators. "split" and "maximin" draw nothing. From given generators the iteration starts as they
         are, without a search.
@@ -127,6 +106,10 @@ def tessellate(
         which leaves most local minima, and then moves until that lowers the energy by 1e-4 of it or less: about
         twice the time of "fast". "best" searches 8 times and breathes over all samples at the end: about ten
         times the time of "balanced", for an energy some tenths of a percent lower.
+    volume_power : float
+        Power p >= 0 of the volume in the weighted energy, the sum of (mass of the cell / mass of all)^p times the
+        energy of the cell. With 0 all cells are equal; with 1 or 2 a heavy cell counts for more, so that rare
+        colors lose generators to frequent ones. Only the method "transfer" takes another value than 0.
     locked : (L, D) array, optional
         Generators that stay in place: the first L of the K. Those of `init`, if given, come after them.
     rng : int or numpy.random.Generator
@@ -155,7 +138,6 @@ def tessellate(
     >>> result.generators.tolist(), result.labels.tolist(), result.energy
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
-    check_choice("method", method, METHODS)
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     if isinstance(samples, ColorSamples):
         if density is not None:
@@ -168,57 +150,36 @@ def tessellate(
         check_count("n_generators", n_generators, len(rows), "the number of samples")
     points = pack(rows, weights, in_order=isinstance(samples, ColorSamples) and samples.in_order)
     fixed = check_locked(locked, n_generators, points.n_dims) - points.center
-    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), watch=Watch(callback))
+    power = check_non_negative("volume_power", volume_power)
+    move = _method(method, power)
+    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, Watch(callback))
     if isinstance(init, str):
         check_choice("init", init, SEEDINGS)
-        initial = _search(points, fixed, n_generators, init, METHODS[method], settings, conditions)
+        initial = search(points, fixed, n_generators, init, move, settings, conditions)
     else:
         free = check_generators("init", init, n_generators - len(fixed), points.n_dims) - points.center
         initial = np.concatenate([fixed, free])
-    end = _descend(points, initial, METHODS[method], conditions, settings.last_breath)
-    labels = assign(points, end.generators)
+    end = descend(points, initial, move, conditions, settings.last_breath)
+    labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
+    parts = cell_energies(points, end.generators, labels)
     return Tessellation(
         generators=end.generators + points.center,
         labels=labels[: points.n_points].copy(),
         masses=masses,
-        energy=float(cell_energies(points, end.generators, labels).sum()),
+        energy=float(parts.sum()),
+        weighted_energy=weighted_energy(masses, parts, power),
         energies=tuple(end.energies),
         n_iter=len(end.energies) - 1,
         converged=end.converged,
     )
 
 
-def _search(
-    points: Points,
-    fixed: NDArray[np.float64],
-    n_generators: int,
-    init: str,
-    method: Method,
-    effort: Effort,
-    conditions: Conditions,
-) -> NDArray[np.float64]:
-    """Return the generators, the fixed ones first, at the best end of some searches over fewer points."""
-    fewer = points
-    for factor in _COARSER:
-        if points.n_points >= factor * _POINTS_PER_GENERATOR * n_generators:
-            fewer = coarsen(points, factor) if points.in_order else thin(points, factor, conditions.rng)
-            break
-    ends = []
-    for start in range(effort.n_starts):
-        # Seeds that draw nothing serve once.
-        seeding = SEEDINGS[init if start == 0 else "k-means++"]
-        seeds = seeding(fewer, n_generators - len(fixed), conditions.rng)
-        initial = np.concatenate([fixed, seeds])
-        ends.append(_descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breath))
-        if conditions.watch.stopped:
-            break
-    return min(ends, key=lambda end: end.energies[-1]).generators
-
-
-def _descend(
-    points: Points, generators: NDArray[np.float64], method: Method, conditions: Conditions, breath: float
-) -> Iteration:
-    if not breath:
-        return method(points, generators, conditions)
-    return breathe(points, generators, method, conditions, max(1, int(breath * len(generators))))
+def _method(method: str | Method | None, volume_power: float) -> Method:
+    if method is None:
+        return transfer if volume_power else METHODS["lloyd"]
+    if not isinstance(method, str):
+        return method
+    if volume_power and method != "transfer":
+        raise ValueError(f"volume_power={volume_power} needs method='transfer', not {method!r}")
+    return METHODS[check_choice("method", method, METHODS)]

@@ -130,7 +130,8 @@ def _dark_to_bright(palette: NDArray[Any]) -> NDArray[Any]:
     """Distinct colors by the sum of their channels."""
     ordered = palette[np.lexsort((*palette.T[::-1], palette.sum(axis=1, dtype=np.float64)))]
     is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
-    return ordered[is_new]
+    distinct: NDArray[Any] = ordered[is_new]
+    return distinct
 
 
 def _map_to_palette(samples: ColorSamples, palette: NDArray[Any]) -> tuple[NDArray[np.int32], float]:

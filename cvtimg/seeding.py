@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import _kernels
-from cvtimg.points import Points
+from cvtimg.points import Points, cell_energies
 
 #: From points, the number of generators and a random generator to (K, D) initial generators, centered as the points.
 Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
@@ -75,6 +75,26 @@ def divide(points: Points, members: list[NDArray[np.int32]], n_divisions: int) -
         for half in (below, above):
             heapq.heappush(cells, (-half.energy, next(numbers), half))
     return whole + [cell for _, _, cell in sorted(cells)]
+
+
+def refill(
+    points: Points,
+    generators: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    free: NDArray[np.bool_],
+    empty: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
+    weighted = points.density > 0
+    energies = cell_energies(points, generators, labels)
+    n_divided = min(np.count_nonzero(empty), np.count_nonzero(free))
+    worst = np.argsort(np.where(free, -energies, np.inf), kind="stable")[:n_divided]
+    members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
+    halves = divide(points, members, int(np.count_nonzero(empty)))
+    refilled = generators.copy()
+    places = np.concatenate([worst, np.flatnonzero(empty)])[: len(halves)]
+    refilled[places] = np.reshape([half.mean for half in halves], (-1, points.n_dims))
+    return refilled
 
 
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -14,8 +14,8 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from cvtimg import EFFORTS, METHODS, SEEDINGS, Tessellation, color_samples, tessellate
-from cvtimg.cvt import Effort
 from cvtimg.methods import Stopping
+from cvtimg.search import Effort
 
 ONE_MOVE = Effort(1, 0, 0, Stopping(tolerance=0, max_iterations=1))
 TO_THE_END = Effort(2, 1 / 4, 1 / 4, Stopping(tolerance=0, max_iterations=1000))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from cvtimg.methods._iteration import Callback, Conditions, Iteration, Method, Stopping, Watch
 from cvtimg.methods.lloyd import lloyd
+from cvtimg.methods.transfer import transfer
 
 #: The registry: names for `method`, for tests and for the documentation.
-METHODS: dict[str, Method] = {"lloyd": lloyd}
+METHODS: dict[str, Method] = {"lloyd": lloyd, "transfer": transfer}
 
 __all__ = ["METHODS", "Callback", "Conditions", "Iteration", "Method", "Stopping", "Watch"]

@@ -88,11 +88,24 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """The end of an iteration: generators (K, D), centered as the points, and the energy before each step and after."""
+    """The end of an iteration.
+
+    Attributes
+    ----------
+    generators : (K, D) float64 array
+        Centered as the points.
+    energies : list of float
+        Before each step and at the end, weighted by `Conditions.volume_power`.
+    converged : bool
+        Whether it came to rest.
+    labels : int32 array or None
+        The cell of each point, padding too, where that is not the nearest generator's.
+    """
 
     generators: NDArray[np.float64]
     energies: list[float]
     converged: bool
+    labels: NDArray[np.int32] | None = None
 
 
 #: From points, initial generators (K, D) and conditions to the end of the iteration.

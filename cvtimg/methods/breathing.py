@@ -6,6 +6,8 @@ the number of generators that come and go is halved when a breath was in vain.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,7 +41,10 @@ def breathe(
         else:
             breath //= 2
     end = descend(points, best.generators, conditions)
-    return Iteration(end.generators, energies + end.energies[1:], end.converged)
+    # A method with labels of its own begins again from nearest generators, where its energy may be a little higher.
+    if end.energies[-1] > energies[-1]:
+        return replace(best, energies=energies)
+    return replace(end, energies=energies + [lower for lower in end.energies if lower < energies[-1]])
 
 
 def _add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:

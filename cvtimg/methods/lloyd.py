@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.methods._iteration import Conditions, Iteration
-from cvtimg.points import Points, assign, cell_energies, cell_moments, energy
-from cvtimg.seeding import divide
+from cvtimg.points import Points, assign, cell_moments, energy
+from cvtimg.seeding import refill
 
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
@@ -27,24 +27,4 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
         generators = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
         empty = ~locked & (masses == 0)
         if empty.any():
-            generators = _refill(points, generators, labels, free, empty)
-
-
-def _refill(
-    points: Points,
-    generators: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    free: NDArray[np.bool_],
-    empty: NDArray[np.bool_],
-) -> NDArray[np.float64]:
-    """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
-    weighted = points.density > 0
-    energies = cell_energies(points, generators, labels)
-    n_divided = min(np.count_nonzero(empty), np.count_nonzero(free))
-    worst = np.argsort(np.where(free, -energies, np.inf), kind="stable")[:n_divided]
-    members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
-    halves = divide(points, members, int(np.count_nonzero(empty)))
-    refilled = generators.copy()
-    places = np.concatenate([worst, np.flatnonzero(empty)])[: len(halves)]
-    refilled[places] = np.reshape([half.mean for half in halves], (-1, points.n_dims))
-    return refilled
+            generators = refill(points, generators, labels, free, empty)

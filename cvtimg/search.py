@@ -1,0 +1,88 @@
+"""How long to look for a low energy: searches over fewer points, breathing, and the descent on all points.
+
+The energy has many local minima. Fewer points show where the low ones are at a fraction of the cost, so most of the
+looking happens there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.methods import Conditions, Iteration, Method, Stopping
+from cvtimg.methods.breathing import breathe
+from cvtimg.points import Points, coarsen, thin
+from cvtimg.seeding import SEEDINGS
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long to look for a low energy.
+
+    Attributes
+    ----------
+    n_starts : int
+        Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed.
+    breath : float
+        Share of the generators that come and go at first when such a search breathes, or 0 if it does not.
+    last_breath : float
+        The same on all samples, when the descent has come to rest.
+    stopping : Stopping
+        When that is.
+    """
+
+    n_starts: int
+    breath: float
+    last_breath: float
+    stopping: Stopping
+
+
+#: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
+EFFORTS: dict[str, Effort] = {
+    "fast": Effort(1, 0, 0, Stopping(tolerance=1e-2, max_iterations=4)),
+    "balanced": Effort(1, 1 / 4, 0, Stopping(tolerance=1e-4, max_iterations=300)),
+    "best": Effort(8, 1 / 2, 1 / 4, Stopping(tolerance=1e-6, max_iterations=1000)),
+}
+
+_SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
+#: A search goes over so many times fewer points, the first of these that leaves so many for each generator.
+_COARSER = (8, 4, 2)
+_POINTS_PER_GENERATOR = 50
+
+
+def search(
+    points: Points,
+    fixed: NDArray[np.float64],
+    n_generators: int,
+    init: str,
+    method: Method,
+    effort: Effort,
+    conditions: Conditions,
+) -> NDArray[np.float64]:
+    """Return generators for all points, the fixed ones first, at the best end of some searches over fewer points."""
+    fewer = points
+    for factor in _COARSER:
+        if points.n_points >= factor * _POINTS_PER_GENERATOR * n_generators:
+            fewer = coarsen(points, factor) if points.in_order else thin(points, factor, conditions.rng)
+            break
+    ends = []
+    for start in range(effort.n_starts):
+        # Seeds that draw nothing serve once.
+        seeding = SEEDINGS[init if start == 0 else "k-means++"]
+        seeds = seeding(fewer, n_generators - len(fixed), conditions.rng)
+        initial = np.concatenate([fixed, seeds])
+        ends.append(descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breath))
+        if conditions.watch.stopped:
+            break
+    return min(ends, key=lambda end: end.energies[-1]).generators
+
+
+def descend(
+    points: Points, generators: NDArray[np.float64], method: Method, conditions: Conditions, breath: float
+) -> Iteration:
+    """Follow a method to its end, breathing if `breath`, a share of the generators, is not 0."""
+    if not breath:
+        return method(points, generators, conditions)
+    return breathe(points, generators, method, conditions, max(1, int(breath * len(generators))))
