@@ -90,7 +90,7 @@ def test_the_best_partition_is_found_where_all_can_be_tried(power: float) -> Non
 
 def test_frequent_colors_gain_generators_with_the_power() -> None:
     rng = np.random.default_rng(0)
-    rows = np.concatenate([rng.normal(0, 10, (900, 3)), rng.normal(80, 10, (100, 3))])
+    rows = np.concatenate([rng.normal(0, 5, (900, 3)), rng.normal(90, 15, (100, 3))])
     shares = [
         (tessellate(rows, 12, volume_power=p, effort="best").generators.mean(axis=1) < 40).sum() for p in (0, 1, 2)
     ]
