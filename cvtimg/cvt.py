@@ -159,7 +159,7 @@ def tessellate(
     else:
         free = check_generators("init", init, n_generators - len(fixed), points.n_dims) - points.center
         initial = np.concatenate([fixed, free])
-    end = descend(points, initial, move, conditions, settings.last_breath)
+    end = descend(points, initial, move, conditions, settings.last_breaths)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)

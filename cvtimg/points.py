@@ -13,7 +13,7 @@ from cvtimg import _kernels
 #: Points are summed in this many parts at most, each of this many tiles at least. The parts depend on the data
 #: alone: the sums have the same bits whatever the number of threads.
 _MAX_PARTS = 32
-_MIN_TILES = 64
+_MIN_TILES = 256
 #: Finding which generators can be nearest pays from this number of generators.
 _GROUPED_FROM = 40
 
@@ -61,7 +61,7 @@ class Points:
 
 def pack(rows: NDArray[Any], density: NDArray[np.float64], *, in_order: bool = False) -> Points:
     """Pack (N, D) rows and their weights; the rows are copied once, here."""
-    center = np.average(rows, axis=0, weights=density)
+    center = density @ rows / density.sum()
     if rows.dtype.kind == "u":
         center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
     return _points(*_tiles(rows, center, density), center, len(rows), in_order)
@@ -107,7 +107,7 @@ def coarsen(points: Points, factor: int) -> Points:
     means = np.divide(sums, masses, out=groups[..., 0].astype(np.float64), where=masses > 0).astype(np.float32)
     # Each `factor` tiles of few points become one tile.
     means = means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
-    return _points(means, masses.reshape(-1), points.center, masses.size, in_order=True)
+    return _points(np.ascontiguousarray(means), masses.reshape(-1), points.center, masses.size, in_order=True)
 
 
 def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:

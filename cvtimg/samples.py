@@ -119,7 +119,7 @@ def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
     n_colors = _kernels.number_keys(pages, counts, keys, density)
     inverse = np.empty(n_pixels, np.int32)
     _kernels.look_up_keys(flat, spread, pages, counts, inverse)
-    return _deinterleave(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
+    return _pixels(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
 
 
 def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
@@ -147,6 +147,13 @@ def _interleave(n_bytes: int) -> NDArray[np.uint32]:
         for bit in range(8):
             spread[byte] |= (values >> bit & 1) << (n_bytes * bit + n_bytes - 1 - byte)
     return spread
+
+
+def _pixels(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
+    """(M, B) bytes of each key, by tables for its lower and upper 12 bits."""
+    half = np.arange(1 << 12, dtype=np.uint32)
+    lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << 12, n_bytes)
+    return lower[keys & 0xFFF] | upper[keys >> 12]
 
 
 def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:

@@ -25,31 +25,32 @@ class Effort:
     ----------
     n_starts : int
         Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed.
-    breath : float
-        Share of the generators that come and go at first when such a search breathes, or 0 if it does not.
-    last_breath : float
+    breaths : tuple of float
+        When such a search breathes, the largest and the least share of the generators that come and go; 0 for none.
+    last_breaths : tuple of float
         The same on all samples, when the descent has come to rest.
     stopping : Stopping
         When that is.
     """
 
     n_starts: int
-    breath: float
-    last_breath: float
+    breaths: tuple[float, float]
+    last_breaths: tuple[float, float]
     stopping: Stopping
 
 
 #: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
 EFFORTS: dict[str, Effort] = {
-    "fast": Effort(1, 0, 0, Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": Effort(1, 1 / 4, 0, Stopping(tolerance=1e-4, max_iterations=300)),
-    "best": Effort(8, 1 / 2, 1 / 4, Stopping(tolerance=1e-6, max_iterations=1000)),
+    "fast": Effort(1, (0, 0), (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
+    "balanced": Effort(1, (1 / 4, 1 / 32), (0, 0), Stopping(tolerance=1e-4, max_iterations=300)),
+    "best": Effort(8, (1 / 2, 0), (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
-#: A search goes over so many times fewer points, the first of these that leaves so many for each generator.
-_COARSER = (8, 4, 2)
+#: A search goes over so many times fewer points, the first of these that leaves so many for each and for all.
+_COARSER = (32, 16, 8, 4, 2)
 _POINTS_PER_GENERATOR = 50
+_ENOUGH_POINTS = 1 << 14
 
 
 def search(
@@ -64,7 +65,7 @@ def search(
     """Return generators for all points, the fixed ones first, at the best end of some searches over fewer points."""
     fewer = points
     for factor in _COARSER:
-        if points.n_points >= factor * _POINTS_PER_GENERATOR * n_generators:
+        if points.n_points >= factor * max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS):
             fewer = coarsen(points, factor) if points.in_order else thin(points, factor, conditions.rng)
             break
     ends = []
@@ -73,16 +74,21 @@ def search(
         seeding = SEEDINGS[init if start == 0 else "k-means++"]
         seeds = seeding(fewer, n_generators - len(fixed), conditions.rng)
         initial = np.concatenate([fixed, seeds])
-        ends.append(descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breath))
+        ends.append(descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breaths))
         if conditions.watch.stopped:
             break
     return min(ends, key=lambda end: end.energies[-1]).generators
 
 
 def descend(
-    points: Points, generators: NDArray[np.float64], method: Method, conditions: Conditions, breath: float
+    points: Points,
+    generators: NDArray[np.float64],
+    method: Method,
+    conditions: Conditions,
+    breaths: tuple[float, float],
 ) -> Iteration:
-    """Follow a method to its end, breathing if `breath`, a share of the generators, is not 0."""
-    if not breath:
+    """Follow a method to its end, breathing if `breaths`, shares of the generators, are not 0."""
+    if not any(breaths):
         return method(points, generators, conditions)
-    return breathe(points, generators, method, conditions, max(1, int(breath * len(generators))))
+    largest, least = (max(1, int(share * len(generators))) for share in breaths)
+    return breathe(points, generators, method, conditions, largest, least)

@@ -31,8 +31,7 @@ class Cell:
     @property
     def mean(self) -> NDArray[np.float64]:
         """(D,) center of mass."""
-        mean: NDArray[np.float64] = self.moments[0, 1:] / self.moments[0, 0]
-        return mean
+        return self.moments[0, 1:] / self.moments[0, 0]  # type: ignore[no-any-return]
 
     @property
     def energy(self) -> float:

@@ -17,8 +17,8 @@ from cvtimg import EFFORTS, METHODS, SEEDINGS, Tessellation, color_samples, tess
 from cvtimg.methods import Stopping
 from cvtimg.search import Effort
 
-ONE_MOVE = Effort(1, 0, 0, Stopping(tolerance=0, max_iterations=1))
-TO_THE_END = Effort(2, 1 / 4, 1 / 4, Stopping(tolerance=0, max_iterations=1000))
+ONE_MOVE = Effort(1, (0, 0), (0, 0), Stopping(tolerance=0, max_iterations=1))
+TO_THE_END = Effort(2, (1 / 4, 0), (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
 
 
 @pytest.fixture

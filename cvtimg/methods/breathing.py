@@ -16,20 +16,25 @@ from cvtimg.points import Points, assign, assign_two, cell_energies
 from cvtimg.seeding import divide
 
 #: After breathing in, the iteration need not come to rest; after breathing out, nearly.
-_IN = Stopping(tolerance=1e-2, max_iterations=20)
-_OUT = Stopping(tolerance=1e-4, max_iterations=100)
+_IN = Stopping(tolerance=1e-2, max_iterations=5)
+_OUT = Stopping(tolerance=1e-3, max_iterations=100)
 #: A breath that lowers the energy by less than this share was in vain.
 _WORTHWHILE = 1e-4
 
 
 def breathe(
-    points: Points, generators: NDArray[np.float64], descend: Method, conditions: Conditions, largest_breath: int
+    points: Points,
+    generators: NDArray[np.float64],
+    descend: Method,
+    conditions: Conditions,
+    largest_breath: int,
+    least_breath: int = 1,
 ) -> Iteration:
-    """Breathe until no breath, of `largest_breath` generators down to one, lowers the energy any more; then descend."""
+    """Breathe until no breath, of `largest_breath` generators down to the least, lowers the energy; then descend."""
     n_locked = conditions.n_locked
     best, breath = descend(points, generators, conditions.until(_OUT)), largest_breath
     energies = list(best.energies)
-    while breath and energies[-1] > 0 and not conditions.watch.stopped:
+    while breath >= least_breath and energies[-1] > 0 and not conditions.watch.stopped:
         more = descend(points, _add(points, best.generators, breath, n_locked), conditions.until(_IN))
         n_added = len(more.generators) - len(best.generators)
         if not n_added:
