@@ -63,15 +63,16 @@ def squared_distances(
     bound: NDArray[np.float32],
     distances: NDArray[np.float32],
 ) -> None: ...
-def partition(
+def divide_cells(
     tiles: NDArray[np.float32],
     density: NDArray[np.float64],
-    members: NDArray[np.int32],
-    above: NDArray[np.int32],
-    axis: NDArray[np.float64],
-    offset: float,
+    labels: NDArray[np.int32],
+    children: NDArray[np.int32],
+    axes: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    counts: NDArray[np.int64],
     moments: NDArray[np.float64],
-) -> int: ...
+) -> None: ...
 def count_keys(
     pixels: NDArray[np.uint8],
     spread: NDArray[np.uint32],

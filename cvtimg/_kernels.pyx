@@ -261,46 +261,43 @@ def squared_distances(
                 distances[t * LANES + i] = min(total[i], bound[t * LANES + i])
 
 
-def partition(
+def divide_cells(
     const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
-    int32_t[::1] members,           # INOUT (m,): points of one cell; those below the plane come first, in order
-    int32_t[::1] above,             # OUT (m,): scratch
-    const double[::1] axis,         # IN (D,): normal of the plane
-    double offset,                  # IN: below the plane is axis . point < offset
-    double[:, ::1] moments,         # OUT (D + 1, D + 1): sum of density times (1, point)^T (1, point), below
+    int32_t[::1] labels,            # INOUT (n_tiles * LANES,): points above the plane of their cell get its child
+    const int32_t[::1] children,    # IN (K,): the child of each cell that is divided, -1 for the others
+    const double[:, ::1] axes,      # IN (K, D): normals of the planes
+    const double[::1] offsets,      # IN (K,): above the plane is axis . point >= offset
+    int64_t[::1] counts,            # INOUT (K,): += points of positive density that came to each child
+    double[:, :, ::1] moments,      # INOUT (K, D + 1, D + 1): += density times (1, point)^T (1, point), lower half
 ):
-    cdef Py_ssize_t n = members.shape[0], dims = tiles.shape[1], below = 0, rest = 0, j, d, e, t, i
-    cdef int32_t member
-    cdef double height, weight
+    cdef Py_ssize_t n_points = density.shape[0], dims = tiles.shape[1], p, d, e, t, i
+    cdef int32_t cell, child
+    cdef double height, weight, product
+    cdef double *moment
     with nogil:
-        moments[:, :] = 0
-        for j in range(n):
-            member = members[j]
-            t = member // LANES
-            i = member % LANES
+        for p in range(n_points):
+            cell = labels[p]
+            child = children[cell]
+            if child < 0 or density[p] == 0:
+                continue
+            t = p // LANES
+            i = p % LANES
             height = 0
             for d in range(dims):
-                height = height + axis[d] * tiles[t, d, i]
-            if height >= offset:
-                above[rest] = member
-                rest += 1
+                height = height + axes[cell, d] * tiles[t, d, i]
+            if height < offsets[cell]:
                 continue
-            members[below] = member
-            below += 1
-            weight = density[member]
-            moments[0, 0] += weight
+            labels[p] = child
+            counts[child] += 1
+            weight = density[p]
+            moment = &moments[child, 0, 0]
+            moment[0] += weight
             for d in range(dims):
-                moments[0, d + 1] += weight * tiles[t, d, i]
+                product = weight * tiles[t, d, i]
+                moment[(d + 1) * (dims + 1)] += product
                 for e in range(d + 1):
-                    moments[d + 1, e + 1] += weight * tiles[t, d, i] * tiles[t, e, i]
-        for j in range(rest):
-            members[below + j] = above[j]
-        for d in range(dims):
-            moments[d + 1, 0] = moments[0, d + 1]
-            for e in range(d):
-                moments[e + 1, d + 1] = moments[d + 1, e + 1]
-    return below
+                    moment[(d + 1) * (dims + 1) + e + 1] += product * tiles[t, e, i]
 
 
 cdef inline uint32_t key_of(const uint8_t *pixel, Py_ssize_t n_bytes, const uint32_t *spread) noexcept nogil:

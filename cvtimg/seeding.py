@@ -6,8 +6,6 @@ photographs. The registry `SEEDINGS` is where the names for `init` and ``--init`
 
 from __future__ import annotations
 
-import heapq
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,58 +20,75 @@ Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cell:
-    """Members of a cell, and the sum of density times (1, point)^T (1, point) over them."""
+class _Cells:
+    """Room for K cells: points of positive density in each, and the moments of `_kernels.divide_cells`."""
 
-    members: NDArray[np.int32]
+    counts: NDArray[np.int64]
     moments: NDArray[np.float64]
 
-    @property
-    def mean(self) -> NDArray[np.float64]:
-        """(D,) center of mass."""
-        return self.moments[0, 1:] / self.moments[0, 0]  # type: ignore[no-any-return]
+    @classmethod
+    def empty(cls, n_cells: int, n_dims: int) -> _Cells:
+        return cls(np.zeros(n_cells, np.int64), np.zeros((n_cells, n_dims + 1, n_dims + 1)))
 
     @property
-    def energy(self) -> float:
-        """Sum of density times squared distance to the mean."""
-        return float(self.moments[1:, 1:].trace() - self.moments[0, 1:] @ self.mean)
+    def means(self) -> NDArray[np.float64]:
+        """(K, D) centers of mass, 0 where there is none."""
+        masses, sums = self.moments[:, :1, 0], self.moments[:, 1:, 0]
+        return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0)
 
     @property
-    def scatter(self) -> NDArray[np.float64]:
-        """(D, D) sum of density times the outer product of the deviation from the mean."""
-        about_mean: NDArray[np.float64] = self.moments[1:, 1:] - self.moments[0, 0] * np.outer(self.mean, self.mean)
-        return about_mean
+    def energies(self) -> NDArray[np.float64]:
+        """(K,) sum of density times squared distance to the mean; 0 for less than two points."""
+        about_origin = np.einsum("kdd->k", self.moments[:, 1:, 1:])
+        energies = about_origin - np.einsum("kd,kd->k", self.moments[:, 1:, 0], self.means)
+        return np.where(self.counts > 1, np.maximum(energies, 0), 0)
+
+    def main_axes(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n, D) direction of greatest variance in some cells, and (n,) that variance."""
+        moments, means = self.moments[cells], self.means[cells]
+        masses = moments[:, 0, 0, None, None]
+        # Only the lower triangle is there, and only that is read.
+        covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
+        variances, axes = np.linalg.eigh(covariances, UPLO="L")
+        return axes[:, :, -1], np.maximum(variances[:, -1], 0)
 
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Divide the cell of greatest energy at its mean, across its main axis, until there are enough.
+    """Divide the cells of greatest energy at their mean, across their main axis, until there are enough.
 
-    Nothing is drawn from `rng`. The plane is that of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
-    (1991), doi 10.1109/78.107417.
+    Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
+    (1991), doi 10.1109/78.107417. All cells of more than half the greatest energy are divided in one pass.
     """
-    weighted = np.flatnonzero(points.density > 0).astype(np.int32)
-    cells = divide(points, [weighted], n_generators - 1)
-    if len(cells) < n_generators:
-        raise TooFewSamplesError(n_generators, len(cells))
-    return np.array([cell.mean for cell in cells])
+    cells = _Cells.empty(n_generators, points.n_dims)
+    labels = np.zeros(len(points.density), np.int32)
+    _gather(points, labels, np.zeros(1, np.intp), cells)
+    divisible = np.ones(n_generators, bool)
+    while (vacant := np.flatnonzero(cells.counts == 0)).size:
+        energies = np.where(divisible, cells.energies, 0)
+        large = np.argsort(-energies, kind="stable")[: vacant.size]
+        large = large[energies[large] > energies[large[0]] / 2]
+        if not large.size:
+            raise TooFewSamplesError(n_generators, n_generators - vacant.size)
+        children = vacant[: large.size]
+        _divide(points, labels, large, children, cells)
+        divisible[large] &= cells.counts[children] > 0
+        divisible[children] = True
+    return cells.means
 
 
-def divide(points: Points, members: list[NDArray[np.int32]], n_divisions: int) -> list[Cell]:
-    """Divide the cell of greatest energy, `n_divisions` times or as often as can be; return all cells."""
-    numbers = itertools.count()  # they break ties, so that the heap never compares cells
-    cells = [(-cell.energy, next(numbers), cell) for cell in (_cell(points, group) for group in members)]
-    heapq.heapify(cells)
-    whole: list[Cell] = []
-    while n_divisions and cells:
-        worst = heapq.heappop(cells)[2]
-        below, above = _halves(points, worst)
-        if not (len(below.members) and len(above.members)):
-            whole.append(worst)  # one point, or points that float32 cannot tell apart
-            continue
-        n_divisions -= 1
-        for half in (below, above):
-            heapq.heappush(cells, (-half.energy, next(numbers), half))
-    return whole + [cell for _, _, cell in sorted(cells)]
+def halves(
+    points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], n_cells: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, D) means, nearly, of the two halves of some cells; the same twice where a cell is a single point."""
+    cells = _Cells.empty(n_cells, points.n_dims)
+    _gather(points, labels, chosen, cells)
+    means = cells.means[chosen]
+    full = np.flatnonzero(cells.counts[chosen])
+    axes, variances = cells.main_axes(chosen[full])
+    steps = np.zeros_like(means)
+    # Half of a normal distribution has its mean so far from the middle.
+    steps[full] = axes * np.sqrt(2 / np.pi * variances)[:, None]
+    return means - steps, means + steps
 
 
 def refill(
@@ -84,15 +99,11 @@ def refill(
     empty: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
-    weighted = points.density > 0
-    energies = cell_energies(points, generators, labels)
-    n_divided = min(np.count_nonzero(empty), np.count_nonzero(free))
-    worst = np.argsort(np.where(free, -energies, np.inf), kind="stable")[:n_divided]
-    members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
-    halves = divide(points, members, int(np.count_nonzero(empty)))
+    energies = np.where(free, cell_energies(points, generators, labels), 0)
+    n_divided = min(np.count_nonzero(empty), np.count_nonzero(energies))
+    worst = np.argsort(-energies, kind="stable")[:n_divided]
     refilled = generators.copy()
-    places = np.concatenate([worst, np.flatnonzero(empty)])[: len(halves)]
-    refilled[places] = np.reshape([half.mean for half in halves], (-1, points.n_dims))
+    refilled[worst], refilled[np.flatnonzero(empty)[:n_divided]] = halves(points, labels, worst, len(generators))
     return refilled
 
 
@@ -158,27 +169,31 @@ class TooFewSamplesError(ValueError):
         super().__init__(f"n_generators={n_generators} must be in 1..{n_distinct}, the number of distinct samples")
 
 
-def _cell(points: Points, members: NDArray[np.int32]) -> Cell:
-    moments = np.empty((points.n_dims + 1, points.n_dims + 1))
-    _cut(points, members, np.zeros(points.n_dims), np.inf, moments)
-    return Cell(members, moments)
+def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], cells: _Cells) -> None:
+    """Count the points of some cells and sum their moments: division by a plane that leaves nothing below."""
+    children = np.full(len(cells.counts), -1, np.int32)
+    children[chosen] = chosen
+    axes = np.zeros((len(children), points.n_dims))
+    offsets = np.zeros(len(children))
+    _kernels.divide_cells(points.tiles, points.density, labels, children, axes, offsets, cells.counts, cells.moments)
 
 
-def _halves(points: Points, cell: Cell) -> tuple[Cell, Cell]:
-    axis = np.linalg.eigh(cell.scatter)[1][:, -1]
-    below = np.empty_like(cell.moments)
-    n_below = _cut(points, cell.members, axis, float(axis @ cell.mean), below)
-    return Cell(cell.members[:n_below], below), Cell(cell.members[n_below:], cell.moments - below)
-
-
-def _cut(
-    points: Points, members: NDArray[np.int32], axis: NDArray[np.float64], offset: float, moments: NDArray[np.float64]
-) -> int:
-    """Bring the members below the plane ``axis . y = offset`` to the front, sum their moments, return their number."""
-    scratch = np.empty_like(members)
-    return _kernels.partition(
-        points.tiles, points.density, members, scratch, np.ascontiguousarray(axis), offset, moments
-    )
+def _divide(
+    points: Points,
+    labels: NDArray[np.int32],
+    chosen: NDArray[np.intp],
+    children: NDArray[np.intp],
+    cells: _Cells,
+) -> None:
+    """Move what is above the middle of some cells to their children."""
+    axes = np.zeros((len(cells.counts), points.n_dims))
+    axes[chosen], _ = cells.main_axes(chosen)
+    offsets = np.einsum("kd,kd->k", axes, cells.means)
+    child_of = np.full(len(cells.counts), -1, np.int32)
+    child_of[chosen] = children
+    _kernels.divide_cells(points.tiles, points.density, labels, child_of, axes, offsets, cells.counts, cells.moments)
+    cells.counts[chosen] -= cells.counts[children]
+    cells.moments[chosen] -= cells.moments[children]
 
 
 def _distances(points: Points, member: int, bound: NDArray[np.float32]) -> NDArray[np.float32]:

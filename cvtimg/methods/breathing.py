@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvtimg.methods._iteration import Conditions, Iteration, Method, Stopping
 from cvtimg.points import Points, assign, assign_two, cell_energies
-from cvtimg.seeding import divide
+from cvtimg.seeding import halves
 
 #: After breathing in, the iteration need not come to rest; after breathing out, nearly.
 _IN = Stopping(tolerance=1e-2, max_iterations=5)
@@ -53,14 +53,15 @@ def breathe(
 
 
 def _add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
-    """Divide the cells of greatest energy, `n_more` times or as often as can be; locked generators stay as well."""
+    """Divide the cells of greatest energy, `n_more` or as many as can be; locked generators stay as well."""
     labels = assign(points, generators)
-    worst = np.argsort(cell_energies(points, generators, labels), kind="stable")[-n_more:]
-    weighted = points.density > 0
-    members = [np.flatnonzero((labels == cell) & weighted).astype(np.int32) for cell in worst]
-    halves = divide(points, [group for group in members if len(group)], n_more)
-    divided = [cell for cell, group in zip(worst, members, strict=True) if len(group) and cell >= n_locked]
-    return np.concatenate([np.delete(generators, divided, axis=0), [half.mean for half in halves]])
+    energies = cell_energies(points, generators, labels)
+    worst = np.argsort(-energies, kind="stable")[: min(n_more, np.count_nonzero(energies))]
+    lower, upper = halves(points, labels, worst, len(generators))
+    more = np.concatenate([generators, upper])
+    free = worst >= n_locked
+    more[worst[free]] = lower[free]
+    return more
 
 
 def _remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
