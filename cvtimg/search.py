@@ -42,7 +42,7 @@ class Effort:
 #: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
 EFFORTS: dict[str, Effort] = {
     "fast": Effort(1, (0, 0), (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": Effort(1, (1 / 4, 1 / 32), (0, 0), Stopping(tolerance=1e-4, max_iterations=300)),
+    "balanced": Effort(1, (1 / 6, 1 / 16), (0, 0), Stopping(tolerance=1e-4, max_iterations=300)),
     "best": Effort(8, (1 / 2, 0), (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
