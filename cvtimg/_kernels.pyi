@@ -9,7 +9,7 @@ MAX_GROUPED_DIMS: int
 PAGE_SIZE: int
 simd: str
 
-def pack_tiles(rows: NDArray[Any], center: NDArray[np.float64], tiles: NDArray[np.float32]) -> None: ...
+def pack_tiles(rows: NDArray[Any], center: NDArray[np.float64], scale: float, tiles: NDArray[np.float32]) -> None: ...
 def assign(
     tiles: NDArray[np.float32],
     generators: NDArray[np.float32],

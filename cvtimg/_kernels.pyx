@@ -60,14 +60,15 @@ simd = SIMD_LEVELS[level]
 def pack_tiles(
     const sample_t[:, ::1] rows,  # IN (N, D)
     const double[::1] center,     # IN (D,)
-    float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): rows less the center; the last row fills the padding
+    double scale,                 # IN
+    float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
 ):
     cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
     cdef Py_ssize_t t, d, i
     for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * LANES * dims > THREADING):
         for d in range(dims):
             for i in range(LANES):
-                tiles[t, d, i] = <float>(rows[min(t * LANES + i, n - 1), d] - center[d])
+                tiles[t, d, i] = <float>((rows[min(t * LANES + i, n - 1), d] - center[d]) * scale)
 
 
 def assign(

@@ -115,8 +115,8 @@ def tessellate(
     rng : int or numpy.random.Generator
         Seed of what is drawn. The same seed gives the same result, bit by bit, whatever the number of threads.
     callback : callable, optional
-        Called before each step with its number and the energy (of fewer points, in the search); it stops the
-        computation by returning True, and the best generators so far are the result.
+        Called before each step with its number and the energy; it stops the computation by returning True, and
+        the best generators so far are the result. In the search the energy is that of fewer points.
 
     Returns
     -------
@@ -149,27 +149,27 @@ def tessellate(
         weights = check_density(density, len(rows))
         check_count("n_generators", n_generators, len(rows), "the number of samples")
     points = pack(rows, weights, in_order=isinstance(samples, ColorSamples) and samples.in_order)
-    fixed = check_locked(locked, n_generators, points.n_dims) - points.center
+    fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     power = check_non_negative("volume_power", volume_power)
     move = _method(method, power)
-    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, Watch(callback))
+    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, Watch(callback, points.frame.energy))
     if isinstance(init, str):
         check_choice("init", init, SEEDINGS)
         initial = search(points, fixed, n_generators, init, move, settings, conditions)
     else:
-        free = check_generators("init", init, n_generators - len(fixed), points.n_dims) - points.center
-        initial = np.concatenate([fixed, free])
+        free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
+        initial = np.concatenate([fixed, points.frame.inward(free)])
     end = descend(points, initial, move, conditions, settings.last_breaths)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)
     return Tessellation(
-        generators=end.generators + points.center,
+        generators=points.frame.outward(end.generators),
         labels=labels[: points.n_points].copy(),
         masses=masses,
-        energy=float(parts.sum()),
-        weighted_energy=weighted_energy(masses, parts, power),
-        energies=tuple(end.energies),
+        energy=points.frame.energy(parts.sum()),
+        weighted_energy=points.frame.energy(weighted_energy(masses, parts, power)),
+        energies=tuple(points.frame.energy(energy) for energy in end.energies),
         n_iter=len(end.energies) - 1,
         converged=end.converged,
     )

@@ -16,6 +16,30 @@ _MAX_PARTS = 32
 _MIN_TILES = 256
 #: Finding which generators can be nearest pays from this number of generators.
 _GROUPED_FROM = 40
+#: Any center near the points serves: their mean over so many rows.
+_CENTER_ROWS = 1 << 20
+_TILES_AT_ONCE = 1 << 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """The center, about the mean of the points, and the scale that let float32 hold what matters."""
+
+    center: NDArray[np.float64]
+    scale: float
+
+    def inward(self, places: NDArray[Any]) -> NDArray[np.float64]:
+        """(n, D) places in the units of the samples, as places in the frame."""
+        inside: NDArray[np.float64] = (places - self.center) * self.scale
+        return inside
+
+    def outward(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, D) places in the frame, as places in the units of the samples."""
+        return places / self.scale + self.center
+
+    def energy(self, energy: float) -> float:
+        """Return an energy in the frame in the squared units of the samples."""
+        return float(energy) / self.scale**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,25 +49,25 @@ class Points:
     Attributes
     ----------
     tiles : (n_tiles, D, TILE) float32 array
-        Points less the center, the last one repeated to fill the last tile.
+        Points in the frame, the last one repeated to fill the last tile.
     boxes : (n_tiles, 2, D) float32 array
         Least and greatest coordinates in each tile.
     density : (n_tiles * TILE,) float64 array
         Weight of each point, 0 in the padding.
-    center : (D,) float64 array
-        Mean of the points, or an integer near it, so that float32 holds what matters.
+    frame : Frame
+        Where the origin of the tiles is.
     n_points : int
         Points without the padding.
     in_order : bool
         Whether points that follow each other are near each other.
     spread : float
-        Sum of density times squared distance to the center.
+        Sum of density times squared distance to the origin of the frame.
     """
 
     tiles: NDArray[np.float32]
     boxes: NDArray[np.float32]
     density: NDArray[np.float64]
-    center: NDArray[np.float64]
+    frame: Frame
     n_points: int
     in_order: bool
     spread: float
@@ -54,27 +78,43 @@ class Points:
         return int(self.tiles.shape[1])
 
     def rows(self, members: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
-        """(m, D) centered coordinates of some points."""
+        """(m, D) places of some points in the frame."""
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
 
 
-def pack(rows: NDArray[Any], density: NDArray[np.float64], *, in_order: bool = False) -> Points:
-    """Pack (N, D) rows and their weights; the rows are copied once, here."""
-    center = density @ rows / density.sum()
-    if rows.dtype.kind == "u":
-        center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
-    return _points(*_tiles(rows, center, density), center, len(rows), in_order)
+def pack(
+    rows: NDArray[Any],
+    density: NDArray[np.float64],
+    *,
+    center: NDArray[np.float64] | None = None,
+    in_order: bool = False,
+) -> Points:
+    """Pack (N, D) rows and their weights; the rows are copied once, here. The center is their mean by default."""
+    if center is None:
+        some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
+        center = weights @ some / weights.sum() if weights.any() else some.mean(axis=0, dtype=np.float64)
+        if rows.dtype.kind == "u":
+            center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
+    scale = _scale(rows, center) if rows.dtype.kind == "f" else 1.0
+    tiles, padded = _tiles(rows, density, center, scale)
+    return _points(tiles, padded, Frame(center, scale), len(rows), in_order)
+
+
+def _scale(rows: NDArray[Any], center: NDArray[np.float64]) -> float:
+    """Return a power of two that brings points to a size whose squares float32 holds, mostly 1."""
+    size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
+    return 1.0 if size == 0 or 1e-6 < size < 1e6 else 2.0 ** -np.round(np.log2(size))
 
 
 def _tiles(
-    rows: NDArray[Any], offset: NDArray[np.float64], density: NDArray[np.float64]
+    rows: NDArray[Any], density: NDArray[np.float64], offset: NDArray[np.float64], scale: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Tiles of rows less an offset, and their density with 0 in the padding."""
+    """Tiles of rows less an offset, scaled, and their density with 0 in the padding."""
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
-    _kernels.pack_tiles(rows, offset, tiles)
+    _kernels.pack_tiles(rows, offset, scale, tiles)
     padded = np.zeros(n_tiles * _kernels.TILE)
     padded[:n_points] = density
     return tiles, padded
@@ -83,13 +123,19 @@ def _tiles(
 def _points(
     tiles: NDArray[np.float32],
     density: NDArray[np.float64],
-    center: NDArray[np.float64],
+    frame: Frame,
     n_points: int,
     in_order: bool,
 ) -> Points:
     boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
-    squares = np.einsum("tdi,tdi->ti", tiles, tiles, dtype=np.float64)
-    return Points(tiles, boxes, density, center, n_points, in_order, float(density @ squares.reshape(-1)))
+    # Part by part: the squares of all at once would be a second copy of the points.
+    spread = 0.0
+    for start in range(0, len(tiles), _TILES_AT_ONCE):
+        part = tiles[start : start + _TILES_AT_ONCE]
+        squares = np.einsum("tdi,tdi->ti", part, part, dtype=np.float64).reshape(-1)
+        first = start * _kernels.TILE
+        spread += float(density[first : first + len(squares)] @ squares)
+    return Points(tiles, boxes, density, frame, n_points, in_order, spread)
 
 
 def coarsen(points: Points, factor: int) -> Points:
@@ -107,14 +153,14 @@ def coarsen(points: Points, factor: int) -> Points:
     means = np.divide(sums, masses, out=groups[..., 0].astype(np.float64), where=masses > 0).astype(np.float32)
     # Each `factor` tiles of few points become one tile.
     means = means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
-    return _points(np.ascontiguousarray(means), masses.reshape(-1), points.center, masses.size, in_order=True)
+    return _points(np.ascontiguousarray(means), masses.reshape(-1), points.frame, masses.size, in_order=True)
 
 
 def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     """Draw one of each `factor` points."""
     drawn = np.sort(rng.choice(points.n_points, points.n_points // factor, replace=False))
-    tiles, density = _tiles(points.rows(drawn), np.zeros(points.n_dims), points.density[drawn])
-    return _points(tiles, density, points.center, len(drawn), points.in_order)
+    tiles, density = _tiles(points.rows(drawn), points.density[drawn], np.zeros(points.n_dims), 1.0)
+    return _points(tiles, density, points.frame, len(drawn), points.in_order)
 
 
 def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:

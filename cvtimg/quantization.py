@@ -137,6 +137,6 @@ def _dark_to_bright(palette: NDArray[Any]) -> NDArray[Any]:
 def _map_to_palette(samples: ColorSamples, palette: NDArray[Any]) -> tuple[NDArray[np.int32], float]:
     """(M,) index of the nearest color of the palette to each sample, and the energy of that map."""
     points = pack(samples.colors, samples.density)
-    centered = palette - points.center
-    labels = assign(points, centered)
-    return labels[: points.n_points], float(cell_energies(points, centered, labels).sum())
+    inside = points.frame.inward(palette)
+    labels = assign(points, inside)
+    return labels[: points.n_points], points.frame.energy(cell_energies(points, inside, labels).sum())

@@ -317,3 +317,13 @@ except KeyboardInterrupt:
     print("idle" if time.process_time() - before < 0.2 else "working")
 """
     assert run(code).strip() == "idle"
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-20, 1e20, 1e100])
+def test_the_size_of_the_numbers_changes_nothing(size: float, blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
+    rows, density = blobs
+    expected = tessellate(rows, 6, density=density)
+    result = tessellate(rows * size, 6, density=density)
+    np.testing.assert_array_equal(result.labels, expected.labels)
+    np.testing.assert_allclose(result.generators, expected.generators * size, rtol=1e-5)
+    np.testing.assert_allclose(np.sqrt(result.energy), np.sqrt(expected.energy) * size, rtol=1e-5)

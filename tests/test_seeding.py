@@ -33,7 +33,7 @@ def test_there_are_as_many_different_generators_as_asked(name: str, points: Poin
 def test_as_many_generators_as_samples_are_the_samples(name: str) -> None:
     rows = np.array([[0, 0], [5, 1], [9, 9], [2, 7], [2, 8]], np.uint8)
     points = pack(rows, np.array([1.0, 2, 3, 4, 5]))
-    generators = seeds(name, points, 5) + points.center
+    generators = seeds(name, points, 5) + points.frame.center
     np.testing.assert_allclose(np.sort(generators, axis=0), np.sort(rows, axis=0), atol=1e-5)
 
 
@@ -52,7 +52,7 @@ def test_samples_of_no_density_are_never_taken(name: str) -> None:
     rows = np.arange(100, dtype=np.float64)[:, None]
     density = (np.arange(100) % 10 == 0).astype(float)
     points = pack(rows, density)
-    taken = seeds(name, points, 10) + points.center
+    taken = seeds(name, points, 10) + points.frame.center
     np.testing.assert_allclose(np.sort(taken[:, 0]), np.arange(0, 100, 10), atol=1e-4)
 
 
@@ -73,13 +73,13 @@ def test_split_divides_at_the_mean_across_the_main_axis() -> None:
     expected = [np.average(rows[side], axis=0, weights=density[side]) for side in (above, ~above)]
     points = pack(rows, density)
     np.testing.assert_allclose(
-        np.sort(seeds("split", points, 2) + points.center, axis=0), np.sort(expected, axis=0), atol=1e-5
+        np.sort(seeds("split", points, 2) + points.frame.center, axis=0), np.sort(expected, axis=0), atol=1e-5
     )
 
 
 def test_maximin_takes_the_farthest_point() -> None:
     points = pack(np.array([[0.0], [4.0], [5.0], [11.0]]), np.ones(4))
-    taken = (seeds("maximin", points, 3) + points.center)[:, 0]
+    taken = (seeds("maximin", points, 3) + points.frame.center)[:, 0]
     np.testing.assert_allclose(taken, [5, 11, 0], atol=1e-6)
 
 
