@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
+import importlib.util
 import json
 import os
 import platform
@@ -203,19 +205,40 @@ def group(items: Sequence[T], key: Callable[[T], S]) -> dict[S, list[T]]:
 
 
 def machine() -> str:
-    """Describe the processor, in one line."""
+    """Describe the machine and the build of cvtimg, in one line."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     model = models[0] if models else platform.processor() or platform.machine()
-    return f"{model}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
+    python = platform.python_version()
+    return f"{model}, {os.cpu_count()} cores, {platform.system()}, Python {python}, cvtimg build {BUILD}"
+
+
+def cvtimg_build() -> str:
+    """Fingerprint the installed cvtimg: its version stays the same while its code changes."""
+    spec = importlib.util.find_spec("cvtimg")
+    if spec is None or spec.origin is None:
+        return "none"
+    files = sorted(path for path in Path(spec.origin).parent.rglob("*") if path.suffix in (".py", ".so", ".pyd"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
+
+
+BUILD = cvtimg_build()
 
 
 def write_results(name: str, about: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
     """Write a run to out/benchmarks as NAME.json with all about it, and its rows as NAME.csv."""
     OUT.mkdir(parents=True, exist_ok=True)
-    whole = {"machine": machine(), "date": time.strftime("%Y-%m-%d %H:%M"), **about, "rows": list(rows)}
+    whole = {
+        "machine": machine(),
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+        "cvtimg": BUILD,
+        **about,
+        "rows": list(rows),
+    }
     (OUT / f"{name}.json").write_text(json.dumps(whole, indent=1) + "\n")
     write_csv(OUT / f"{name}.csv", rows)
+    if cvtimg_build() != BUILD:
+        print("\nWARNING: cvtimg was installed anew during this run: its figures are of two builds")
     print(f"\nwritten: {(OUT / name).relative_to(ROOT)}.json and .csv", flush=True)
 
 

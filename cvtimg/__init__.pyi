@@ -1,4 +1,5 @@
 from .cvt import Tessellation, tessellate
+from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
 from .quantization import Quantized, quantize
@@ -7,6 +8,7 @@ from .search import EFFORTS
 from .seeding import SEEDINGS
 
 __all__ = [
+    "CVT",
     "EFFORTS",
     "METHODS",
     "SEEDINGS",

@@ -9,7 +9,9 @@ MAX_GROUPED_DIMS: int
 PAGE_SIZE: int
 simd: str
 
-def pack_tiles(rows: NDArray[Any], center: NDArray[np.float64], scale: float, tiles: NDArray[np.float32]) -> None: ...
+def pack_tiles(
+    rows: NDArray[Any], center: NDArray[np.float64], scale: float, first: int, tiles: NDArray[np.float32]
+) -> None: ...
 def assign(
     tiles: NDArray[np.float32],
     generators: NDArray[np.float32],
@@ -103,3 +105,20 @@ def count_rows(
     found: int,
 ) -> tuple[int, int]: ...
 def rehash(rows: NDArray[np.uint8], firsts: NDArray[np.int64], slots: NDArray[np.int32]) -> None: ...
+def draw_means(
+    tiles: NDArray[np.float32],
+    drawn: NDArray[np.int64],
+    means: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    n_locked: int,
+) -> None: ...
+def cut_levels(
+    moments: NDArray[np.float64],
+    price: float,
+    costs: NDArray[np.float64],
+    firsts: NDArray[np.int32],
+    queue: NDArray[np.int32],
+    since: NDArray[np.int32],
+    bounds: NDArray[np.int32],
+) -> int: ...

@@ -8,7 +8,6 @@ last tile padded with points of density 0.
 import os
 
 cimport cython
-from cython.parallel cimport prange
 from libc.math cimport pow
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcmp
@@ -36,7 +35,6 @@ PAGE_SIZE = PAGE
 
 cdef enum:
     PAGE = 512  # 2 KiB of counts: the 8 x 8 x 8 neighbours of a color
-    THREADING = 1 << 18  # steps of work, about 0.2 ms, below which waking threads costs more than it saves
 
 ctypedef fused sample_t:
     uint8_t
@@ -61,14 +59,16 @@ def pack_tiles(
     const sample_t[:, ::1] rows,  # IN (N, D)
     const double[::1] center,     # IN (D,)
     double scale,                 # IN
+    Py_ssize_t first,             # IN: which tile of all the first of `tiles` is
     float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
 ):
     cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
     cdef Py_ssize_t t, d, i
-    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * LANES * dims > THREADING):
-        for d in range(dims):
-            for i in range(LANES):
-                tiles[t, d, i] = <float>((rows[min(t * LANES + i, n - 1), d] - center[d]) * scale)
+    with nogil:
+        for t in range(n_tiles):
+            for d in range(dims):
+                for i in range(LANES):
+                    tiles[t, d, i] = <float>((rows[min((first + t) * LANES + i, n - 1), d] - center[d]) * scale)
 
 
 def assign(
@@ -80,8 +80,9 @@ def assign(
     cdef Py_ssize_t n_tiles = tiles.shape[0], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
     cdef nearest_function *nearest = nearest_by_level[level]
-    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * n_generators * dims > THREADING):
-        nearest(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+    with nogil:
+        for t in range(n_tiles):
+            nearest(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
 
 
 def assign_grouped(
@@ -96,12 +97,13 @@ def assign_grouped(
     cdef Py_ssize_t n_tiles = tiles.shape[0], width = columns.shape[1], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
     cdef group_function *nearest = group_by_level[level]
-    for t in prange(
-        0, n_tiles, TILES_IN_GROUP, nogil=True, schedule="static", use_threads_if=n_tiles * LANES * dims > THREADING
-    ):
-        nearest(
-            &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
-            &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+    with nogil:
+        t = 0
+        while t < n_tiles:
+            nearest(
+                &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
+                &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+            t += TILES_IN_GROUP
 
 
 def assign_two(
@@ -115,29 +117,28 @@ def assign_two(
     cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
     cdef two_function *nearest_two = two_by_level[level]
-    for t in prange(n_tiles, nogil=True, schedule="static", use_threads_if=n_tiles * n_generators * dims > THREADING):
-        at = t * LANES
-        nearest_two(
-            &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
-            &gaps[at])
+    with nogil:
+        for t in range(n_tiles):
+            at = t * LANES
+            nearest_two(
+                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
+                &gaps[at])
 
 
 def accumulate(
     const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
-    double[:, :, ::1] sums,         # INOUT (n_parts, K, D + 1): += density times (point, 1), by label
+    double[:, ::1] sums,            # INOUT (K, D + 1): += density times (point, 1), by label
 ):
-    # Each part of the points has sums of its own, so that the result does not depend on the number of threads.
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], n_parts = sums.shape[0]
-    cdef Py_ssize_t part, t, i, d
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
     cdef double weight
     cdef double *cell
-    for part in prange(n_parts, nogil=True, schedule="static", chunksize=1, use_threads_if=n_tiles * LANES * dims > THREADING):
-        for t in range(part * n_tiles // n_parts, (part + 1) * n_tiles // n_parts):
+    with nogil:
+        for t in range(n_tiles):
             for i in range(LANES):
                 weight = density[t * LANES + i]
-                cell = &sums[part, labels[t * LANES + i], 0]
+                cell = &sums[labels[t * LANES + i], 0]
                 for d in range(dims):
                     cell[d] = cell[d] + weight * tiles[t, d, i]
                 cell[dims] = cell[dims] + weight
@@ -148,21 +149,20 @@ def measure(
     const double[::1] density,      # IN (n_tiles * LANES,)
     const double[:, ::1] generators,  # IN (K, D)
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
-    double[:, ::1] energies,        # INOUT (n_parts, K): += density times squared distance to the own generator
+    double[::1] energies,           # INOUT (K,): += density times squared distance to the own generator
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], n_parts = energies.shape[0]
-    cdef Py_ssize_t part, t, i, d
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
     cdef int32_t label
     cdef double total, step
-    for part in prange(n_parts, nogil=True, schedule="static", chunksize=1, use_threads_if=n_tiles * LANES * dims > THREADING):
-        for t in range(part * n_tiles // n_parts, (part + 1) * n_tiles // n_parts):
+    with nogil:
+        for t in range(n_tiles):
             for i in range(LANES):
                 label = labels[t * LANES + i]
                 total = 0
                 for d in range(dims):
                     step = tiles[t, d, i] - generators[label, d]
                     total = total + step * step
-                energies[part, label] += density[t * LANES + i] * total
+                energies[label] += density[t * LANES + i] * total
 
 
 cdef inline double cell_weight(double share, double power) noexcept nogil:
@@ -379,9 +379,10 @@ def look_up_keys(
     cdef const uint32_t *bits = &spread[0, 0]
     cdef const uint32_t *rank = &ranks[0, 0]
     cdef uint32_t key
-    for p in prange(n, nogil=True, schedule="static", use_threads_if=n > THREADING):
-        key = key_of(pixel + 3 * p, 3, bits) if n_bytes == 3 else key_of(pixel + n_bytes * p, n_bytes, bits)
-        inverse[p] = rank[<uint32_t>pages[key // PAGE] * PAGE + key % PAGE]
+    with nogil:
+        for p in range(n):
+            key = key_of(pixel + 3 * p, 3, bits) if n_bytes == 3 else key_of(pixel + n_bytes * p, n_bytes, bits)
+            inverse[p] = rank[<uint32_t>pages[key // PAGE] * PAGE + key % PAGE]
 
 
 cdef inline uint64_t hash_bytes(const uint8_t *row, Py_ssize_t n_bytes) noexcept nogil:
@@ -442,3 +443,121 @@ def rehash(
             while slots[slot] >= 0:
                 slot = (slot + 1) & mask
             slots[slot] = <int32_t>rank
+
+
+def draw_means(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const int64_t[::1] drawn,       # IN (n,): points, in the order in which they were drawn
+    double[:, ::1] means,           # INOUT (D, K)
+    double[::1] counts,             # INOUT (K,): points that each mean is the mean of
+    double[::1] squares,            # OUT (K,): scratch
+    Py_ssize_t n_locked,            # IN: the first means stay in place
+):
+    """Add one point after the other to the mean that is nearest to it by then, the first one on a tie."""
+    cdef Py_ssize_t n_drawn = drawn.shape[0], dims = tiles.shape[1], n_cells = counts.shape[0], n, d, k, t, i, nearest
+    cdef double step, least
+    with nogil:
+        for n in range(n_drawn):
+            t = drawn[n] // LANES
+            i = drawn[n] % LANES
+            for k in range(n_cells):
+                squares[k] = 0
+            for d in range(dims):
+                for k in range(n_cells):
+                    step = tiles[t, d, i] - means[d, k]
+                    squares[k] += step * step
+            least = squares[0]
+            for k in range(1, n_cells):
+                least = min(least, squares[k])
+            nearest = 0
+            while squares[nearest] != least:
+                nearest += 1
+            if nearest < n_locked:
+                continue
+            for d in range(dims):
+                means[d, nearest] = (counts[nearest] * means[d, nearest] + tiles[t, d, i]) / (counts[nearest] + 1)
+            counts[nearest] += 1
+
+
+cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, Py_ssize_t end) noexcept nogil:
+    """Energy about their mean of levels first..end-1, from the sums over those before each."""
+    cdef double mass = moments[end, 0] - moments[first, 0]
+    cdef double sum_ = moments[end, 1] - moments[first, 1]
+    return max(moments[end, 2] - moments[first, 2] - sum_ * sum_ / mass, 0)
+
+
+cdef inline double through(
+    const double[:, ::1] moments, const double[::1] costs, Py_ssize_t first, Py_ssize_t end
+) noexcept nogil:
+    """Cost of levels 0..end-1 if their last cell begins at `first`, but for the price of that cell."""
+    return costs[first] + cell_energy(moments, first, end)
+
+
+cdef inline Py_ssize_t takes_over(
+    const double[:, ::1] moments, const double[::1] costs, Py_ssize_t older, Py_ssize_t newer, Py_ssize_t worse
+) noexcept nogil:
+    """First end from which a last cell better begins at `newer`, given that at `worse` it does not; or M + 1."""
+    # The place is near: steps that double find it sooner than halving all that is left.
+    cdef Py_ssize_t n = moments.shape[0] - 1, stride = 1, better = n + 1, middle
+    while worse + stride <= n:
+        if through(moments, costs, newer, worse + stride) < through(moments, costs, older, worse + stride):
+            better = worse + stride
+            break
+        worse += stride
+        stride *= 2
+    while better - worse > 1:
+        middle = (worse + better) // 2
+        if through(moments, costs, newer, middle) < through(moments, costs, older, middle):
+            better = middle
+        else:
+            worse = middle
+    return better
+
+
+def cut_levels(
+    const double[:, ::1] moments,   # IN (M + 1, 3): sums of density > 0 times (1, y, y^2) over the levels before each
+    double price,                   # IN: of a cell
+    double[::1] costs,              # OUT (M + 1,): least sum of energies and prices for the levels before each
+    int32_t[::1] firsts,            # OUT (M + 1,): where the last of their cells begins
+    int32_t[::1] queue,             # OUT (M + 1,): scratch; beginnings of a last cell that are still to serve
+    int32_t[::1] since,             # OUT (M + 1,): scratch; the end from which each of these is best
+    int32_t[::1] bounds,            # OUT (M + 1,): where each cell begins, and M
+):
+    """Cut sorted levels into cells at the least sum of energies and prices; return the number of cells."""
+    # A later beginning that is better for some end is better for all ends after that. So those that will ever be
+    # best stand in a queue, and a new one takes the ends behind some place from those before it.
+    cdef Py_ssize_t n = moments.shape[0] - 1, head = 0, last = 0, end, start, n_cells = 0
+    with nogil:
+        costs[0] = 0
+        queue[0] = 0
+        since[0] = 1
+        for end in range(1, n + 1):
+            while head < last and since[head + 1] <= end:
+                head += 1
+            firsts[end] = queue[head]
+            costs[end] = through(moments, costs, queue[head], end) + price
+            if end == n:
+                break
+            while True:
+                if last < head:
+                    start = end + 1
+                    break
+                start = max(<Py_ssize_t>since[last], end + 1)
+                if through(moments, costs, end, start) >= through(moments, costs, queue[last], start):
+                    start = takes_over(moments, costs, queue[last], end, start)
+                    break
+                last -= 1
+            if start <= n:
+                last += 1
+                queue[last] = <int32_t>end
+                since[last] = <int32_t>start
+        # From the end to the beginning, and then turned around.
+        start = n
+        while start > 0:
+            bounds[n_cells] = <int32_t>start
+            start = firsts[start]
+            n_cells += 1
+        bounds[n_cells] = 0
+        for start in range((n_cells + 1) // 2):
+            bounds[start], bounds[n_cells - start] = bounds[n_cells - start], bounds[start]
+    return n_cells

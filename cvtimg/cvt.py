@@ -21,6 +21,8 @@ from cvtimg._checks import (
     check_rows,
 )
 from cvtimg.methods import METHODS, Callback, Conditions, Method, Watch
+from cvtimg.methods.lloyd import lloyd
+from cvtimg.methods.optimal1d import optimal1d
 from cvtimg.methods.transfer import transfer, weighted_energy
 from cvtimg.points import assign, cell_energies, cell_moments, pack
 from cvtimg.samples import ColorSamples
@@ -95,8 +97,9 @@ def tessellate(
         Number of generators K, at most the number of distinct samples.
     density : (N,) array, optional
         Weights >= 0 for the rows of a table, 1 each by default. ColorSamples have a density of their own.
-    method : {"lloyd", "transfer"} or Method, optional
-        How generators move: by default "transfer" if `volume_power` is not 0, else "lloyd".
+    method : {"lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"} or Method, optional
+        How generators move: by default "transfer" if `volume_power` is not 0, else "optimal1d", the global optimum,
+        for samples of one dimension if neither `locked` nor initial generators are given, else "lloyd".
     init : {"split", "k-means++", "maximin", "random"} or (K, D) array
         Initial generators. "split" and "maximin" draw nothing. From given generators the iteration starts as they
         are, without a search.
@@ -151,15 +154,19 @@ def tessellate(
     points = pack(rows, weights, in_order=isinstance(samples, ColorSamples) and samples.in_order)
     fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     power = check_non_negative("volume_power", volume_power)
-    move = _method(method, power)
-    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, Watch(callback, points.frame.energy))
+    move = _method(method, power, exact=points.n_dims == 1 and isinstance(init, str) and not len(fixed))
+    watch = Watch(callback, points.frame.energy)
+    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, watch)
     if isinstance(init, str):
         check_choice("init", init, SEEDINGS)
-        initial = search(points, fixed, n_generators, init, move, settings, conditions)
+        if move is optimal1d:
+            initial = np.zeros((n_generators, points.n_dims))  # it takes no account of them
+        else:
+            initial = search(points, fixed, n_generators, init, move, settings, conditions)
     else:
         free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
         initial = np.concatenate([fixed, points.frame.inward(free)])
-    end = descend(points, initial, move, conditions, settings.last_breaths)
+    end = descend(points, initial, move, conditions, (0, 0) if move is optimal1d else settings.last_breaths)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)
@@ -175,9 +182,11 @@ def tessellate(
     )
 
 
-def _method(method: str | Method | None, volume_power: float) -> Method:
+def _method(method: str | Method | None, volume_power: float, exact: bool) -> Method:
+    if method is None and volume_power:
+        return transfer
     if method is None:
-        return transfer if volume_power else METHODS["lloyd"]
+        return optimal1d if exact else lloyd
     if not isinstance(method, str):
         return method
     if volume_power and method != "transfer":

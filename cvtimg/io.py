@@ -24,7 +24,7 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 from cvtimg.files import NOT_RASTER, StrPath, find_images, one_line, whole_file
 from cvtimg.profiles import apply_profile, profile_name
 
-__all__ = ["ImageInfo", "find_images", "image_info", "read_image", "whole_file", "write_image"]
+__all__ = ["ImageInfo", "find_images", "image_info", "lossless_suffixes", "read_image", "whole_file", "write_image"]
 
 # Pillow logs some of what it also raises; without a handler that goes to stderr a second time.
 logging.getLogger("PIL").addHandler(logging.NullHandler())
@@ -284,7 +284,7 @@ def write_image(
         raise ValueError(f"{path}: suffix {suffix!r} must be one of {', '.join(_FORMATS)}")
     form = _FORMATS[suffix]
     if palette is not None and not form.lossless:
-        lossless = ", ".join(name for name, one in _FORMATS.items() if one.lossless)
+        lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{path}: {suffix} would lose the colors of the palette; use one of {lossless}")
     picture = _direct(image) if palette is None else _indexed(image, palette, form)
     while picture.mode not in form.modes and picture.mode in _WIDER:
@@ -297,6 +297,11 @@ def write_image(
             picture.save(file, form.name, **form.options)
         except Exception as error:  # encoders raise ValueError, OSError, SystemError and others
             raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+
+
+def lossless_suffixes() -> list[str]:
+    """List the suffixes of files that `write_image` writes without loss."""
+    return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import _kernels
+from cvtimg._threads import in_parts
 
 #: Points are summed in this many parts at most, each of this many tiles at least. The parts depend on the data
 #: alone: the sums have the same bits whatever the number of threads.
@@ -104,7 +106,7 @@ def pack(
 def _scale(rows: NDArray[Any], center: NDArray[np.float64]) -> float:
     """Return a power of two that brings points to a size whose squares float32 holds, mostly 1."""
     size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
-    return 1.0 if size == 0 or 1e-6 < size < 1e6 else 2.0 ** -np.round(np.log2(size))
+    return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
 
 
 def _tiles(
@@ -114,7 +116,11 @@ def _tiles(
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
-    _kernels.pack_tiles(rows, offset, scale, tiles)
+
+    def pack_part(start: int, stop: int) -> None:
+        _kernels.pack_tiles(rows, offset, scale, start, tiles[start:stop])
+
+    in_parts(pack_part, n_tiles, work=rows.size)
     padded = np.zeros(n_tiles * _kernels.TILE)
     padded[:n_points] = density
     return tiles, padded
@@ -167,13 +173,20 @@ def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]
     """Label each point, padding too, with its nearest generator; the first one on a tie."""
     single, half_norms = _for_kernels(generators)
     labels = np.empty(len(points.density), np.int32)
-    if points.n_dims > _kernels.MAX_GROUPED_DIMS or len(single) < _GROUPED_FROM:
-        _kernels.assign(points.tiles, single, half_norms, labels)
-    else:
-        n_filled = -(-len(single) // _kernels.TILE) * _kernels.TILE
-        columns = np.full((points.n_dims, n_filled), 1e18, np.float32)
-        columns[:, : len(single)] = single.T
-        _kernels.assign_grouped(points.tiles, points.boxes, columns, single, half_norms, labels)
+    columns = np.full((points.n_dims, -(-len(single) // _kernels.TILE) * _kernels.TILE), 1e18, np.float32)
+    columns[:, : len(single)] = single.T
+    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= _GROUPED_FROM
+
+    def assign_part(start: int, stop: int) -> None:
+        part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
+        if grouped:
+            _kernels.assign_grouped(points.tiles[part], points.boxes[part], columns, single, half_norms, labels[ends])
+        else:
+            _kernels.assign(points.tiles[part], single, half_norms, labels[ends])
+
+    # Of many generators in a group only some dozens are compared with each point.
+    n_compared = _GROUPED_FROM if grouped else len(single)
+    in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * n_compared)
     return labels
 
 
@@ -186,7 +199,13 @@ def assign_two(
     """
     labels, seconds = np.empty((2, len(points.density)), np.int32)
     gaps = np.empty(len(points.density), np.float32)
-    _kernels.assign_two(points.tiles, *_for_kernels(generators), labels, seconds, gaps)
+    single, half_norms = _for_kernels(generators)
+
+    def assign_part(start: int, stop: int) -> None:
+        ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
+        _kernels.assign_two(points.tiles[start:stop], single, half_norms, labels[ends], seconds[ends], gaps[ends])
+
+    in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * len(single))
     return labels, seconds, gaps
 
 
@@ -195,7 +214,11 @@ def cell_moments(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(K,) mass of each cell and (K, D) sum of density times point."""
     parts = np.zeros((_n_parts(points), n_cells, points.n_dims + 1))
-    _kernels.accumulate(points.tiles, points.density, labels, parts)
+
+    def accumulate(part: int, tiles: slice, ends: slice) -> None:
+        _kernels.accumulate(points.tiles[tiles], points.density[ends], labels[ends], parts[part])
+
+    _sum_in_parts(points, accumulate, len(parts))
     total = parts.sum(axis=0)
     return total[:, -1].copy(), total[:, :-1].copy()
 
@@ -212,7 +235,11 @@ def energy(
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """(K,) energy of each cell, summed point by point: exact where `energy` cancels."""
     parts = np.zeros((_n_parts(points), len(generators)))
-    _kernels.measure(points.tiles, points.density, generators, labels, parts)
+
+    def measure(part: int, tiles: slice, ends: slice) -> None:
+        _kernels.measure(points.tiles[tiles], points.density[ends], generators, labels[ends], parts[part])
+
+    _sum_in_parts(points, measure, len(parts))
     energies: NDArray[np.float64] = parts.sum(axis=0)
     return energies
 
@@ -221,6 +248,18 @@ def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], 
     """Return generators in float32, and half their squared norms."""
     single = np.ascontiguousarray(generators, dtype=np.float32)
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
+
+
+def _sum_in_parts(points: Points, kernel: Callable[[int, slice, slice], None], n_parts: int) -> None:
+    """Call ``kernel(part, tiles, ends)`` for each of the fixed parts of the points."""
+    bounds = [len(points.tiles) * part // n_parts for part in range(n_parts + 1)]
+
+    def sum_some(start: int, stop: int) -> None:
+        for part in range(start, stop):
+            first, last = bounds[part], bounds[part + 1]
+            kernel(part, slice(first, last), slice(first * _kernels.TILE, last * _kernels.TILE))
+
+    in_parts(sum_some, n_parts, work=points.tiles.size)
 
 
 def _n_parts(points: Points) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cvtimg import _kernels
 from cvtimg._checks import check_image
+from cvtimg._threads import in_parts
 
 #: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
 _TABLE_BYTES = 3
@@ -118,7 +119,11 @@ def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
     density = np.empty(len(keys))
     n_colors = _kernels.number_keys(pages, counts, keys, density)
     inverse = np.empty(n_pixels, np.int32)
-    _kernels.look_up_keys(flat, spread, pages, counts, inverse)
+
+    def look_up(start: int, stop: int) -> None:
+        _kernels.look_up_keys(flat[start * n_bytes : stop * n_bytes], spread, pages, counts, inverse[start:stop])
+
+    in_parts(look_up, n_pixels, work=n_pixels)
     return _pixels(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
 
 
@@ -152,8 +157,9 @@ def _interleave(n_bytes: int) -> NDArray[np.uint32]:
 def _pixels(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
     """(M, B) bytes of each key, by tables for its lower and upper 12 bits."""
     half = np.arange(1 << 12, dtype=np.uint32)
-    lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << 12, n_bytes)
-    return lower[keys & 0xFFF] | upper[keys >> 12]
+    lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
+    pixels: NDArray[np.uint8] = lower[keys & 0xFFF] | upper[keys >> 12]
+    return pixels
 
 
 def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:

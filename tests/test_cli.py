@@ -19,6 +19,8 @@ from PIL import Image
 
 import cvtimg
 from cvtimg import cli, image_info, io, quantization, read_image, write_image
+from cvtimg.commands import _options
+from cvtimg.tables import read_table
 
 ROOT = Path(__file__).parent.parent
 RNG = np.random.default_rng(3)
@@ -199,7 +201,7 @@ def test_more_effort_gives_less_energy(run: Run, here: Path, photograph: NDArray
     write_image("photograph.png", photograph)
     energies = []
     for effort in ("fast", "balanced", "best"):
-        options = ["-k", "16", "--effort", effort, "-o", f"{effort}.png", "--json"]
+        options = ["-k", "32", "--effort", effort, "-o", f"{effort}.png", "--json"]
         energies += [row["energy"] for row in run("quantize", "photograph.png", *options).rows]
     assert energies[0] > energies[1] > energies[2]
 
@@ -480,7 +482,9 @@ def test_an_unknown_command_is_wrong_usage(run: Run) -> None:
 # Help
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"], ["quantize", "--help"], ["info", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["--help"], ["quantize", "--help"], ["cluster", "--help"], ["info", "--help"]]
+)
 @pytest.mark.parametrize("width", [80, 120])
 def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], width: int) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
@@ -489,17 +493,22 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
     assert max(map(len, outcome.out.splitlines())) <= width
 
 
-def test_help_says_what_the_registries_hold(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("command", ["quantize", "cluster"])
+def test_help_says_what_the_registries_hold(run: Run, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    text = " ".join(run("quantize", "--help").out.split())
+    text = " ".join(run(command, "--help").out.split())
     for option, names in (("--init", list(cvtimg.SEEDINGS)), ("--effort", list(cvtimg.EFFORTS))):
         listed = text.split(f"{option} NAME")[1].split(": ", 1)[1].split(".")[0]
         assert re.split(r", | or ", listed) == names
-    assert cli.MAX_COLORS == quantization.MAX_COLORS
-    assert f"at most {cli.MAX_COLORS}" in text
+
+
+def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = " ".join(run("quantize", "--help").out.split())
+    assert _options.MAX_COLORS == quantization.MAX_COLORS
+    assert f"at most {_options.MAX_COLORS}" in text
     suffixes = re.findall(r"\.[a-z]+", text.split("can also end in")[1].split("The same seed")[0])
-    lossless = {suffix for suffix, form in io._FORMATS.items() if form.lossless}
-    assert {*suffixes, ".png", ".tiff"} == lossless
+    assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())
 
 
 def test_version_is_that_of_the_package(run: Run) -> None:
@@ -525,7 +534,9 @@ def modules_of(*arguments: str, cwd: Path) -> set[str]:
     return set(done.stderr.split())
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["quantize", "--help"], ["info", "--help"], ["--version"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["quantize", "--help"], ["cluster", "--help"], ["info", "--help"], ["--version"]]
+)
 def test_help_imports_nothing_heavy(here: Path, arguments: list[str]) -> None:
     assert not modules_of(*arguments, cwd=here) & HEAVY
 
@@ -588,6 +599,156 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
     assert b"100%" in os.read(terminal, 1 << 16)
     os.close(terminal)
     assert [list(json.loads(line)) for line in done.stdout.splitlines()] == [KEYS] * 5
+
+
+# Tables
+
+TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "energy", "explained", "n_iter", "converged"]
+TABLE_KEYS += ["seconds"]
+#: Three groups far from each other, in two columns of which one is a thousand times the other.
+ROWS = np.array([[0, 0], [0, 2000], [90, 0]])[RNG.integers(0, 3, 40)] + RNG.normal(size=(40, 2)) * [1, 20]
+COUNTS = RNG.integers(1, 5, 40)
+
+
+@pytest.fixture
+def table(here: Path) -> Path:
+    """Write a table with names, texts and counts; work in its folder."""
+    lines = [f"S{n},{x!r},{y!r},{count}" for n, ((x, y), count) in enumerate(zip(ROWS.tolist(), COUNTS, strict=True))]
+    Path("trees.csv").write_text("\n".join(["site,height,girth,count", *lines, ""]))
+    return Path("trees.csv")
+
+
+def labels_of(path: str | Path) -> list[int]:
+    head, *labels = Path(path).read_text().splitlines()
+    assert head == "label"
+    return [int(label) for label in labels]
+
+
+def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
+    options = ["--columns", "height,girth", "--weight", "count", "--generators", "means.csv", "--json"]
+    outcome = run("cluster", table, "-k", "3", *options)
+    assert (outcome.status, outcome.err) == (0, "")
+    (row,) = outcome.rows
+    assert list(row) == TABLE_KEYS
+    expected = cvtimg.tessellate(ROWS, 3, density=COUNTS)
+    assert labels_of("trees-labels.csv") == expected.labels.tolist()
+    means = read_table("means.csv")
+    assert means.names == ("height", "girth", "mass", "share")
+    shares = np.column_stack([expected.masses, expected.masses / COUNTS.sum()])
+    np.testing.assert_array_equal(means.rows, np.column_stack([expected.generators, shares]))
+    assert (row["input"], row["output"], row["columns"]) == ("trees.csv", "trees-labels.csv", ["height", "girth"])
+    assert (row["rows"], row["left_out"], row["k"], row["energy"]) == (40, 0, 3, expected.energy)
+    assert (row["n_iter"], row["converged"]) == (expected.n_iter, True)
+    total = cvtimg.tessellate(ROWS, 1, density=COUNTS).energy
+    assert row["explained"] == pytest.approx(1 - expected.energy / total)
+    assert list(row["seconds"]) == ["read", "cluster", "write"]
+
+
+def test_standardized_columns_count_alike_and_generators_keep_their_units(run: Run, table: Path) -> None:
+    options = ["-k", "3", "--columns", "height,girth", "--weight", "count", "--generators", "means.csv"]
+    assert run("cluster", table, *options, "--standardize").status == 0
+    labels, means = np.array(labels_of("trees-labels.csv")), read_table("means.csv").rows
+    groups = (ROWS[:, 0] > 45) * 2 + (ROWS[:, 1] > 1000)  # as they were made; without --standardize girth alone counts
+    assert len(set(zip(labels, groups, strict=True))) == 3
+    for label in range(3):
+        mean = np.average(ROWS[labels == label], axis=0, weights=COUNTS[labels == label])
+        np.testing.assert_allclose(means[label, :2], mean, rtol=1e-5, atol=1e-3)
+
+
+def test_arrays_are_clustered_and_labels_can_be_arrays(run: Run, here: Path) -> None:
+    np.save("a.npy", np.column_stack([ROWS, np.where(np.arange(40) == 7, np.nan, 1)]))
+    outcome = run("cluster", "a.npy", "-k", "3", "-o", "labels.npy", "--missing", "drop", "--json")
+    assert [(row["rows"], row["left_out"]) for row in outcome.rows] == [(39, 1)]
+    labels = np.load("labels.npy")
+    assert (labels.shape, labels.dtype, labels[7], labels.max()) == ((40,), np.int32, -1, 2)
+    assert np.count_nonzero(labels < 0) == 1
+
+
+def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
+    Path("tables").mkdir()
+    for name in ("a.csv", "b.csv"):
+        Path("tables", name).write_text("1,2\n3,4\n5,7\n")
+    Path("tables/bad.csv").write_text("1,2\n3,\n")
+    outcome = run("cluster", "tables", "missing.csv", "-k", "2", "--out-dir", "out")
+    assert outcome.status == 1
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a-labels.csv", "b-labels.csv"]
+    missing, bad = outcome.err.splitlines()
+    assert missing == "cvtimg: missing.csv: no such file"
+    assert bad.startswith("cvtimg: tables/bad.csv: line 2, column 'col1': the value is missing")
+    head, *rows = (line.split() for line in outcome.out.splitlines())
+    assert head == ["input", "rows", "k", "energy", "explained", "seconds", "output"]
+    assert [(row[0], row[1], row[2], row[-1]) for row in rows] == [
+        (f"tables/{name}.csv", "3", "2", f"out/{name}-labels.csv") for name in ("a", "b")
+    ]
+
+
+def test_a_column_whose_name_has_a_comma_is_named_in_quotes(run: Run, here: Path) -> None:
+    Path("a.csv").write_text('"x, m",y\n1,2\n3,4\n')
+    (row,) = run("cluster", "a.csv", "-k", "1", "--columns", '"x, m"', "--json").rows
+    assert row["columns"] == ["x, m"]
+
+
+def test_equal_rows_are_all_explained_by_one_generator(run: Run, here: Path) -> None:
+    Path("a.csv").write_text("1,2\n1,2\n")
+    (row,) = run("cluster", "a.csv", "-k", "1", "--standardize", "--json").rows
+    assert (row["energy"], row["explained"]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ([], ["line 2, column 'site': 'S0' is not a number; choose columns of numbers (--columns height,girth,count)"]),
+        (["--columns", "height,age"], ["column 'age' must be one of site, height, girth, count"]),
+        (["--columns", "height", "--weight", "height"], ["column 'height' is the weight"]),
+        (["--columns", "height", "-k", "41"], ["n_generators=41 must be in 1..40, the number of samples"]),
+        (["--columns", "count", "-k", "5"], ["n_generators=5 must be in 1..4, the number of distinct samples"]),
+        (["--columns", "count", "-o", "exists.csv"], ["exists.csv: exists already"]),
+    ],
+)
+def test_a_table_that_fails_is_one_line_and_nothing_is_written(
+    run: Run, table: Path, options: list[str], parts: list[str]
+) -> None:
+    Path("exists.csv").write_text("mine")
+    before = listing(Path())
+    outcome = run("cluster", table, "-k", "3", *options)
+    assert (outcome.status, outcome.out) == (1, "")
+    assert_one_line(outcome.err, "cvtimg: trees.csv: ", *parts)
+    assert listing(Path()) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ([], ["Missing option '-k'"]),
+        (["-k", "0"], ["'0' must be a whole number in 1.."]),
+        (["-k", "3", "--missing", "guess"], ["--missing: 'guess' must be one of error, drop"]),
+        (["-k", "3", "--effort", "heroic"], ["--effort: 'heroic' must be one of fast, balanced, best"]),
+        (["-k", "3", "--init", "luck"], ["--init: 'luck' must be one of split,"]),
+        (["-k", "3", "--columns", "a,,b"], ["--columns: 'a,,b' must be names with commas between them"]),
+        (["-k", "3", "--columns", ""], ["--columns: '' must be names"]),
+        (["-k", "3", "-o", "labels.txt"], ["-o: '.txt' must be one of .csv, .npy"]),
+        (["-k", "3", "--generators", "g.npy"], ["--generators: '.npy' must be one of .csv"]),
+        (["-k", "3", "-o", "x.csv", "--generators", "x.csv"], ["two outputs of trees.csv would both become x.csv"]),
+        (["-k", "3", "-o", "trees.csv", "--overwrite"], ["trees.csv is an input, which is never replaced"]),
+        (["-k", "3", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
+        (["pictures/rgb.png", "-k", "3"], ["2 inputs need --out-dir DIR"]),
+        (["a.csv", "-k", "3", "--generators", "g.csv", "--out-dir", "out"], ["--generators is for one input"]),
+    ],
+)
+def test_wrong_usage_of_cluster_is_one_line_and_writes_nothing(
+    run: Run, table: Path, options: list[str], parts: list[str]
+) -> None:
+    before = listing(Path())
+    outcome = run("cluster", table, *options)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert_one_line(outcome.err, *parts, "(see cvtimg cluster --help)")
+    assert listing(Path()) == before
+
+
+def test_cluster_imports_nothing_for_pictures(table: Path) -> None:
+    modules = modules_of("cluster", "trees.csv", "-k", "3", "--columns", "height", "--quiet", cwd=Path.cwd())
+    assert "numpy" in modules
+    assert not modules & {"PIL", "rich", "scipy", "sklearn", "pandas", "cvtimg.io"}
 
 
 # The launcher in a checkout

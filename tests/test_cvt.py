@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from cvtimg import EFFORTS, METHODS, SEEDINGS, Tessellation, color_samples, tessellate
+from cvtimg import EFFORTS, SEEDINGS, Tessellation, color_samples, tessellate
 from cvtimg.methods import Stopping
 from cvtimg.search import Effort
 
+#: Methods for any dimension that draw nothing; tests/test_methods.py has the others.
+DESCENTS = ["lloyd", "transfer"]
 ONE_MOVE = Effort(1, (0, 0), (0, 0), Stopping(tolerance=0, max_iterations=1))
 TO_THE_END = Effort(2, (1 / 4, 0), (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
 
@@ -52,14 +54,14 @@ def test_one_move_agrees_with_the_oracle(n_dims: int, dtype: Any, monkeypatch: p
     np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-5)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DESCENTS)
 @pytest.mark.parametrize("init", SEEDINGS)
 def test_the_energy_never_rises(method: str, init: str, photograph: NDArray[Any]) -> None:
     energies = np.array(tessellate(color_samples(photograph), 40, method=method, init=init, effort="best").energies)
     assert (np.diff(energies) <= 1e-7 * energies[:-1]).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DESCENTS)
 def test_the_end_is_a_centroidal_voronoi_tessellation(
     method: str, blobs: tuple[NDArray[Any], NDArray[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -73,7 +75,7 @@ def test_the_end_is_a_centroidal_voronoi_tessellation(
     np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-7)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DESCENTS)
 def test_weights_count_as_repetitions(method: str) -> None:
     rng = np.random.default_rng(8)
     rows, density = rng.normal(size=(200, 3)), rng.integers(0, 4, 200)
@@ -156,7 +158,7 @@ def test_the_same_seed_gives_the_same_bits(init: str, photograph: NDArray[Any]) 
 PRINT_BITS = """
 import hashlib, numpy as np
 from cvtimg import tessellate
-rows = np.random.default_rng(0).integers(0, 256, (300_000, 3)).astype(np.uint8)
+rows = np.random.default_rng(0).integers(0, 256, (3_000_000, 3)).astype(np.uint8)
 print(hashlib.sha256(tessellate(rows, 50, effort="fast").generators.tobytes()).hexdigest())
 """
 
@@ -168,7 +170,7 @@ def run(code: str, **environment: str) -> str:
 
 
 def test_the_number_of_threads_changes_no_bit() -> None:
-    assert len({run(PRINT_BITS, OMP_NUM_THREADS=str(n)) for n in (1, 2, 3)}) == 1
+    assert len({run(PRINT_BITS, CVTIMG_THREADS=str(n)) for n in (1, 2, 3)}) == 1
 
 
 def test_instruction_sets_agree() -> None:
@@ -182,6 +184,26 @@ print(_kernels.simd, *(tessellate(rng.random((5000, d)), 30, effort="fast").ener
     assert runs[0][0] == "baseline"
     for _, *energies in runs:
         np.testing.assert_allclose([float(e) for e in energies], [float(e) for e in runs[0][1:]], rtol=1e-4)
+
+
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    code = """
+import os, numpy as np
+from cvtimg import tessellate
+rows = np.random.default_rng(0).integers(0, 256, (2_000_000, 3)).astype(np.uint8)
+energy = tessellate(rows, 5, effort="fast").energy
+child = os.fork()
+if child == 0:
+    os._exit(0 if tessellate(rows, 5, effort="fast").energy == energy else 1)
+print(os.waitpid(child, 0)[1])
+"""
+    assert run(code, CVTIMG_THREADS="2").strip() == "0"
+
+
+def test_a_wrong_number_of_threads_is_named() -> None:
+    with pytest.raises(subprocess.CalledProcessError) as error:
+        run("from cvtimg._threads import n_threads; n_threads()", CVTIMG_THREADS="many")
+    assert "CVTIMG_THREADS='many' must be a whole number >= 1" in error.value.stderr
 
 
 def test_an_unknown_instruction_set_is_refused() -> None:
@@ -234,7 +256,7 @@ def test_any_table_gives_a_tessellation_or_a_clear_error(rows: NDArray[Any], n_g
         ({"density": [1, 1, 1, 1, -1]}, ValueError, "density must be finite and >= 0"),
         ({"density": [1, 1, 1, 1, np.inf]}, ValueError, "density must be finite and >= 0"),
         ({"density": np.zeros(5)}, ValueError, "not all 0"),
-        ({"method": "magic"}, ValueError, "method='magic' must be one of lloyd"),
+        ({"method": "magic"}, ValueError, "method='magic' must be one of lloyd, transfer"),
         ({"init": "magic"}, ValueError, "init='magic' must be one of split, k-means"),
         ({"init": [[0, 0]]}, ValueError, r"init of shape \(1, 2\) must be \(2, 2\)"),
         ({"init": [[0, 0], [np.nan, 0]]}, ValueError, "init must be finite"),

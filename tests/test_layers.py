@@ -13,16 +13,22 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_checks", "files", "profiles"},
-    {"io", "samples", "points", "palette"},
+    {"_kernels", "_checks", "_threads", "files", "profiles"},
+    {"io", "samples", "points", "palette", "columns"},
+    {"tables"},
     {"seeding"},
     {"methods._iteration"},
-    {"methods.lloyd", "methods.breathing", "methods.transfer"},
+    {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
+    {"methods.macqueen"},
     {"methods"},
     {"search"},
     {"cvt"},
-    {"quantization"},
+    {"quantization", "estimator"},
     {"plot"},
+    {"batch"},
+    {"commands"},
+    {"commands._options"},
+    {"commands.quantize", "commands.cluster", "commands.info"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from cvtimg.methods._iteration import Callback, Conditions, Iteration, Method, Stopping, Watch
 from cvtimg.methods.lloyd import lloyd
+from cvtimg.methods.macqueen import macqueen
+from cvtimg.methods.optimal1d import optimal1d
+from cvtimg.methods.probabilistic import Probabilistic, probabilistic
 from cvtimg.methods.transfer import transfer
 
 #: The registry: names for `method`, for tests and for the documentation.
-METHODS: dict[str, Method] = {"lloyd": lloyd, "transfer": transfer}
+METHODS: dict[str, Method] = {
+    "lloyd": lloyd,
+    "transfer": transfer,
+    "macqueen": macqueen,
+    "probabilistic": probabilistic,
+    "optimal1d": optimal1d,
+}
 
-__all__ = ["METHODS", "Callback", "Conditions", "Iteration", "Method", "Stopping", "Watch"]
+__all__ = ["METHODS", "Callback", "Conditions", "Iteration", "Method", "Probabilistic", "Stopping", "Watch"]

@@ -1,0 +1,47 @@
+"""Threads for the kernels, which release the GIL: parts of one pass, run side by side.
+
+A pool of Python's own and not OpenMP: its threads sleep while they wait, so that a busy machine is not slowed by
+spinning, and it survives a fork. No result depends on the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from itertools import pairwise
+
+#: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
+_WORTH_A_THREAD = 1 << 20
+
+
+@cache
+def n_threads() -> int:
+    """Threads of a pass: the environment variable CVTIMG_THREADS, or the processors that this process may use."""
+    wanted = os.environ.get("CVTIMG_THREADS", "")
+    if wanted and not (wanted.isdigit() and int(wanted) > 0):
+        raise ValueError(f"CVTIMG_THREADS={wanted!r} must be a whole number >= 1")
+    if wanted:
+        return int(wanted)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(n_threads() - 1, thread_name_prefix="cvtimg")
+
+
+# The threads of a pool do not follow into a forked process.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
+    """Call ``kernel(start, stop)`` for parts of `n_items`, in threads where `work`, in steps, is worth them."""
+    n_parts = int(min(n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
+    bounds = [n_items * part // n_parts for part in range(n_parts + 1)]
+    others = [_pool().submit(kernel, *ends) for ends in pairwise(bounds[1:])]
+    kernel(bounds[0], bounds[1])
+    for other in others:
+        other.result()

@@ -1,0 +1,41 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+MAX_COLORS = 1 << 16  # as in quantization.py, which would import NumPy for --help
+
+
+def whole_number(low: int, high: int) -> Callable[[str | int], int]:
+    """Make a parser for an option: Typer's own says neither what was given nor all that is allowed."""
+
+    def parse(text: str | int) -> int:
+        with suppress(ValueError):
+            if low <= int(text) <= high:
+                return int(text)
+        raise typer.BadParameter(f"{str(text)!r} must be a whole number in {low}..{high}")
+
+    return parse
+
+
+# The names stand here as text, for the registries would import NumPy; a test holds them together.
+EFFORT_HELP = "Time to take: fast, balanced or best."
+SEEDING_NAMES = "split, k-means++, maximin or random"
+
+SEED = whole_number(0, 2**63 - 1)
+Pictures = Annotated[list[str], typer.Argument(metavar="INPUT", help="Pictures, folders, or patterns like 'a/*.tif'.")]
+Output = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Output, for one input.")]
+OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png; made if it is missing.")]
+Effort = Annotated[str, Option(metavar="NAME", help=EFFORT_HELP)]
+Init = Annotated[str, Option(metavar="NAME", help=f"Colors to begin with: {SEEDING_NAMES}.")]
+Seed = Annotated[int, Option("--seed", metavar="N", parser=SEED, help="Seed for --init k-means++ and random.")]
+Overwrite = Annotated[bool, Option("--overwrite", help="Replace outputs that exist. Inputs are never replaced.")]
+AsJson = Annotated[bool, Option("--json", help="Print a JSON object a line for each input, not a table.")]
+Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]

@@ -1,0 +1,134 @@
+"""``cvtimg cluster``: rows of tables to labels and generators."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any
+
+import typer
+from typer import Option
+
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.commands import _options as options
+
+EXAMPLES = """Examples:
+
+\b
+  cvtimg cluster trees.csv -k 5
+  cvtimg cluster trees.csv -k 5 --columns height,girth --generators means.csv
+  cvtimg cluster trees.csv -k 5 --weight count --standardize -o labels.npy
+  cvtimg cluster 'runs/*.npy' -k 12 --out-dir labels --missing drop
+"""
+#: Columns of the table, in the words of --json; they fit into 80 characters.
+COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
+
+Tables = Annotated[list[str], typer.Argument(metavar="TABLE", help="Tables, folders, or patterns like 'a/*.csv'.")]
+_COUNT = options.whole_number(1, 2**31 - 1)
+Number = Annotated[int, Option("-k", metavar="N", parser=_COUNT, help="Number of generators.")]
+Labels = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Labels, .csv or .npy; for one table.")]
+OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for NAME-labels.csv; made if it is missing.")]
+Generators = Annotated[
+    Path | None, Option(metavar="FILE", help="Write the generators and the mass of each cell, .csv; for one table.")
+]
+Columns = Annotated[str | None, Option(metavar="A,B,C", help="Columns to take; all but the weight by default.")]
+Weight = Annotated[str | None, Option(metavar="COLUMN", help="Column that tells how much a row counts.")]
+Standardize = Annotated[bool, Option("--standardize", help="Let every column have mean 0 and variance 1.")]
+Missing = Annotated[str, Option(metavar="NAME", help="Rows without a value: error, or drop to leave them out.")]
+Init = Annotated[str, Option(metavar="NAME", help=f"Generators to begin with: {options.SEEDING_NAMES}.")]
+Seed = Annotated[int, Option(metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
+
+
+def cluster(
+    inputs: Tables,
+    number: Number,
+    output: Labels = None,
+    out_dir: OutDir = None,
+    generators: Generators = None,
+    columns: Columns = None,
+    weight: Weight = None,
+    standardize: Standardize = False,
+    missing: Missing = "error",
+    effort: options.Effort = "balanced",
+    init: Init = "split",
+    seed: Seed = 0,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Find the N generators that stand best for the rows of tables.
+
+    A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Its columns go by their names;
+    where it has none, they are col0, col1 and so on. Without -o and --out-dir, one table gives NAME-labels.csv beside
+    it: a line "label", then for each row the number of its generator, from 0. A row that is left out has "" there, or
+    -1 in a .npy. Generators are in the units of the table, with --standardize too; the energy then is not.
+    """
+    from cvtimg import EFFORTS, SEEDINGS
+    from cvtimg.tables import LABEL_SUFFIXES, MISSING, find_tables
+
+    check_choice("--effort", effort, EFFORTS)
+    check_choice("--init", init, SEEDINGS)
+    check_choice("--missing", missing, MISSING)
+    names = _split(columns) if columns is not None else None
+    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    sources, absent = find(inputs, find_tables, out_dir)
+    check_outputs(len(sources) + len(absent), out_dir, {"-o": output, "--generators": generators})
+    if output:
+        check_choice("-o", output.suffix.lower(), LABEL_SUFFIXES)
+    if generators:
+        check_choice("--generators", generators.suffix.lower(), [".csv"])
+    extra = {"generators": generators} if generators else {}
+    tasks = [Task(source, {"labels": output or _name_output(source, out_dir), **extra}) for source in sources]
+    what = {"columns": names, "weight": weight, "missing": missing}
+    how = {"n_generators": number, "effort": effort, "init": init, "rng": seed}
+
+    def work(task: Task) -> Row:
+        return _cluster(task, what, how, standardize=standardize, overwrite=overwrite)
+
+    raise typer.Exit(run(tasks, absent, work, report, out_dir=out_dir, overwrite=overwrite))
+
+
+def _split(columns: str) -> list[str]:
+    """Read names as the first line of a CSV, for they may have commas in them."""
+    names = [name.strip() for name in next(csv.reader([columns], skipinitialspace=True), [])]
+    if not all(names) or not names:
+        raise WrongUsageError(f"--columns: {columns!r} must be names with commas between them")
+    return names
+
+
+def _name_output(source: Path, out_dir: Path | None) -> Path:
+    return (out_dir or source.parent) / f"{source.stem}-labels.csv"
+
+
+def _cluster(task: Task, what: Mapping[str, Any], how: Mapping[str, Any], *, standardize: bool, overwrite: bool) -> Row:
+    from cvtimg import tessellate
+    from cvtimg.tables import Scaling, read_table, spread, write_generators, write_labels
+
+    start = perf_counter()
+    table = read_table(task.source, **what)
+    read = perf_counter()
+    scaling = Scaling.of(table.rows, table.weights) if standardize else None
+    rows = scaling.apply(table.rows) if scaling else table.rows
+    result = tessellate(rows, density=table.weights, **how)
+    generators = scaling.undo(result.generators) if scaling else result.generators
+    clustered = perf_counter()
+    write_labels(task.outputs["labels"], result.labels, table.kept, overwrite=overwrite)
+    if "generators" in task.outputs:
+        write_generators(task.outputs["generators"], table.names, generators, result.masses, overwrite=overwrite)
+    written = perf_counter()
+    total = spread(rows, table.weights)
+    return {
+        "input": str(task.source),
+        "output": str(task.outputs["labels"]),
+        "rows": len(rows),
+        "left_out": len(table.kept) - len(rows),
+        "columns": table.names,
+        "k": len(generators),
+        "energy": result.energy,
+        "explained": 1 - result.energy / total if total else 1.0,
+        "n_iter": result.n_iter,
+        "converged": result.converged,
+        "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
+    }

@@ -1,0 +1,32 @@
+"""``cvtimg info``: what is in pictures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+
+from cvtimg.batch import Report, Row, Task, find, run
+from cvtimg.commands import _options as options
+
+EXAMPLES = "Example:  cvtimg info photos/ --json"
+#: Columns of the table, in the words of --json; they fit into 80 characters.
+COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
+
+
+def info(inputs: options.Pictures, as_json: options.AsJson = False) -> None:
+    """Tell size, format, bands, depth and number of distinct colors of pictures."""
+    from cvtimg import find_images
+
+    report = Report(COLUMNS, as_json=as_json)
+    sources, missing = find(inputs, find_images)
+    raise typer.Exit(run([Task(source) for source in sources], missing, _info, report))
+
+
+def _info(task: Task) -> Row:
+    from cvtimg import color_samples, image_info, read_image
+
+    header = asdict(image_info(task.source))
+    header["alpha"] = header.pop("has_alpha")
+    n_colors = color_samples(read_image(task.source)).n_colors
+    return {"input": str(task.source), **header, "distinct_colors": n_colors}
