@@ -131,7 +131,8 @@ def pin_threads(n_threads: int) -> None:
 
     Libraries read these variables when they are loaded, and NumPy is loaded by now: the script starts again.
     """
-    names = [f"{library}_NUM_THREADS" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")] + ["MAGICK_THREAD_LIMIT"]
+    names = [f"{library}_NUM_THREADS" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")]
+    names += ["MAGICK_THREAD_LIMIT", "CVTIMG_THREADS"]
     wanted = dict.fromkeys(names, str(n_threads))
     if n_threads and not wanted.items() <= os.environ.items():
         os.environ.update(wanted)

@@ -187,8 +187,6 @@ def _method(method: str | Method | None, volume_power: float, exact: bool) -> Me
         return transfer
     if method is None:
         return optimal1d if exact else lloyd
-    if not isinstance(method, str):
-        return method
-    if volume_power and method != "transfer":
+    if volume_power and method not in ("transfer", transfer):
         raise ValueError(f"volume_power={volume_power} needs method='transfer', not {method!r}")
-    return METHODS[check_choice("method", method, METHODS)]
+    return METHODS[check_choice("method", method, METHODS)] if isinstance(method, str) else method

@@ -71,8 +71,9 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
             raise TooFewSamplesError(n_generators, n_generators - vacant.size)
         children = vacant[: large.size]
         _divide(points, labels, large, children, cells)
-        divisible[large] &= cells.counts[children] > 0
-        divisible[children] = True
+        # Points that only rounding tells apart may all lie on one side.
+        divided = (cells.counts[large] > 0) & (cells.counts[children] > 0)
+        divisible[large] = divisible[children] = divided
     return cells.means
 
 

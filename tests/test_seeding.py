@@ -91,3 +91,15 @@ def test_seeds_are_within_a_factor_of_a_converged_energy(name: str, factor: floa
     for _ in range(50):
         converged = reference.lloyd_step(rows, density, converged)
     assert reference.energy(rows, density, generators) < factor * reference.energy(rows, density, converged)
+
+
+@pytest.mark.parametrize("n_generators", [2, 3, 40])
+def test_split_ends_where_rounding_alone_tells_points_apart(n_generators: int) -> None:
+    rows = np.full((3000, 3), 0.1)
+    rows[:2] = 0.1 + np.array([[1e-16, 0, 0], [0, 3e-16, 0]])
+    rows[-1] = 5.0
+    points = pack(rows, np.random.default_rng(0).random(3000))
+    try:
+        assert len(seeds("split", points, n_generators)) == n_generators
+    except TooFewSamplesError as error:
+        assert n_generators > 2, error  # noqa: PT017

@@ -7,7 +7,8 @@ finds the cheapest cut at a price, and a few prices lead to the right one: mostl
 far from even. That takes memory for M levels, whatever k, where dynamic programming over the cells takes k times as
 much to find the way back: 64 MB for 256 cells of 16-bit levels, 1 GB for a million levels.
 
-Energies of intervals are differences of sums over all levels, so the optimum is exact to about 1e-15 of E(1).
+Energies of intervals are differences of sums over all levels: the optimum is exact to k times 1e-14 of E(1), and
+better where no level is very far from the others.
 
 A. Aggarwal, B. Schieber, T. Tokuyama, Discrete & Computational Geometry 12 (1994) 263-280, doi 10.1007/BF02574380
 (prices, and how cuts join); A. Gronlund and others, arXiv:1701.07204 (k-means by prices).
