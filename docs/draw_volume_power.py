@@ -29,12 +29,13 @@ def panel(samples: cvtimg.ColorSamples, power: int) -> Panel:
     palette = result.generators.round().astype(samples.colors.dtype)
     order = result.generators.sum(axis=1).argsort()
     n_pixels = samples.inverse.size
+    shares = result.masses / n_pixels
     caption = (
-        f"p = {power}: largest cell {result.masses.max() / n_pixels:.0%}, smallest {result.masses.min() / n_pixels:.2%}",
-        f"plain energy {result.energy / n_pixels:.1f} a pixel",
-        f"weighted energy {result.weighted_energy / n_pixels:.2f} a pixel",
+        f"p = {power}: largest cell {shares.max():.0%}, smallest {shares.min():.2%}",
+        f"plain energy {result.energy / n_pixels:.4g} a pixel",
+        f"weighted energy {result.weighted_energy / n_pixels:.4g} a pixel",
     )
-    return Panel(palette[result.labels[samples.inverse]], caption, palette[order], result.masses[order])
+    return Panel(palette[result.labels[samples.inverse]], caption, palette[order], shares[order])
 
 
 if __name__ == "__main__":
