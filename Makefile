@@ -37,7 +37,7 @@ lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --no-packages sample_images/draw.py
+	$(BIN)/mypy sample_images
 
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py

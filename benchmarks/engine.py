@@ -426,7 +426,10 @@ def report_scaling(measured: Sequence[Row]) -> None:
     """Print a table of seconds and energies for each thing that grows, with slopes, and where cvtimg is slowest."""
     names = list(dict.fromkeys(row["rival"] for row in measured))
     for axis, some in group(measured, lambda row: row["grows"]).items():
-        cells = [scaling_cells(axis, value, case, names) for value, case in group(some, lambda r: r[axis]).items()]
+        cells = [
+            scaling_cells(axis, value, case, names)
+            for value, case in group(some, lambda row, key=axis: row[key]).items()
+        ]
         by_name = group(some, lambda row: row["rival"])
         cells.append(["slope", *(f"{slope(by_name[name], axis):.2f}" for name in names)])
         held = ", ".join(f"{key}={some[0][key]}" for key in ("n", "k", "D") if key != axis)
