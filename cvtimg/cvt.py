@@ -24,7 +24,7 @@ from cvtimg.methods import METHODS, Callback, Conditions, Method, Watch
 from cvtimg.methods.lloyd import lloyd
 from cvtimg.methods.optimal1d import optimal1d
 from cvtimg.methods.transfer import transfer, weighted_energy
-from cvtimg.points import assign, cell_energies, cell_moments, pack
+from cvtimg.points import Points, assign, cell_energies, cell_moments, pack
 from cvtimg.samples import ColorSamples
 from cvtimg.search import EFFORTS, descend, search
 from cvtimg.seeding import SEEDINGS
@@ -142,16 +142,7 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    if isinstance(samples, ColorSamples):
-        if density is not None:
-            raise ValueError("density must not be given with ColorSamples, which have one of their own")
-        rows, weights = samples.colors, samples.density
-        check_count("n_generators", n_generators, len(rows), "the number of distinct colors")
-    else:
-        rows = check_rows("samples", samples)
-        weights = check_density(density, len(rows))
-        check_count("n_generators", n_generators, len(rows), "the number of samples")
-    points = pack(rows, weights, in_order=isinstance(samples, ColorSamples) and samples.in_order)
+    points = _points(samples, density, n_generators)
     fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     power = check_non_negative("volume_power", volume_power)
     move = _method(method, power, exact=points.n_dims == 1 and isinstance(init, str) and not len(fixed))
@@ -180,6 +171,18 @@ def tessellate(
         n_iter=len(end.energies) - 1,
         converged=end.converged,
     )
+
+
+def _points(samples: ColorSamples | ArrayLike, density: ArrayLike | None, n_generators: int) -> Points:
+    """Pack samples, and check that there are enough."""
+    if not isinstance(samples, ColorSamples):
+        rows = check_rows("samples", samples)
+        check_count("n_generators", n_generators, len(rows), "the number of samples")
+        return pack(rows, check_density(density, len(rows)))
+    if density is not None:
+        raise ValueError("density must not be given with ColorSamples, which have one of their own")
+    check_count("n_generators", n_generators, samples.n_colors, "the number of distinct colors")
+    return pack(samples.colors, samples.density, in_order=samples.in_order)
 
 
 def _method(method: str | Method | None, volume_power: float, exact: bool) -> Method:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_count
 from cvtimg.cvt import Tessellation, tessellate
+from cvtimg.methods import Method
 from cvtimg.points import assign, cell_energies, pack
 from cvtimg.samples import ColorSamples, color_samples
 
@@ -71,8 +72,10 @@ def quantize(
     image: Any,
     n_colors: int,
     *,
+    method: str | Method | None = None,
     init: str | ArrayLike = "split",
     effort: str = "balanced",
+    volume_power: float = 0,
     rng: int | np.random.Generator = 0,
 ) -> Quantized:
     """Find the colors that stand best for a picture, and give each pixel the nearest of them.
@@ -86,8 +89,8 @@ def quantize(
         uint8, uint16 or floating point.
     n_colors : int
         Size of the palette, in 1..65536.
-    init, effort, rng
-        As in `tessellate`.
+    method, init, effort, volume_power, rng
+        As in `tessellate`. Pixels go to the nearest color whatever the `volume_power` that the palette is made with.
 
     Returns
     -------
@@ -113,7 +116,9 @@ def quantize(
     if samples.n_colors <= n_colors:
         tessellation, palette = None, samples.colors
     else:
-        tessellation = tessellate(samples, n_colors, init=init, effort=effort, rng=rng)
+        tessellation = tessellate(
+            samples, n_colors, method=method, init=init, effort=effort, volume_power=volume_power, rng=rng
+        )
         palette = _to_depth(tessellation.generators, samples.colors.dtype)
     palette = _dark_to_bright(palette)
     nearest, energy = _map_to_palette(samples, palette)

@@ -497,9 +497,10 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
 def test_help_says_what_the_registries_hold(run: Run, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     text = " ".join(run(command, "--help").out.split())
-    for option, names in (("--init", list(cvtimg.SEEDINGS)), ("--effort", list(cvtimg.EFFORTS))):
+    registries = (("--init", cvtimg.SEEDINGS), ("--effort", cvtimg.EFFORTS), ("--method", cvtimg.METHODS))
+    for option, registry in registries:
         listed = text.split(f"{option} NAME")[1].split(": ", 1)[1].split(".")[0]
-        assert re.split(r", | or ", listed) == names
+        assert re.split(r", | or ", listed) == list(registry)
 
 
 def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -769,3 +770,27 @@ def test_the_launcher_says_how_to_install_in_one_line(here: Path) -> None:
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert re.fullmatch(r"cli\.py: cvtimg is not installed .*pip install \.`\n", done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [(["--volume-power", "2"], {"volume_power": 2}), (["--method", "macqueen"], {"method": "macqueen"})],
+)
+def test_method_and_volume_power_reach_the_engine(
+    run: Run, here: Path, words: list[str], options: dict[str, Any], photograph: NDArray[Any]
+) -> None:
+    picture = photograph[::4, ::4]
+    write_image(here / "in.png", picture)
+    assert run("quantize", "in.png", "-k", 8, "-o", "out.png", *words).status == 0
+    expected = cvtimg.quantize(picture, 8, **options).image
+    np.testing.assert_array_equal(read_image(here / "out.png"), expected)
+    assert (expected != cvtimg.quantize(picture, 8).image).any()
+
+
+@pytest.mark.parametrize("words", [["--volume-power", "-1"], ["--volume-power", "nan"], ["--method", "magic"]])
+@pytest.mark.parametrize("command", ["quantize", "cluster"])
+def test_a_wrong_method_or_power_is_wrong_usage(run: Run, here: Path, command: str, words: list[str]) -> None:
+    outcome = run(command, "pictures/rgb.png", "-k", 2, *words)
+    assert outcome.status == 2
+    assert words[1] in outcome.err
+    assert len(outcome.err.splitlines()) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -25,8 +26,17 @@ def whole_number(low: int, high: int) -> Callable[[str | int], int]:
     return parse
 
 
+def power(text: str | float) -> float:
+    """Parse a power that is not negative."""
+    with suppress(ValueError):
+        if 0 <= float(text) < math.inf:
+            return float(text)
+    raise typer.BadParameter(f"{str(text)!r} must be a number >= 0")
+
+
 # The names stand here as text, for the registries would import NumPy; a test holds them together.
 EFFORT_HELP = "Time to take: fast, balanced or best."
+METHOD_NAMES = "lloyd, transfer, macqueen, probabilistic or optimal1d"
 SEEDING_NAMES = "split, k-means++, maximin or random"
 
 SEED = whole_number(0, 2**63 - 1)
@@ -36,6 +46,13 @@ OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs N
 Effort = Annotated[str, Option(metavar="NAME", help=EFFORT_HELP)]
 Init = Annotated[str, Option(metavar="NAME", help=f"Colors to begin with: {SEEDING_NAMES}.")]
 Seed = Annotated[int, Option("--seed", metavar="N", parser=SEED, help="Seed for --init k-means++ and random.")]
+Method = Annotated[
+    str | None, Option(metavar="NAME", help=f"How generators move, by default as suits: {METHOD_NAMES}.")
+]
+VolumePower = Annotated[
+    float,
+    Option("--volume-power", metavar="P", parser=power, help="How much more a large cell counts, >= 0; 0 for not."),
+]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace outputs that exist. Inputs are never replaced.")]
 AsJson = Annotated[bool, Option("--json", help="Print a JSON object a line for each input, not a table.")]
 Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]

@@ -52,6 +52,8 @@ def cluster(
     standardize: Standardize = False,
     missing: Missing = "error",
     effort: options.Effort = "balanced",
+    method: options.Method = None,
+    volume_power: options.VolumePower = 0,
     init: Init = "split",
     seed: Seed = 0,
     overwrite: options.Overwrite = False,
@@ -65,10 +67,12 @@ def cluster(
     it: a line "label", then for each row the number of its generator, from 0. A row that is left out has "" there, or
     -1 in a .npy. Generators are in the units of the table, with --standardize too; the energy then is not.
     """
-    from cvtimg import EFFORTS, SEEDINGS
+    from cvtimg import EFFORTS, METHODS, SEEDINGS
     from cvtimg.tables import LABEL_SUFFIXES, MISSING, find_tables
 
     check_choice("--effort", effort, EFFORTS)
+    if method:
+        check_choice("--method", method, METHODS)
     check_choice("--init", init, SEEDINGS)
     check_choice("--missing", missing, MISSING)
     names = _split(columns) if columns is not None else None
@@ -82,7 +86,14 @@ def cluster(
     extra = {"generators": generators} if generators else {}
     tasks = [Task(source, {"labels": output or _name_output(source, out_dir), **extra}) for source in sources]
     what = {"columns": names, "weight": weight, "missing": missing}
-    how = {"n_generators": number, "effort": effort, "init": init, "rng": seed}
+    how = {
+        "n_generators": number,
+        "method": method,
+        "init": init,
+        "effort": effort,
+        "rng": seed,
+        "volume_power": volume_power,
+    }
 
     def work(task: Task) -> Row:
         return _cluster(task, what, how, standardize=standardize, overwrite=overwrite)

@@ -38,6 +38,8 @@ def quantize(
     output: options.Output = None,
     out_dir: options.OutDir = None,
     effort: options.Effort = "balanced",
+    method: options.Method = None,
+    volume_power: options.VolumePower = 0,
     init: options.Init = "split",
     seed: options.Seed = 0,
     save_palette: SavePalette = None,
@@ -51,11 +53,13 @@ def quantize(
     of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end in
     .tif, .webp, .gif, .bmp, .ppm or .pgm. The same seed gives the same file.
     """
-    from cvtimg import EFFORTS, SEEDINGS, find_images
+    from cvtimg import EFFORTS, METHODS, SEEDINGS, find_images
     from cvtimg.io import lossless_suffixes
     from cvtimg.palette import PALETTE_WRITERS
 
     check_choice("--effort", effort, EFFORTS)
+    if method:
+        check_choice("--method", method, METHODS)
     check_choice("--init", init, SEEDINGS)
     report = Report(COLUMNS, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, find_images, out_dir)
@@ -66,7 +70,14 @@ def quantize(
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
-    how = {"n_colors": colors, "effort": effort, "init": init, "rng": seed}
+    how = {
+        "n_colors": colors,
+        "method": method,
+        "init": init,
+        "effort": effort,
+        "rng": seed,
+        "volume_power": volume_power,
+    }
 
     def work(task: Task) -> Row:
         return _quantize(task, overwrite, how)
