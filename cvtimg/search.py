@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cvtimg.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.methods.breathing import breathe
 from cvtimg.points import Points, coarsen, thin
-from cvtimg.seeding import SEEDINGS
+from cvtimg.seeding import SEEDINGS, TooFewSamplesError
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,21 +63,30 @@ def search(
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators for all points, the fixed ones first, at the best end of some searches over fewer points."""
-    fewer = points
+
+    def search_over(some: Points) -> NDArray[np.float64]:
+        ends: list[Iteration] = []
+        while len(ends) < effort.n_starts and not conditions.watch.stopped:
+            # Seeds that draw nothing serve once.
+            seeding = SEEDINGS["k-means++" if ends else init]
+            initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
+            ends.append(descend(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
+        return min(ends, key=lambda end: end.energies[-1]).generators
+
+    fewer = _fewer(points, n_generators, conditions.rng)
+    try:
+        return search_over(fewer)
+    except TooFewSamplesError:
+        if fewer is points:
+            raise
+        return search_over(points)  # among fewer points rare samples can be lost
+
+
+def _fewer(points: Points, n_generators: int, rng: np.random.Generator) -> Points:
     for factor in _COARSER:
         if points.n_points >= factor * max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS):
-            fewer = coarsen(points, factor) if points.in_order else thin(points, factor, conditions.rng)
-            break
-    ends = []
-    for start in range(effort.n_starts):
-        # Seeds that draw nothing serve once.
-        seeding = SEEDINGS[init if start == 0 else "k-means++"]
-        seeds = seeding(fewer, n_generators - len(fixed), conditions.rng)
-        initial = np.concatenate([fixed, seeds])
-        ends.append(descend(fewer, initial, method, conditions.until(_SEARCHING), effort.breaths))
-        if conditions.watch.stopped:
-            break
-    return min(ends, key=lambda end: end.energies[-1]).generators
+            return coarsen(points, factor) if points.in_order else thin(points, factor, rng)
+    return points
 
 
 def descend(

@@ -349,3 +349,10 @@ def test_the_size_of_the_numbers_changes_nothing(size: float, blobs: tuple[NDArr
     np.testing.assert_array_equal(result.labels, expected.labels)
     np.testing.assert_allclose(result.generators, expected.generators * size, rtol=1e-5)
     np.testing.assert_allclose(np.sqrt(result.energy), np.sqrt(expected.energy) * size, rtol=1e-5)
+
+
+def test_rare_samples_among_many_equal_ones_are_found() -> None:
+    rows = np.concatenate([np.zeros((300_000, 3)), np.eye(3), 5 * np.eye(3)])
+    result = tessellate(rows, 7)
+    assert result.energy == pytest.approx(0, abs=1e-9)
+    assert sorted(result.masses.tolist()) == [1, 1, 1, 1, 1, 1, 300_000]
