@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -426,10 +428,7 @@ def report_scaling(measured: Sequence[Row]) -> None:
     """Print a table of seconds and energies for each thing that grows, with slopes, and where cvtimg is slowest."""
     names = list(dict.fromkeys(row["rival"] for row in measured))
     for axis, some in group(measured, lambda row: row["grows"]).items():
-        cells = [
-            scaling_cells(axis, value, case, names)
-            for value, case in group(some, lambda row, key=axis: row[key]).items()
-        ]
+        cells = [scaling_cells(axis, value, case, names) for value, case in group(some, itemgetter(axis)).items()]
         by_name = group(some, lambda row: row["rival"])
         cells.append(["slope", *(f"{slope(by_name[name], axis):.2f}" for name in names)])
         held = ", ".join(f"{key}={some[0][key]}" for key in ("n", "k", "D") if key != axis)

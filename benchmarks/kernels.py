@@ -167,7 +167,7 @@ def seeding_row(samples: ColorSamples, name: str, k: int, repeats: int) -> Row:
 
     points = pack(samples.colors, samples.density)
     runs = [timed(lambda: cvtimg.SEEDINGS[name](points, k, np.random.default_rng(0))) for _ in range(repeats)]
-    seeds = runs[0][0] + points.center
+    seeds = points.frame.outward(runs[0][0])
     end, lloyd = timed(lambda: cvtimg.tessellate(samples, k, init=seeds))
     return {
         "colors": samples.n_colors,
