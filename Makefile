@@ -43,6 +43,7 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
 	$(BIN)/python benchmarks/whole_process.py
 	$(BIN)/python benchmarks/kernels.py
+	$(BIN)/python benchmarks/engine.py
 
 clean:
 	rm -rf $(VENV) build dist out

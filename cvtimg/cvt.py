@@ -25,9 +25,14 @@ from cvtimg.methods.lloyd import lloyd
 from cvtimg.methods.optimal1d import optimal1d
 from cvtimg.methods.transfer import transfer, weighted_energy
 from cvtimg.points import Points, assign, cell_energies, cell_moments, pack
-from cvtimg.samples import ColorSamples
+from cvtimg.samples import MAX_ORDERED_DIMS, ColorSamples, along_curve
 from cvtimg.search import EFFORTS, descend, search
 from cvtimg.seeding import SEEDINGS
+
+#: Rows of a table are sorted along a curve, so that near ones are compared with few generators, where there are
+#: generators enough to gain by it and not so many rows that sorting costs more.
+_MANY_GENERATORS = 40
+_FEW_ENOUGH_TO_SORT = 1 << 23
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +147,7 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    points = _points(samples, density, n_generators)
+    points, order = _points(samples, density, n_generators)
     fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     power = check_non_negative("volume_power", volume_power)
     move = _method(method, power, exact=points.n_dims == 1 and isinstance(init, str) and not len(fixed))
@@ -163,7 +168,7 @@ def tessellate(
     parts = cell_energies(points, end.generators, labels)
     return Tessellation(
         generators=points.frame.outward(end.generators),
-        labels=labels[: points.n_points].copy(),
+        labels=_given_order(labels[: points.n_points], order),
         masses=masses,
         energy=points.frame.energy(parts.sum()),
         weighted_energy=points.frame.energy(weighted_energy(masses, parts, power)),
@@ -173,16 +178,30 @@ def tessellate(
     )
 
 
-def _points(samples: ColorSamples | ArrayLike, density: ArrayLike | None, n_generators: int) -> Points:
-    """Pack samples, and check that there are enough."""
+def _points(
+    samples: ColorSamples | ArrayLike, density: ArrayLike | None, n_generators: int
+) -> tuple[Points, NDArray[np.intp] | None]:
+    """Pack samples, checking that there are enough; also the order in which they were taken, if not as given."""
     if not isinstance(samples, ColorSamples):
         rows = check_rows("samples", samples)
+        weights = check_density(density, len(rows))
         check_count("n_generators", n_generators, len(rows), "the number of samples")
-        return pack(rows, check_density(density, len(rows)))
+        sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
+        if not sortable or n_generators < _MANY_GENERATORS:
+            return pack(rows, weights), None
+        order = along_curve(rows)
+        return pack(rows[order], weights[order], in_order=True), order
     if density is not None:
         raise ValueError("density must not be given with ColorSamples, which have one of their own")
     check_count("n_generators", n_generators, samples.n_colors, "the number of distinct colors")
-    return pack(samples.colors, samples.density, in_order=samples.in_order)
+    return pack(samples.colors, samples.density, in_order=samples.in_order), None
+
+
+def _given_order(labels: NDArray[np.int32], order: NDArray[np.intp] | None) -> NDArray[np.int32]:
+    given = labels.copy()
+    if order is not None:
+        given[order] = labels
+    return given
 
 
 def _method(method: str | Method | None, volume_power: float, exact: bool) -> Method:

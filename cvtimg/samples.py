@@ -20,7 +20,7 @@ from cvtimg._threads import in_parts
 _TABLE_BYTES = 3
 _FIRST_CAPACITY = 1 << 16
 #: A key of 64 bits has 16 for each of so many channels.
-_MAX_ORDERED_DIMS = 4
+MAX_ORDERED_DIMS = 4
 #: Shifts and masks that bring three zeros between the bits of a 16-bit number.
 _SPREAD_BY_4 = ((24, 0x000000FF000000FF), (12, 0x000F000F000F000F), (6, 0x0303030303030303), (3, 0x1111111111111111))
 
@@ -90,13 +90,13 @@ def color_samples(image: Any) -> ColorSamples:
     if rows.dtype.kind == "f":
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
     pixels = rows.view(np.uint8)
-    in_order = rows.shape[1] <= _MAX_ORDERED_DIMS
+    in_order = rows.shape[1] <= MAX_ORDERED_DIMS
     if pixels.shape[1] <= _TABLE_BYTES:
         colors, density, inverse = _count_in_table(pixels)
     else:
         colors, density, inverse = _count_in_hash(pixels)
         if in_order:
-            order = _along_curve(colors.view(rows.dtype))
+            order = along_curve(colors.view(rows.dtype))
             rank = np.empty(len(order), np.int32)
             rank[order] = np.arange(len(order), dtype=np.int32)
             colors, density, inverse = colors[order], density[order], rank[inverse]
@@ -171,8 +171,8 @@ def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
     return pixels
 
 
-def _along_curve(colors: NDArray[Any]) -> NDArray[np.intp]:
-    """Order of (M, D <= 4) colors along a Morton curve over their range, in steps of a 2^16th part of it."""
+def along_curve(colors: NDArray[Any]) -> NDArray[np.intp]:
+    """Return the order of (M, D <= 4) colors along a Morton curve over their range, in steps of a 2^16th part of it."""
     low, high = float(colors.min()), float(colors.max())
     scale = 65535 / (high - low) if high > low else 0.0
     keys = np.zeros(len(colors), np.uint64)

@@ -356,3 +356,14 @@ def test_rare_samples_among_many_equal_ones_are_found() -> None:
     result = tessellate(rows, 7)
     assert result.energy == pytest.approx(0, abs=1e-9)
     assert sorted(result.masses.tolist()) == [1, 1, 1, 1, 1, 1, 300_000]
+
+
+@pytest.mark.parametrize("n_dims", [1, 2, 3, 4])
+@pytest.mark.parametrize("method", DESCENTS)
+def test_labels_of_many_generators_are_in_the_order_of_the_rows(n_dims: int, method: str) -> None:
+    rows = np.random.default_rng(n_dims).normal(size=(3000, n_dims))
+    result = tessellate(rows, 50, method=method, init=rows[:50], effort="fast")
+    distances = reference.squared_distances(rows, result.generators)
+    chosen = distances[np.arange(len(rows)), result.labels]
+    assert (chosen <= 1.5 * distances.min(axis=1) + 1e-3).mean() > 0.95
+    np.testing.assert_allclose(chosen.sum(), result.energy, rtol=1e-5)
