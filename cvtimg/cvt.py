@@ -26,7 +26,7 @@ from cvtimg.methods.optimal1d import optimal1d
 from cvtimg.methods.transfer import transfer, weighted_energy
 from cvtimg.points import Points, assign, cell_energies, cell_moments, pack
 from cvtimg.samples import MAX_ORDERED_DIMS, ColorSamples, along_curve
-from cvtimg.search import EFFORTS, descend, search
+from cvtimg.search import EFFORTS, search
 from cvtimg.seeding import SEEDINGS
 
 #: Rows of a table are sorted along a curve, so that near ones are compared with few generators, where there are
@@ -53,7 +53,7 @@ class Tessellation:
     weighted_energy : float
         The same with each cell times its share of the mass to the power `volume_power`.
     energies : tuple of float
-        The weighted energy before each move of the generators, after each breath, and at the end; it never rises.
+        The weighted energy before each move of the generators on all samples, and at the end; it never rises.
     n_iter : int
         Steps between these energies.
     converged : bool
@@ -112,8 +112,8 @@ def tessellate(
         Each level first searches over fewer points: neighbouring colors of an image taken together, or a part of
         the rows of a table. "fast" then moves the generators at most 4 times. "balanced" breathes in that search,
         which leaves most local minima, and then moves until that lowers the energy by 1e-4 of it or less: up to
-        twice the time of "fast". "best" searches 8 times and breathes over all samples at the end: 3 (K = 4) to 16
-        times (K = 256) the time of "balanced" on photographs, for an energy some tenths of a percent lower.
+        twice the time of "fast". "best" searches 12 times, breathes longer, and moves until 1e-6: 2 (K = 4)
+        to 20 times (K = 256) the time of "balanced" on photographs, for an energy some tenths of a percent lower.
     volume_power : float
         Power p >= 0 of the volume in the weighted energy, the sum of (mass of the cell / mass of all)^p times the
         energy of the cell. With 0 all cells are equal; with 1 or 2 a heavy cell counts for more, so that rare
@@ -162,7 +162,7 @@ def tessellate(
     else:
         free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
         initial = np.concatenate([fixed, points.frame.inward(free)])
-    end = descend(points, initial, move, conditions, (0, 0) if move is optimal1d else settings.last_breaths)
+    end = move(points, initial, conditions)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)

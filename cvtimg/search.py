@@ -1,4 +1,4 @@
-"""How long to look for a low energy: searches over fewer points, breathing, and the descent on all points.
+"""How long to look for a low energy: searches over fewer points that breathe, before the descent on all points.
 
 The energy has many local minima. Fewer points show where the low ones are at a fraction of the cost, so most of the
 looking happens there.
@@ -27,23 +27,20 @@ class Effort:
         Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed.
     breaths : tuple of float
         When such a search breathes, the largest and the least share of the generators that come and go; 0 for none.
-    last_breaths : tuple of float
-        The same on all samples, when the descent has come to rest.
     stopping : Stopping
-        When that is.
+        When the descent on all samples, which follows, has come to rest.
     """
 
     n_starts: int
     breaths: tuple[float, float]
-    last_breaths: tuple[float, float]
     stopping: Stopping
 
 
 #: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
 EFFORTS: dict[str, Effort] = {
-    "fast": Effort(1, (0, 0), (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": Effort(1, (1 / 6, 1 / 16), (0, 0), Stopping(tolerance=1e-4, max_iterations=300)),
-    "best": Effort(8, (1 / 2, 0), (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
+    "fast": Effort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
+    "balanced": Effort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300)),
+    "best": Effort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
@@ -70,7 +67,7 @@ def search(
             # Seeds that draw nothing serve once.
             seeding = SEEDINGS["k-means++" if ends else init]
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            ends.append(descend(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
+            ends.append(_breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
         return min(ends, key=lambda end: end.energies[-1]).generators
 
     fewer = _fewer(points, n_generators, conditions.rng)
@@ -89,7 +86,7 @@ def _fewer(points: Points, n_generators: int, rng: np.random.Generator) -> Point
     return points
 
 
-def descend(
+def _breathe(
     points: Points,
     generators: NDArray[np.float64],
     method: Method,

@@ -19,8 +19,8 @@ from cvtimg.search import Effort
 
 #: Methods for any dimension that draw nothing; tests/test_methods.py has the others.
 DESCENTS = ["lloyd", "transfer"]
-ONE_MOVE = Effort(1, (0, 0), (0, 0), Stopping(tolerance=0, max_iterations=1))
-TO_THE_END = Effort(2, (1 / 4, 0), (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
+ONE_MOVE = Effort(1, (0, 0), Stopping(tolerance=0, max_iterations=1))
+TO_THE_END = Effort(2, (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
 
 
 @pytest.fixture
