@@ -24,7 +24,8 @@ class Effort:
     Attributes
     ----------
     n_starts : int
-        Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed.
+        Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed. From 43
+        generators on they become fewer, down to a third: each costs more, and the ends differ less.
     breaths : tuple of float
         When such a search breathes, the largest and the least share of the generators that come and go; 0 for none.
     stopping : Stopping
@@ -48,6 +49,7 @@ _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _COARSER = (32, 16, 8, 4, 2)
 _POINTS_PER_GENERATOR = 50
 _ENOUGH_POINTS = 1 << 14
+_STARTS_TIMES_GENERATORS = 512
 
 
 def search(
@@ -60,10 +62,11 @@ def search(
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators for all points, the fixed ones first, at the best end of some searches over fewer points."""
+    n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
 
     def search_over(some: Points) -> NDArray[np.float64]:
         ends: list[Iteration] = []
-        while len(ends) < effort.n_starts and not conditions.watch.stopped:
+        while len(ends) < n_starts and not conditions.watch.stopped:
             # Seeds that draw nothing serve once.
             seeding = SEEDINGS["k-means++" if ends else init]
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
