@@ -27,6 +27,14 @@ def n_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def limit_threads(n: int) -> None:
+    """Let this process have `n` threads, and so the libraries that it loads from now on."""
+    variables = ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    os.environ.update(dict.fromkeys(variables, str(n)))
+    n_threads.cache_clear()
+    _pool.cache_clear()
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(n_threads() - 1, thread_name_prefix="cvtimg")

@@ -12,9 +12,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
-__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "whole_file"]
+__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "remove_leftovers", "whole_file"]
 
 StrPath: TypeAlias = str | os.PathLike[str]
+
+#: What names of unfinished files begin with.
+_PART = ".cvtimg-"
 
 # Pillow names these but has no pixels for them, or runs another program to draw them: PostScript
 # from a stranger would go through Ghostscript.
@@ -46,8 +49,9 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
 
     Notes
     -----
-    This guards against programs that fail or are stopped. It does not wait for the disk, so it
-    does not guard against a power cut.
+    This guards against programs that fail or are killed. It does not wait for the disk (fsync), so it
+    does not guard against a power cut: a batch of small pictures would take several times as long.
+    A killed program leaves the unfinished file behind, hidden, for `remove_leftovers`.
 
     Examples
     --------
@@ -60,12 +64,14 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """
     target = Path(os.path.realpath(path))
     _check_target(path, target, overwrite)
-    part = target.with_name(f".{secrets.token_hex(8)}.part")
+    part = target.with_name(f"{_PART}{secrets.token_hex(8)}.part")
     try:
         # Opened by hand, for tempfile would give 0600 in place of what the umask allows.
-        with part.open("x+b") as file:
-            yield file
-        _publish(path, part, target, overwrite)
+        part.open("xb").close()
+        with _held(part):
+            with part.open("w+b") as file:
+                yield file
+            _publish(path, part, target, overwrite)
     except OSError as error:
         # One without errno is worded already; one that names another file is not ours.
         if error.errno is None or error.filename not in (None, str(part)):
@@ -74,6 +80,30 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def remove_leftovers(folder: StrPath) -> None:
+    """Take unfinished files of killed programs out of a folder; those that are being written stay."""
+    for part in Path(folder).glob(f"{_PART}*.part"):
+        with suppress(OSError), _held(part, at_once=True):
+            part.unlink()
+
+
+@contextmanager
+def _held(part: Path, *, at_once: bool = False) -> Iterator[None]:
+    """Mark a file as being written, which ends with the program; `at_once`: fail if it is by another."""
+    try:
+        import fcntl
+    except ImportError:  # Windows takes no file away that is open
+        yield
+        return
+    with part.open("r+b") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | (fcntl.LOCK_NB if at_once else 0))
+        except OSError:
+            if at_once:
+                raise
+        yield
 
 
 def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:

@@ -673,7 +673,8 @@ def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
     outcome = run("cluster", "tables", "missing.csv", "-k", "2", "--out-dir", "out")
     assert outcome.status == 1
     assert sorted(path.name for path in Path("out").iterdir()) == ["a-labels.csv", "b-labels.csv"]
-    missing, bad = outcome.err.splitlines()
+    missing, bad, summary = outcome.err.splitlines()
+    assert summary == "2 done, 0 skipped, 2 failed"
     assert missing == "cvtimg: missing.csv: no such file"
     assert bad.startswith("cvtimg: tables/bad.csv: line 2, column 'col1': the value is missing")
     head, *rows = (line.split() for line in outcome.out.splitlines())

@@ -40,9 +40,11 @@ METHOD_NAMES = "lloyd, transfer, macqueen, probabilistic or optimal1d"
 SEEDING_NAMES = "split, k-means++, maximin or random"
 
 SEED = whole_number(0, 2**63 - 1)
-Pictures = Annotated[list[str], typer.Argument(metavar="INPUT", help="Pictures, folders, or patterns like 'a/*.tif'.")]
+Pictures = Annotated[
+    list[str], typer.Argument(metavar="INPUT", help="Pictures, folders, patterns like 'a/*.tif', or - for a list.")
+]
 Output = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Output, for one input.")]
-OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png; made if it is missing.")]
+OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png, in folders as inputs are.")]
 Effort = Annotated[str, Option(metavar="NAME", help=EFFORT_HELP)]
 Init = Annotated[str, Option(metavar="NAME", help=f"Colors to begin with: {SEEDING_NAMES}.")]
 Seed = Annotated[int, Option("--seed", metavar="N", parser=SEED, help="Seed for --init k-means++ and random.")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -11,8 +12,9 @@ from typing import Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import for_many
 
 EXAMPLES = """Examples:
 
@@ -41,6 +43,7 @@ Init = Annotated[str, Option(metavar="NAME", help=f"Generators to begin with: {o
 Seed = Annotated[int, Option(metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
 
 
+@for_many
 def cluster(
     inputs: Tables,
     number: Number,
@@ -59,6 +62,8 @@ def cluster(
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
+    *,
+    running: Running,
 ) -> None:
     """Find the N generators that stand best for the rows of tables.
 
@@ -84,7 +89,10 @@ def cluster(
     if generators:
         check_choice("--generators", generators.suffix.lower(), [".csv"])
     extra = {"generators": generators} if generators else {}
-    tasks = [Task(source, {"labels": output or _name_output(source, out_dir), **extra}) for source in sources]
+    tasks = [
+        Task(source, {"labels": output or folder / f"{source.stem}-labels.csv", **extra})
+        for source, folder in sources.items()
+    ]
     what = {"columns": names, "weight": weight, "missing": missing}
     how = {
         "n_generators": number,
@@ -95,10 +103,8 @@ def cluster(
         "volume_power": volume_power,
     }
 
-    def work(task: Task) -> Row:
-        return _cluster(task, what, how, standardize=standardize, overwrite=overwrite)
-
-    raise typer.Exit(run(tasks, absent, work, report, out_dir=out_dir, overwrite=overwrite))
+    work = partial(_cluster, what=what, how=how, standardize=standardize, overwrite=overwrite)
+    raise typer.Exit(run(tasks, absent, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
 def _split(columns: str) -> list[str]:
@@ -109,11 +115,7 @@ def _split(columns: str) -> list[str]:
     return names
 
 
-def _name_output(source: Path, out_dir: Path | None) -> Path:
-    return (out_dir or source.parent) / f"{source.stem}-labels.csv"
-
-
-def _cluster(task: Task, what: Mapping[str, Any], how: Mapping[str, Any], *, standardize: bool, overwrite: bool) -> Row:
+def _cluster(task: Task, *, what: Mapping[str, Any], how: Mapping[str, Any], standardize: bool, overwrite: bool) -> Row:
     from cvtimg import tessellate
     from cvtimg.tables import Scaling, read_table, spread, write_generators, write_labels
 

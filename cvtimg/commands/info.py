@@ -6,21 +6,23 @@ from dataclasses import asdict
 
 import typer
 
-from cvtimg.batch import Report, Row, Task, find, run
+from cvtimg.batch import Report, Row, Running, Task, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import for_many
 
 EXAMPLES = "Example:  cvtimg info photos/ --json"
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
 
 
-def info(inputs: options.Pictures, as_json: options.AsJson = False) -> None:
+@for_many
+def info(inputs: options.Pictures, as_json: options.AsJson = False, *, running: Running) -> None:
     """Tell size, format, bands, depth and number of distinct colors of pictures."""
     from cvtimg import find_images
 
     report = Report(COLUMNS, as_json=as_json)
     sources, missing = find(inputs, find_images)
-    raise typer.Exit(run([Task(source) for source in sources], missing, _info, report))
+    raise typer.Exit(run([Task(source) for source in sources], missing, _info, report, running=running))
 
 
 def _info(task: Task) -> Row:

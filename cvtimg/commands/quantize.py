@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Running, Task, check_choice, check_outputs, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import for_many
 
 if TYPE_CHECKING:
     from cvtimg.quantization import Quantized
@@ -32,6 +34,7 @@ Colors = Annotated[int, Option("--colors", "-k", metavar="N", parser=_COUNT, hel
 SavePalette = Annotated[Path | None, Option(metavar="FILE", help="Write the colors, .json or .gpl; for one input.")]
 
 
+@for_many
 def quantize(
     inputs: options.Pictures,
     colors: Colors,
@@ -46,6 +49,8 @@ def quantize(
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
+    *,
+    running: Running,
 ) -> None:
     """Reduce pictures to the N colors that stand best for them.
 
@@ -69,7 +74,11 @@ def quantize(
     if save_palette:
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
     extra = {"palette": save_palette} if save_palette else {}
-    tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
+    name = "{}.png" if out_dir else "{}-quantized.png"
+    tasks = [
+        Task(source, {"picture": output or folder / name.format(source.stem), **extra})
+        for source, folder in sources.items()
+    ]
     how = {
         "n_colors": colors,
         "method": method,
@@ -79,17 +88,11 @@ def quantize(
         "volume_power": volume_power,
     }
 
-    def work(task: Task) -> Row:
-        return _quantize(task, overwrite, how)
-
-    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite))
+    work = partial(_quantize, overwrite=overwrite, how=how)
+    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
-def _name_output(source: Path, out_dir: Path | None) -> Path:
-    return out_dir / f"{source.stem}.png" if out_dir else source.with_name(f"{source.stem}-quantized.png")
-
-
-def _quantize(task: Task, overwrite: bool, how: Mapping[str, Any]) -> Row:
+def _quantize(task: Task, *, overwrite: bool, how: Mapping[str, Any]) -> Row:
     from cvtimg import quantize, read_image
 
     start = perf_counter()

@@ -1,0 +1,160 @@
+"""Tasks in worker processes: one that dies takes its own task with it and no other.
+
+The processes are spawned, never forked, for a fork of a program with threads can hang. Each worker has a pipe of its
+own, so that it is known which task a dead one had: the pools of the standard library lose all that is under way.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import NoReturn
+
+from cvtimg.batch.tasks import Row, Task
+from cvtimg.files import one_line
+
+__all__ = ["Attempt", "Outcome", "in_workers"]
+
+#: Seconds that a worker has to clean up once it is told to end.
+_PATIENCE = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a task: its row, or why there is none."""
+
+    row: Row | None
+    why: str = ""
+
+
+Attempt = Callable[[Task], Outcome]
+
+
+def in_workers(
+    attempt: Attempt, tasks: Sequence[Task], n_workers: int, n_threads: int
+) -> Generator[tuple[int, Outcome]]:
+    """Give the place of each task and its outcome, as they are done.
+
+    Parameters
+    ----------
+    attempt : callable
+        Does a task and raises nothing; picklable.
+    tasks : sequence of Task
+        What is to be done.
+    n_workers, n_threads : int
+        Processes, and threads of each.
+    """
+    crew = {worker.pipe: worker for worker in (_Worker(attempt, n_threads) for _ in range(n_workers))}
+    waiting = iter(enumerate(tasks))
+    try:
+        for worker in crew.values():
+            worker.take(next(waiting, None))
+        while busy := [pipe for pipe, worker in crew.items() if worker.place is not None]:
+            for pipe in wait(busy):
+                assert isinstance(pipe, Connection)
+                worker = crew[pipe]
+                place, outcome = worker.place, worker.outcome()
+                assert place is not None
+                yield place, outcome
+                task = next(waiting, None)
+                if task and not worker.lives:
+                    worker.end()
+                    del crew[pipe]
+                    worker = _Worker(attempt, n_threads)
+                    crew[worker.pipe] = worker
+                worker.take(task)
+    finally:
+        for worker in crew.values():
+            worker.end()
+
+
+class _Worker:
+    """One process, and the place of the task that it has."""
+
+    def __init__(self, attempt: Attempt, n_threads: int) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self._process: BaseProcess = context.Process(target=_serve, args=(theirs, attempt, n_threads), daemon=True)
+        with _interrupts_held():
+            self._process.start()
+        theirs.close()  # so that the pipe ends when the worker does
+        self.place: int | None = None
+        self.lives = True
+
+    def take(self, task: tuple[int, Task] | None) -> None:
+        """Begin a task, or rest."""
+        self.place = task[0] if task else None
+        if task:
+            with suppress(OSError):  # one that is dead by now is found out when its outcome is asked for
+                self.pipe.send(task[1])
+
+    def outcome(self) -> Outcome:
+        """Wait for the end of the task, or of the worker."""
+        try:
+            outcome: Outcome = self.pipe.recv()
+        except (EOFError, OSError):
+            self.lives = False
+            self._process.join(_PATIENCE)
+            return Outcome(None, f"its worker process {_how_it_ended(self._process.exitcode)}")
+        return outcome
+
+    def end(self) -> None:
+        """Stop at once, and leave no half file and no zombie."""
+        if self.place is None:
+            self.pipe.close()  # which ends it
+        else:
+            self._process.terminate()
+        self._process.join(_PATIENCE)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self._process.close()
+        self.pipe.close()
+
+
+def _how_it_ended(status: int | None) -> str:
+    if status is None or status >= 0:
+        return f"ended with exit status {status}"
+    with suppress(ValueError):
+        name = signal.Signals(-status).name
+        return f"was killed by {name}" + (", as the system does when memory runs out" if name == "SIGKILL" else "")
+    return f"was killed by signal {-status}"
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let what is started meanwhile hear no Ctrl-C, which goes to all processes of a terminal: it hears from us."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(pipe: Connection, attempt: Attempt, n_threads: int) -> None:
+    """Do tasks until there are no more, or nobody asks."""
+    from cvtimg._threads import limit_threads
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _stop)  # so that files that are begun are taken away
+    limit_threads(n_threads)
+    with suppress(EOFError, OSError):
+        while True:
+            outcome = attempt(pipe.recv())
+            try:
+                pipe.send(outcome)
+            except (TypeError, ValueError, AttributeError) as error:
+                pipe.send(Outcome(None, f"{type(error).__name__}: {one_line(error)}"))
+
+
+def _stop(*_: object) -> NoReturn:
+    sys.exit(0)

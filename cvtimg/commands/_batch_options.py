@@ -1,0 +1,45 @@
+"""Options of commands that take many inputs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from cvtimg.batch import Running
+from cvtimg.commands._options import whole_number
+
+_JOBS = whole_number(1, 1024)
+Jobs = Annotated[
+    int | None,
+    Option("--jobs", "-j", metavar="N", parser=_JOBS, help="Inputs at a time; as many as cores, where that pays."),
+]
+SkipExisting = Annotated[
+    bool, Option("--skip-existing", help="Go on with a run that was stopped: leave out what has its outputs.")
+]
+ReportFile = Annotated[
+    Path | None, Option("--report", metavar="FILE", help="Write a row for each input, .csv or .jsonl.")
+]
+
+
+def _options(jobs: Jobs = None, skip_existing: SkipExisting = False, report_file: ReportFile = None) -> Running:
+    return Running(jobs, skip_existing, report_file)
+
+
+def for_many(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of a batch; it gets them as one argument, `running`."""
+    ours = inspect.signature(_options, eval_str=True).parameters
+    theirs = inspect.signature(command, eval_str=True)
+    shown = [parameter for name, parameter in theirs.parameters.items() if name != "running"]
+
+    @wraps(command)
+    def with_running(**given: object) -> None:
+        running = _options(**{name: given.pop(name) for name in ours})  # type: ignore[arg-type]
+        command(**given, running=running)
+
+    with_running.__dict__["__signature__"] = theirs.replace(parameters=[*shown, *ours.values()])
+    return with_running

@@ -1,0 +1,46 @@
+"""Work for batches in worker processes, which import it by name."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+from cvtimg.batch import Row, Task
+from cvtimg.files import whole_file
+
+
+def copy(task: Task) -> Row:
+    """Copy the input to all outputs."""
+    for path in task.outputs.values():
+        with whole_file(path) as file:
+            file.write(task.source.read_bytes())
+    return {"input": str(task.source), "width": 1000, "height": 1000}
+
+
+def copy_or_die(task: Task) -> Row:
+    """Copy, unless the input says that the process shall be killed."""
+    if task.source.read_bytes() == b"die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return copy(task)
+
+
+def half_a_copy(task: Task) -> Row:
+    """Begin to write, and go on for ever."""
+    with whole_file(task.outputs["copy"]) as file:
+        file.write(b"half")
+        file.flush()
+        while True:
+            time.sleep(0.01)
+
+
+def threads(task: Task) -> Row:
+    """Tell the number of threads."""
+    from cvtimg._threads import n_threads
+
+    return {"input": str(task.source), "threads": n_threads(), "process": os.getpid()}
+
+
+def unsendable(task: Task) -> Row:
+    """Return what cannot go back to the process that asked."""
+    return {"input": str(task.source), "what": lambda: None}
