@@ -13,7 +13,7 @@ from typer import Option
 
 from cvtimg.batch import check_choice
 
-MAX_COLORS = 1 << 16  # as in quantization.py, which would import NumPy for --help
+MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 
 
 def whole_number(low: int, high: int) -> Callable[[str | int], int]:

@@ -15,7 +15,7 @@ from cvtimg.batch import Report, Row, Task, check_choice, check_outputs, find, r
 from cvtimg.commands import _options as options
 
 if TYPE_CHECKING:
-    from cvtimg.quantization import Quantized
+    from cvtimg.remapping import Quantized
 
 EXAMPLES = """Examples:
 
