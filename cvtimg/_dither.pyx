@@ -4,20 +4,29 @@
 Places have four coordinates here, of which the last may be 0 everywhere: one loop serves grey, color and alpha, and
 four floats are what a processor adds at once. Each argument is marked IN, OUT or INOUT.
 """
-from libc.float cimport FLT_MAX
 from libc.math cimport fmaxf, fminf
-from libc.stdint cimport int32_t, uint8_t, uint16_t
-from libc.string cimport memset
+from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.string cimport memcpy, memset
 
 DIMS = WIDTH
 
 cdef enum:
     WIDTH = 4
 
+cdef extern from *:
+    uint64_t UINT64_MAX
+
 
 cdef struct Box:
     float low[WIDTH]
     float high[WIDTH]
+
+
+cdef inline uint32_t bits_of(float x) noexcept nogil:
+    """Bits of a float >= 0, which have the order of the floats."""
+    cdef uint32_t bits
+    memcpy(&bits, &x, sizeof(x))
+    return bits
 
 
 cdef inline float squared_distance(const float *a, const float *b) noexcept nogil:
@@ -29,14 +38,12 @@ cdef inline Py_ssize_t nearest(
     const float *place, const float *palette, const uint16_t *names, Py_ssize_t n_names
 ) noexcept nogil:
     """The first of the nearest entries that are named."""
-    cdef float least = FLT_MAX, distance
-    cdef Py_ssize_t best = names[0], i
+    cdef uint64_t least = UINT64_MAX, key
+    cdef Py_ssize_t i
     for i in range(n_names):
-        distance = squared_distance(place, palette + WIDTH * names[i])
-        if distance < least:
-            least = distance
-            best = names[i]
-    return best
+        key = <uint64_t>bits_of(squared_distance(place, palette + WIDTH * names[i])) << 32 | names[i]
+        least = min(least, key)
+    return <Py_ssize_t>(least & 0xFFFF)
 
 
 cdef Py_ssize_t near_a_box(

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg import _dither
 from cvtimg._checks import check_choice
 
-#: Cells on each side of the grid of candidates, by how many coordinates vary, and cells on a side of a block.
-_CELLS = {0: 1, 1: 256, 2: 64, 3: 32, 4: 16}
+#: Cells for each entry of the palette: with fewer a cell has more candidates, with more listing them takes longer.
+_CELLS_AN_ENTRY = 64
+_MOST_CELLS = 1 << 18
+#: Cells on a side of a block, whose candidates are found together.
 _BLOCK = 4
 
 
@@ -118,35 +120,32 @@ def _widened(places: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _grid(places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_]) -> Grid:
-    """List the candidates of every cell, again with more room where it was too little."""
+    """Put cells around all places, and list the candidates of each: again where there was too little room for them."""
     box = np.stack([np.minimum(places.min(0), palette.min(0)), np.maximum(places.max(0), palette.max(0))])
     size = box[1] - box[0]
     varies = size > 0
-    n_cells = np.where(varies, _CELLS[int(varies.sum())], 1).astype(np.int32)
-    n_in_block = np.minimum(n_cells, _BLOCK)
-    sides = (size / n_cells).astype(np.float32)
+    n_blocks = np.where(varies, _blocks_on_a_side(len(palette), int(varies.sum())), 1).astype(np.int32)
+    n_in_block = np.where(varies, _BLOCK, 1).astype(np.int32)
+    n_cells = n_blocks * n_in_block
+    low, sides = box[0], (size / n_cells).astype(np.float32)
     # The highest place belongs to the last cell.
     cells_a_unit = np.divide(n_cells * np.float32(1 - 1e-6), size, out=np.zeros_like(size), where=varies)
     strides = np.append(np.cumprod(n_cells[:0:-1])[::-1], 1).astype(np.int32)
     bounds = np.empty((len(allowed), int(n_cells.prod()), 2), np.int32)
-    candidates = np.empty(8 * bounds.size, np.uint16)
-    scratch = np.empty((2, len(palette)), np.uint16)
+    in_block, in_cell = np.empty((2, len(palette)), np.uint16)
+    entries = [np.flatnonzero(may_take).astype(np.uint16) for may_take in allowed]
+    n_candidates = 4 * bounds.size
     while True:
-        end = 0
-        for kind, may_take in enumerate(allowed):
-            names = np.flatnonzero(may_take).astype(np.uint16)
+        candidates, end = np.empty(n_candidates, np.uint16), 0
+        for names, of_kind in zip(entries, bounds, strict=True):
             end = _dither.list_candidates(
-                palette,
-                names,
-                box[0],
-                sides,
-                n_cells // n_in_block,
-                n_in_block,
-                *scratch,
-                bounds[kind],
-                candidates,
-                end,
-            )
-        if end <= len(candidates):
+                palette, names, low, sides, n_blocks, n_in_block, in_block, in_cell, of_kind, candidates, end
+            )  # fmt: skip
+        if end <= n_candidates:
             return Grid(palette, box, cells_a_unit, strides, bounds, candidates)
-        candidates = np.empty(end, np.uint16)
+        n_candidates = end
+
+
+def _blocks_on_a_side(n_entries: int, n_dims: int) -> int:
+    n_cells = min(_CELLS_AN_ENTRY * n_entries, _MOST_CELLS)
+    return max(int(n_cells ** (1 / max(n_dims, 1))) // _BLOCK, 1)
