@@ -13,9 +13,10 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color"},
-    {"tables", "places"},
+    {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
+    {"io", "samples", "points", "palette", "columns", "color", "dithering"},
+    {"tables"},
+    {"places"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
