@@ -3,7 +3,7 @@ from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
 from .palette_search import Palette, find_palette
-from .quantization import quantize
+from .quantization import quantize, quantize_to_size
 from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
@@ -25,6 +25,7 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_to_size",
     "read_image",
     "tessellate",
     "write_image",

@@ -16,7 +16,7 @@ LAYERS: list[set[str]] = [
     {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
     {"io", "samples", "points", "palette", "columns", "color", "dithering"},
     {"tables"},
-    {"places"},
+    {"places", "targets"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
