@@ -15,7 +15,11 @@ PACKAGE = Path(cvtimg.__file__).parent
 LAYERS: list[set[str]] = [
     {"_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
-    {"images.opening", "images.decoding", "images.encoding"},
+    {"images.opening"},
+    {"images.arrays"},
+    {"images.png", "images.tiff"},
+    {"images.decoding", "images.encoding"},
+    {"images.header"},
     {"io", "samples", "points", "palette", "columns", "color"},
     {"tables"},
     {"seeding"},
