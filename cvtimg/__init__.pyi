@@ -1,4 +1,6 @@
+from .color import SPACES
 from .cvt import Tessellation, tessellate
+from .dithering import DITHERS
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
@@ -11,9 +13,11 @@ from .seeding import SEEDINGS
 
 __all__ = [
     "CVT",
+    "DITHERS",
     "EFFORTS",
     "METHODS",
     "SEEDINGS",
+    "SPACES",
     "ColorSamples",
     "Palette",
     "Quantized",
