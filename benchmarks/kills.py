@@ -39,7 +39,7 @@ def make_pictures(folder: Path) -> None:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """All files below a folder, but those that are recognizably unfinished."""
+    """Read all files below a folder, but those that are recognizably unfinished."""
     files = (path for path in folder.rglob("*") if path.is_file())
     return {str(path.relative_to(folder)): path.read_bytes() for path in files if not path.name.startswith(".cvtimg-")}
 
@@ -52,7 +52,7 @@ def start(source: Path, out: Path, jobs: int) -> subprocess.Popen[bytes]:
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
-    """Processes that a run has started, the one that counts resources left out."""
+    """List the processes that a run has started, without the one that counts resources."""
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
