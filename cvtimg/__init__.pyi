@@ -10,6 +10,7 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .sharing import shared_palette
 
 __all__ = [
     "CVT",
@@ -31,6 +32,7 @@ __all__ = [
     "quantize",
     "quantize_to_size",
     "read_image",
+    "shared_palette",
     "tessellate",
     "write_image",
 ]

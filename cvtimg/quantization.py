@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Unpack
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
-from cvtimg.color import peak
 from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
-from cvtimg.places import has_alpha, with_alpha
+from cvtimg.places import has_alpha, with_alpha, without_idle_alpha
 from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
 from cvtimg.samples import color_samples
 from cvtimg.targets import first_reaching
@@ -171,7 +169,7 @@ class _Source:
         dither_strength: float,
     ) -> None:
         array = check_image("image", image)
-        seen = _without_idle_alpha(array)
+        seen = without_idle_alpha(array)
         self._shape, self._has_idle_alpha = array.shape, seen is not array
         self._samples = color_samples(seen)
         self._counted = self._samples if weights is None else self._samples.weighted(weights)
@@ -228,10 +226,3 @@ class _Source:
 
             n = first_reaching(measure, target, self.least, most, first=n, per_octave=per_octave)
         return results
-
-
-def _without_idle_alpha(image: NDArray[Any]) -> NDArray[Any]:
-    """Return a picture that is opaque all over without its alpha: three bytes a pixel are counted sooner than four."""
-    if image.ndim == 2 or not has_alpha(image.shape[2]) or (image[..., -1] != peak(image.dtype)).any():
-        return image
-    return np.ascontiguousarray(image[..., :-1])

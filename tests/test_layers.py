@@ -32,7 +32,7 @@ LAYERS: list[set[str]] = [
     {"cvt"},
     {"remapping", "estimator"},
     {"palette_search"},
-    {"quantization"},
+    {"quantization", "sharing"},
     {"plot"},
     {"batch.tasks"},
     {"batch.report", "batch.workers"},
@@ -41,7 +41,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options"},
-    {"commands._batch_options"},
+    {"commands._batch_options", "commands._sharing"},
     {"commands.quantize", "commands.cluster", "commands.info"},
     {"cli"},
 ]

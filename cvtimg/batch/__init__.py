@@ -4,7 +4,7 @@ Nothing here knows what is done to an input: a command hands over the work, and 
 """
 
 from cvtimg.batch.report import Report, complain, reason
-from cvtimg.batch.runner import Running, run
+from cvtimg.batch.runner import Running, gather, run
 from cvtimg.batch.tasks import (
     Missing,
     Row,
@@ -12,6 +12,7 @@ from cvtimg.batch.tasks import (
     Work,
     WrongUsageError,
     check_choice,
+    check_no_clash,
     check_outputs,
     find,
 )
@@ -25,9 +26,11 @@ __all__ = [
     "Work",
     "WrongUsageError",
     "check_choice",
+    "check_no_clash",
     "check_outputs",
     "complain",
     "find",
+    "gather",
     "reason",
     "run",
 ]

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
-from cvtimg.batch.tasks import Missing, Task, Work, check_choice, check_no_clash
+from cvtimg.batch.tasks import Missing, Row, Task, Work, check_choice, check_no_clash
 from cvtimg.batch.workers import Attempt, Outcome, in_workers
 
-__all__ = ["Running", "run"]
+__all__ = ["Running", "gather", "run"]
 
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
@@ -96,12 +97,44 @@ def run(
                     report.skipped(task)
                     continue
                 outcome = next(outcomes)
-                if outcome.row is None:
+                if outcome.result is None:
                     report.failed(task.source, outcome.why)
                 else:
-                    report.done(outcome.row)
+                    report.done(outcome.result)
                 following = next(left, None)
     return report.close()
+
+
+def gather(
+    tasks: Sequence[Task], work: Callable[[Task], Any], running: Running | None = None
+) -> Iterator[tuple[Task, Any, str]]:
+    """Give what `work` returns for each task, or why it did not, as tasks are done and not in their order.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Inputs; outputs play no part.
+    work : callable
+        From a task to anything that can be pickled; itself picklable, as for `run`.
+    running : Running, optional
+        How many at a time.
+
+    Yields
+    ------
+    task, result or None, why
+    """
+    attempt = partial(_call, work=work)
+    with closing(_perform(attempt, tasks, running or Running())) as results:
+        for place, outcome in results:
+            yield tasks[place], outcome.result, outcome.why
+
+
+def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
+    """Do one task and catch what fails: one bad input, whatever is wrong with it, must not stop the others."""
+    try:
+        return Outcome(work(task))
+    except Exception as error:
+        return Outcome(None, reason(task.source, error))
 
 
 def _is_done(task: Task) -> bool:
@@ -109,15 +142,16 @@ def _is_done(task: Task) -> bool:
 
 
 def _attempt(task: Task, *, work: Work, overwrite: bool, again: bool) -> Outcome:
-    """Do one task and catch what fails; `again`: if some of its outputs exist, a run was stopped between them."""
-    try:
+    """Do one task that has outputs; `again`: if some of these exist, a run was stopped between them."""
+
+    def checked(task: Task) -> Row:
         for path in task.outputs.values():
             if again and not overwrite:
                 path.unlink(missing_ok=True)
             _check_can_be_written(path, overwrite)
-        return Outcome(work(task))
-    except Exception as error:  # one bad input, whatever is wrong with it, must not stop the others
-        return Outcome(None, reason(task.source, error))
+        return work(task)
+
+    return _call(task, work=checked)
 
 
 def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator[tuple[int, Outcome]]:
@@ -149,7 +183,7 @@ def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[O
     place = 0
     with closing(results):
         for ready, outcome in results:
-            step(outcome.row)
+            step(outcome.result)
             known[ready] = outcome
             while place in known:
                 yield known.pop(place)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from cvtimg.batch.tasks import Row, Task
+from cvtimg.batch.tasks import Task
 from cvtimg.files import one_line
 
 __all__ = ["Attempt", "Outcome", "in_workers"]
@@ -27,9 +27,9 @@ _PATIENCE = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a task: its row, or why there is none."""
+    """What became of a task: its result, or why there is none."""
 
-    row: Row | None
+    result: Any
     why: str = ""
 
 

@@ -13,15 +13,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import (
+    Report,
+    Row,
+    Running,
+    Task,
+    WrongUsageError,
+    check_choice,
+    check_outputs,
+    find,
+    run,
+)
 from cvtimg.commands import _options as options
 from cvtimg.commands._batch_options import for_many
+from cvtimg.commands._sharing import share
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from cvtimg.remapping import Quantized
+    from cvtimg.samples import ColorSamples
 
 EXAMPLES = """Examples:
 
@@ -30,10 +42,14 @@ EXAMPLES = """Examples:
   cvtimg quantize photos/ 'scans/*.tif' -k 256 --out-dir small
   cvtimg quantize logo.png -k 8 --lock '#ffffff' --lock '#e4002b'
   cvtimg quantize photo.jpg --psnr 38
+  cvtimg quantize frames/ -k 32 --shared-palette --out-dir small
   cvtimg quantize sprite.png --palette game.gpl --dither blue-noise
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output")
+
+#: Options of `quantize` that are for one picture and not for a palette.
+ONLY_OF_ONE = ("psnr", "weights", "dither", "dither_strength")
 
 _COUNT = options.whole_number(1, options.MAX_COLORS)
 Colors = Annotated[
@@ -69,6 +85,7 @@ WeightMap = Annotated[
 Depth = Annotated[
     str | None, Option(metavar="BITS", help="Work and write with 8 or 16 bits a sample; as the picture has by default.")
 ]
+SharedPalette = Annotated[bool, Option("--shared-palette", help="Find one palette for all pictures together.")]
 SavePalette = Annotated[Path | None, Option(metavar="FILE", help="Write the colors, .json or .gpl; for one input.")]
 
 
@@ -107,6 +124,7 @@ def quantize(
     dither_strength: DitherStrength = None,
     weight_map: WeightMap = None,
     depth: Depth = None,
+    shared_palette: SharedPalette = False,
     output: options.Output = None,
     out_dir: options.OutDir = None,
     effort: options.Effort = "balanced",
@@ -130,10 +148,12 @@ def quantize(
     """
     from cvtimg import find_images
     from cvtimg.io import lossless_suffixes
-    from cvtimg.palette import PALETTE_WRITERS
+    from cvtimg.palette import PALETTE_WRITERS, write_palette
 
     _check_aims(
-        {"-k": colors, "--psnr": psnr, "--max-bytes": max_bytes, "--lock": lock, "--weight-map": weight_map}, palette
+        {"-k": colors, "--psnr": psnr, "--max-bytes": max_bytes, "--lock": lock, "--weight-map": weight_map},
+        palette,
+        shared_palette,
     )
     engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
     mapping = _mapping(space, dither, dither_strength)
@@ -141,12 +161,13 @@ def quantize(
         check_choice("--depth", depth, ("8", "16"))
     report = Report(COLUMNS, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, find_images, out_dir)
-    check_outputs(len(sources) + len(missing), out_dir, {"-o": output, "--save-palette": save_palette})
+    single = {"-o": output} if shared_palette else {"-o": output, "--save-palette": save_palette}
+    check_outputs(len(sources) + len(missing), out_dir, single)
     if output:
         check_choice("-o", output.suffix.lower(), lossless_suffixes())
     if save_palette:
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
-    extra = {"palette": save_palette} if save_palette else {}
+    extra = {"palette": save_palette} if save_palette and not shared_palette else {}
     name = "{}.png" if out_dir else "{}-quantized.png"
     tasks = [
         Task(source, {"picture": output or folder / name.format(source.stem), **extra})
@@ -158,20 +179,36 @@ def quantize(
         weights = _read_weights(weight_map) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
         how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes)
-
+    if shared_palette:
+        tasks, shared = share(tasks, missing, partial(_palette_of_all, how=how), depth, running)
+        how = _How(mapping, {"palette": shared}, depth, None)
+        if save_palette and shared is not None:
+            write_palette(save_palette, shared, overwrite=overwrite or running.skip_existing)
     work = partial(_quantize, overwrite=overwrite, how=how)
     raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
-def _check_aims(aims: Mapping[str, Any], palette: Path | None) -> None:
+def _check_aims(aims: Mapping[str, Any], palette: Path | None, shared: bool) -> None:
     """Refuse aims that exclude each other, and none at all."""
     given = [option for option, value in aims.items() if value]
     if palette and given:
         raise WrongUsageError(f"--palette and {given[0]} exclude each other")
+    if shared and (palette or given not in (["-k"], ["-k", "--lock"])):
+        raise WrongUsageError("--shared-palette needs -k, and goes with no other aim but --lock")
     if "--psnr" in given and "--max-bytes" in given:
         raise WrongUsageError("--psnr and --max-bytes exclude each other")
     if not palette and not {"-k", "--psnr", "--max-bytes"} & set(given):
         raise WrongUsageError("one of -k, --psnr, --max-bytes and --palette must be given")
+
+
+def _palette_of_all(samples: ColorSamples, *, how: _How) -> NDArray[Any]:
+    """Find a palette as `quantize` would for one picture."""
+    from cvtimg import find_palette
+    from cvtimg.color import to_depth
+
+    given: dict[str, Any] = {name: to_depth(colors, samples.colors.dtype) for name, colors in how.colors.items()}
+    sought = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
+    return find_palette(samples, **sought, **given).colors
 
 
 def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
