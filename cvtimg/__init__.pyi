@@ -2,6 +2,7 @@ from .cvt import Tessellation, tessellate
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
+from .palette import read_palette, write_palette
 from .quantization import Quantized, quantize
 from .samples import ColorSamples, color_samples
 from .search import EFFORTS
@@ -20,6 +21,8 @@ __all__ = [
     "image_info",
     "quantize",
     "read_image",
+    "read_palette",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

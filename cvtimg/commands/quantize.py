@@ -29,7 +29,10 @@ COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output
 
 _COUNT = options.whole_number(1, options.MAX_COLORS)
 Colors = Annotated[int, Option("--colors", "-k", metavar="N", parser=_COUNT, help="Colors to keep, at most 65536.")]
-SavePalette = Annotated[Path | None, Option(metavar="FILE", help="Write the colors, .json or .gpl; for one input.")]
+SavePalette = Annotated[
+    Path | None,
+    Option(metavar="FILE", help="Write the colors, .gpl, .json, .hex, .act, .ase, .css or .png; for one input."),
+]
 
 
 def quantize(
@@ -55,7 +58,7 @@ def quantize(
     """
     from cvtimg import EFFORTS, METHODS, SEEDINGS, find_images
     from cvtimg.io import lossless_suffixes
-    from cvtimg.palette import PALETTE_WRITERS
+    from cvtimg.palette import PALETTE_FORMATS
 
     check_choice("--effort", effort, EFFORTS)
     if method:
@@ -67,7 +70,7 @@ def quantize(
     if output:
         check_choice("-o", output.suffix.lower(), lossless_suffixes())
     if save_palette:
-        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
+        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
     how = {
