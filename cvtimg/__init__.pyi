@@ -4,6 +4,7 @@ from .dithering import DITHERS
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
+from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
 from .remapping import Quantized, map_to_palette
@@ -32,7 +33,9 @@ __all__ = [
     "quantize",
     "quantize_to_size",
     "read_image",
+    "read_palette",
     "shared_palette",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

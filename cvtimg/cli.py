@@ -6,8 +6,10 @@ fails, report.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from io import StringIO
 from typing import Annotated
 
@@ -51,6 +53,8 @@ app.command(epilog=info.EXAMPLES)(info.info)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, ``sys.argv`` by default, and return the exit status; the console script ``cvtimg``."""
+    if arguments is None:
+        _silence_libraries()
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()  # None where nobody listens
     try:
@@ -72,6 +76,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code == 130:
         complain("interrupted")
     return code
+
+
+def _silence_libraries() -> None:
+    """Keep what C libraries print of damaged files, besides the error that they give, out of our stderr."""
+    with suppress(OSError, ValueError, AttributeError):  # nobody listens to stderr
+        ours = os.fdopen(os.dup(2), "w", 1, sys.stderr.encoding, sys.stderr.errors)
+        with open(os.devnull, "w") as nowhere:  # noqa: PTH123
+            os.dup2(nowhere.fileno(), 2)
+        sys.stderr = ours
 
 
 if __name__ == "__main__":

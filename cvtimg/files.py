@@ -16,6 +16,7 @@ __all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "remove_leftovers
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
+_LONGEST_REASON = 200
 #: What names of unfinished files begin with.
 _PART = ".cvtimg-"
 
@@ -213,4 +214,5 @@ def one_line(error: Exception) -> str:
     """Give the reason of an error in one plain line."""
     system = error.strerror if isinstance(error, OSError) else None
     lines = (system.lower() if system else str(error)).splitlines()
-    return lines[0] if lines else type(error).__name__
+    # What some decoders raise holds all that they read.
+    return lines[0][:_LONGEST_REASON] if lines else type(error).__name__

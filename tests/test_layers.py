@@ -20,7 +20,11 @@ LAYERS: list[set[str]] = [
     {"images.png", "images.tiff"},
     {"images.decoding", "images.encoding"},
     {"images.header"},
-    {"io", "samples", "points", "palette", "columns", "color", "dithering"},
+    {"palettes"},
+    {"palettes.swatches"},
+    {"io", "samples", "points", "columns", "color", "dithering"},
+    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
+    {"palette"},
     {"tables"},
     {"places", "targets"},
     {"seeding"},
@@ -60,7 +64,8 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
             found |= {alias.name for alias in node.names if alias.name in RANK}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            found.add((node.module or "").removeprefix("cvtimg."))
+            module = (node.module or "").removeprefix("cvtimg.")
+            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found

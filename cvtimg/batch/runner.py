@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -33,11 +33,14 @@ class Running:
         Leave out inputs all of whose outputs exist: they are whole, for a file appears whole or not at all.
     file : Path, optional
         A .csv or .jsonl file that gets a row for each input.
+    max_pixels : int, optional
+        The most pixels that a picture may have, before it is taken for a trap; some 179 million by default.
     """
 
     jobs: int | None = None
     skip_existing: bool = False
     file: Path | None = None
+    max_pixels: int | None = None
 
 
 def run(
@@ -87,7 +90,7 @@ def run(
     with _folders(todo, out_dir), _rows_written(report, how, overwrite):
         for text, error in missing:
             report.failed(text, reason(text, error))
-        attempt = partial(_attempt, work=work, overwrite=overwrite, again=how.skip_existing)
+        attempt = partial(_attempt, work=work, overwrite=overwrite, how=how)
         with progress(len(todo), report) as step:
             outcomes = _in_order(_perform(attempt, todo, how), step)
             left = iter(todo)
@@ -123,16 +126,18 @@ def gather(
     ------
     task, result or None, why
     """
-    attempt = partial(_call, work=work)
-    with closing(_perform(attempt, tasks, running or Running())) as results:
+    how = running or Running()
+    attempt = partial(_call, work=work, max_pixels=how.max_pixels)
+    with closing(_perform(attempt, tasks, how)) as results:
         for place, outcome in results:
             yield tasks[place], outcome.result, outcome.why
 
 
-def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
+def _call(task: Task, *, work: Callable[[Task], Any], max_pixels: int | None) -> Outcome:
     """Do one task and catch what fails: one bad input, whatever is wrong with it, must not stop the others."""
     try:
-        return Outcome(work(task))
+        with _limits(max_pixels):
+            return Outcome(work(task))
     except Exception as error:
         return Outcome(None, reason(task.source, error))
 
@@ -141,17 +146,25 @@ def _is_done(task: Task) -> bool:
     return bool(task.outputs) and all(path.exists() for path in task.outputs.values())
 
 
-def _attempt(task: Task, *, work: Work, overwrite: bool, again: bool) -> Outcome:
-    """Do one task that has outputs; `again`: if some of these exist, a run was stopped between them."""
+def _limits(max_pixels: int | None) -> AbstractContextManager[None]:
+    if max_pixels is None:
+        return nullcontext()
+    from cvtimg.images.opening import pixels_limited
+
+    return pixels_limited(max_pixels)
+
+
+def _attempt(task: Task, *, work: Work, overwrite: bool, how: Running) -> Outcome:
+    """Do one task that has outputs."""
 
     def checked(task: Task) -> Row:
         for path in task.outputs.values():
-            if again and not overwrite:
-                path.unlink(missing_ok=True)
+            if how.skip_existing and not overwrite:
+                path.unlink(missing_ok=True)  # a run was stopped between the outputs of this task
             _check_can_be_written(path, overwrite)
         return work(task)
 
-    return _call(task, work=checked)
+    return _call(task, work=checked, max_pixels=how.max_pixels)
 
 
 def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator[tuple[int, Outcome]]:

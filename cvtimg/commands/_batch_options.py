@@ -13,7 +13,7 @@ from typer import Option
 from cvtimg.batch import Running
 from cvtimg.commands._options import whole_number
 
-_JOBS = whole_number(1, 1024)
+_JOBS, _PIXELS = whole_number(1, 1024), whole_number(1, 1 << 62)
 Jobs = Annotated[
     int | None,
     Option("--jobs", "-j", metavar="N", parser=_JOBS, help="Inputs at a time; as many as cores, where that pays."),
@@ -24,10 +24,21 @@ SkipExisting = Annotated[
 ReportFile = Annotated[
     Path | None, Option("--report", metavar="FILE", help="Write a row for each input, .csv or .jsonl.")
 ]
+MaxPixels = Annotated[
+    int | None,
+    Option(
+        "--max-pixels", metavar="N", parser=_PIXELS, help="Refuse larger pictures, for safety; 178956970 if not given."
+    ),
+]
 
 
-def _options(jobs: Jobs = None, skip_existing: SkipExisting = False, report_file: ReportFile = None) -> Running:
-    return Running(jobs, skip_existing, report_file)
+def _options(
+    jobs: Jobs = None,
+    skip_existing: SkipExisting = False,
+    report_file: ReportFile = None,
+    max_pixels: MaxPixels = None,
+) -> Running:
+    return Running(jobs, skip_existing, report_file, max_pixels)
 
 
 def for_many(command: Callable[..., None]) -> Callable[..., None]:

@@ -86,7 +86,10 @@ Depth = Annotated[
     str | None, Option(metavar="BITS", help="Work and write with 8 or 16 bits a sample; as the picture has by default.")
 ]
 SharedPalette = Annotated[bool, Option("--shared-palette", help="Find one palette for all pictures together.")]
-SavePalette = Annotated[Path | None, Option(metavar="FILE", help="Write the colors, .json or .gpl; for one input.")]
+SavePalette = Annotated[
+    Path | None,
+    Option(metavar="FILE", help="Write the colors, .gpl, .json, .hex, .act, .ase, .css or .png; for one input."),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,9 +149,9 @@ def quantize(
     PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
     in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
     """
-    from cvtimg import find_images
+    from cvtimg import find_images, read_palette
     from cvtimg.io import lossless_suffixes
-    from cvtimg.palette import PALETTE_WRITERS, write_palette
+    from cvtimg.palette import PALETTE_FORMATS, write_palette
 
     _check_aims(
         {"-k": colors, "--psnr": psnr, "--max-bytes": max_bytes, "--lock": lock, "--weight-map": weight_map},
@@ -166,7 +169,7 @@ def quantize(
     if output:
         check_choice("-o", output.suffix.lower(), lossless_suffixes())
     if save_palette:
-        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
+        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
     extra = {"palette": save_palette} if save_palette and not shared_palette else {}
     name = "{}.png" if out_dir else "{}-quantized.png"
     tasks = [
@@ -174,7 +177,7 @@ def quantize(
         for source, folder in sources.items()
     ]
     if palette:
-        how = _How(mapping, {"palette": _read_palette(palette)}, depth, None)
+        how = _How(mapping, {"palette": read_palette(palette)}, depth, None)
     else:
         weights = _read_weights(weight_map) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
@@ -230,12 +233,6 @@ def _locked(colors: list[str]) -> NDArray[np.uint8]:
 
     rgba = np.array([list(bytes.fromhex(color)) for color in colors], np.uint8)
     return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
-
-
-def _read_palette(path: Path) -> NDArray[np.uint8]:
-    from cvtimg.palette import read_palette
-
-    return read_palette(path)
 
 
 def _read_weights(path: Path) -> NDArray[Any]:

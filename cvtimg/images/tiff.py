@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._threads import n_threads
 from cvtimg.images.arrays import as_samples, upright
-from cvtimg.images.opening import NotAPictureError, check_size
+from cvtimg.images.opening import UnfitContentError, check_size
 from cvtimg.profiles import convert_deep
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
     """Give the first page, if it is a picture."""
     page: tifffile.TiffPage = tiff.pages.first
     if not {*page.axes} <= {*"YXS"} or page.size == 0 or page.dtype is None:
-        raise NotAPictureError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
     check_size(page.imagelength * page.imagewidth)
     return page
 

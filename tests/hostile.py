@@ -1,0 +1,327 @@
+"""A corpus of files that were damaged, or made to harm, and what cvtimg makes of each.
+
+    python tests/hostile.py            # all of them, some minutes
+    python tests/hostile.py --quick    # fewer damages of each file
+
+Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process. It must end in
+a right result or in an error of one line: no traceback, no warning, no crash, no hang, and no file left over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import random
+import re
+import struct
+import sys
+import tempfile
+import time
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageCms, features
+
+#: Seconds that a command may take for one file.
+LIMIT = 20.0
+RNG = np.random.default_rng(8)
+PIXELS = np.kron(RNG.integers(0, 256, (5, 6, 3), np.uint8), np.ones((7, 5, 1), np.uint8))
+RGB = Image.fromarray(PIXELS + RNG.integers(0, 9, PIXELS.shape, np.uint8) // 2)
+
+File = tuple[str, bytes]
+
+
+def encoded(image: Image.Image, form: str, **options: Any) -> bytes:
+    """Encode a picture."""
+    file = io.BytesIO()
+    image.save(file, form, **options)
+    return file.getvalue()
+
+
+def seeds() -> Iterator[File]:
+    """Give whole files of all kinds: formats that Pillow writes, in all modes that each takes."""
+    alpha = RGB.copy()
+    alpha.putalpha(RGB.convert("L"))
+    modes = {mode: RGB.convert(mode) for mode in ("1", "L", "LA", "P", "CMYK", "YCbCr", "LAB", "HSV", "I", "F", "RGB")}
+    modes |= {"RGBA": alpha, "PA": alpha.convert("PA"), "RGBa": alpha.convert("RGBa"), "La": modes["LA"].convert("La")}
+    modes |= {"RGBX": RGB.convert("RGBX"), "I16": Image.fromarray(np.asarray(modes["L"]).astype(np.uint16) * 257)}
+    Image.init()
+    for form in sorted(Image.SAVE):
+        if form in ("PDF", "EPS", "PALM", "XVTHUMB", "BUFR", "GRIB", "HDF5", "WMF"):
+            continue
+        for mode, image in modes.items():
+            try:
+                yield f"{form.lower()}-{mode}.{suffix_of(form)}", encoded(image, form)
+            except Exception:  # this format does not hold this mode
+                continue
+    yield from special()
+
+
+def suffix_of(form: str) -> str:
+    """Return a suffix that Pillow knows for a format."""
+    return next((suffix[1:] for suffix, name in Image.registered_extensions().items() if name == form), "bin")
+
+
+def special() -> Iterator[File]:
+    """Give whole files of unusual content."""
+    for kind in ("raw", "tiff_lzw", "packbits", "tiff_adobe_deflate", "jpeg", "group4"):
+        image = RGB.convert("1") if kind == "group4" else RGB
+        try:
+            yield f"tiff-{kind}.tif", encoded(image, "TIFF", compression=kind)
+        except Exception:
+            continue
+    frames = [RGB.rotate(90 * n) for n in range(3)]
+    for form in ("GIF", "PNG", "WEBP", "TIFF"):
+        yield f"animated.{form.lower()}", encoded(RGB, form, save_all=True, append_images=frames)
+    for size in ((1, 1), (1, 5000), (5000, 1), (65535, 1), (1, 65535)):
+        for form in ("PNG", "TIFF", "BMP", "JPEG", "GIF"):
+            try:
+                yield f"{size[0]}x{size[1]}.{form.lower()}", encoded(RGB.resize(size), form)
+            except Exception:
+                continue
+    for number in (0, 2, 5, 6, 8, 9, 255, 65535):
+        exif = Image.Exif()
+        exif[0x0112] = number
+        for form in ("JPEG", "PNG", "TIFF", "WEBP"):
+            yield f"turned-{number}.{form.lower()}", encoded(RGB, form, exif=exif.tobytes())
+    yield "exif-garbage.jpg", encoded(RGB, "JPEG", exif=b"Exif\0\0" + bytes(range(200)))
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
+    icc = {"garbage": b"garbage" * 9, "empty": b"\0", "cut": profile[:200], "right": profile, "lab": lab}
+    icc["flipped"] = flipped(profile, random.Random(1), 40)
+    for name, content in icc.items():
+        for form in ("JPEG", "PNG", "TIFF"):
+            yield f"icc-{name}.{form.lower()}", encoded(RGB, form, icc_profile=content)
+    palette = RGB.convert("P", palette=Image.Palette.ADAPTIVE, colors=7)
+    yield "palette-hole.png", png_with_palette(palette, 3)
+    yield "palette-none.png", png_with_palette(palette, 0)
+    yield "transparency-long.png", encoded(palette, "PNG", transparency=bytes(range(7)))
+
+
+def png_with_palette(image: Image.Image, n_colors: int) -> bytes:
+    """Write a PNG whose indices go beyond its palette."""
+    content = encoded(image, "PNG")
+    at = content.index(b"PLTE") - 4
+    size = struct.unpack(">I", content[at : at + 4])[0]
+    entries = content[at + 8 : at + 8 + 3 * n_colors]
+    return content[:at] + (chunk(b"PLTE", entries) if n_colors else b"") + content[at + 12 + size :]
+
+
+def chunk(kind: bytes, content: bytes) -> bytes:
+    """Lay out a chunk of a PNG."""
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def png(width: int, height: int, depth: int = 8, color: int = 2, data: bytes = b"", interlace: int = 0) -> bytes:
+    """Write a PNG that says what it likes."""
+    header = struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, interlace)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def tiff(entries: list[tuple[int, int, int, int]], follow: int = 0, tail: bytes = b"") -> bytes:
+    """Write a TIFF of any tags, (tag, type, count, value), whose next page is at `follow`."""
+    rows = b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    return b"II*\0" + struct.pack("<I", 8) + struct.pack("<H", len(entries)) + rows + struct.pack("<I", follow) + tail
+
+
+def made() -> Iterator[File]:
+    """Give files that say what is not so, or that are small and stand for much."""
+    huge = 2**31 - 1
+    for width, height in ((0, 0), (0, 5), (5, 0), (huge, 1), (1, huge), (huge, huge), (20000, 20000), (70000, 70000)):
+        yield f"declared-{width}x{height}.png", png(width, height, data=zlib.compress(bytes(1000)))
+        yield f"declared-{width}x{height}.ppm", b"P6 %d %d 255\n" % (width, height) + bytes(99)
+        low = [min(side, 65535) for side in (width, height)]
+        yield f"declared-{width}x{height}.gif", b"GIF89a" + struct.pack("<HH", *low) + b"\0\0\0;"
+        yield (
+            f"declared-{width}x{height}.bmp",
+            (
+                b"BM"
+                + struct.pack("<IHHI", 99, 0, 0, 54)
+                + struct.pack("<IiiHHIIiiII", 40, width, height, 1, 24, *[0] * 6)
+            ),
+        )
+        size = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
+        yield f"declared-{width}x{height}.tif", tiff([*size, (273, 4, 1, 8), (278, 4, 1, height), (279, 4, 1, 64)])
+    # A gigabyte of zeros in a megabyte, and 300 million pixels in half of one.
+    yield "bomb.png", png(18000, 18000, color=0, data=zlib.compress(bytes(18001 * 600), 9) * 3)
+    yield (
+        "bomb-text.png",
+        png(4, 4, data=zlib.compress(bytes(52)))[:-12]
+        + chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(50_000_000), 9))
+        + chunk(b"IEND", b""),
+    )
+    yield (
+        "bomb-icc.png",
+        (png(4, 4)[:33] + chunk(b"iCCP", b"a\0\0" + zlib.compress(bytes(50_000_000), 9)) + png(4, 4)[33:]),
+    )
+    whole = [(256, 4, 1, 8), (257, 4, 1, 8), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
+    whole += [(278, 4, 1, 8), (279, 4, 1, 64)]
+    data = 8 + 2 + 12 * (len(whole) + 1) + 4
+    right = sorted([*whole, (273, 4, 1, data)])
+    yield "tiny.tif", tiff(right, tail=bytes(range(64)))
+    yield "loop.tif", tiff(right, follow=8, tail=bytes(range(64)))
+    yield "next-outside.tif", tiff(right, follow=2**32 - 1, tail=bytes(range(64)))
+    for tag, kind, count, value in ((258, 3, 60000, 8), (277, 3, 1, 65535), (273, 4, 2**31, 8), (279, 4, 1, 2**32 - 1)):
+        lied = sorted([*(entry for entry in right if entry[0] != tag), (tag, kind, count, value)])
+        yield f"tag-{tag}-{count}-{value}.tif", tiff(lied, tail=bytes(range(64)))
+    for tag, value in (
+        (259, 5),
+        (259, 7),
+        (259, 50000),
+        (259, 34925),
+        (262, 99),
+        (317, 3),
+        (339, 9),
+        (258, 7),
+        (258, 64),
+    ):
+        lied = sorted([*(entry for entry in right if entry[0] != tag), (tag, 3, 1, value)])
+        yield f"tag-{tag}-{value}.tif", tiff(lied, tail=bytes(range(64)))
+    yield "tile-zero.tif", tiff(sorted([*right, (322, 4, 1, 0), (323, 4, 1, 0)]), tail=bytes(range(64)))
+    yield "tile-huge.tif", tiff(sorted([*right, (322, 4, 1, 2**31), (323, 4, 1, 2**31)]), tail=bytes(range(64)))
+    yield "self.tif", tiff([(330, 4, 1, 8), *right], follow=8)
+    yield "big.tif", b"II+\0\x08\0\0\0" + struct.pack("<Q", 2**63) + bytes(40)
+    yield "magic-only.npy", b"\x93NUMPY"
+    for shape in ("(0, 0)", "(3,)", "(2**9, 3)", "(99999999, 99999999)", "(2, 2, 2, 2)", "(-1, 4)"):
+        header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}".ljust(117) + "\n"
+        yield f"shape-{shape}.npy", b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + bytes(64)
+    header = "{'descr': '|O', 'fortran_order': False, 'shape': (2, 2)}".ljust(117) + "\n"
+    yield (
+        "pickle.npy",
+        b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + b"cos\nsystem\n(S'x'\ntR.",
+    )
+    for name in ("float-nan", "float-inf"):
+        values = np.ones((4, 4), np.float32)
+        values[0, 0] = np.nan if name.endswith("nan") else np.inf
+        yield f"{name}.tif", encoded(Image.fromarray(values), "TIFF")
+    for suffix in ("png", "jpg", "tif", "gif", "bmp", "webp", "ico", "psd", "dds", "j2k", "qoi", "svg", "npy"):
+        yield f"empty.{suffix}", b""
+        yield f"text.{suffix}", b"This is no picture.\n" * 20
+        yield f"zeros.{suffix}", bytes(500)
+        yield f"noise.{suffix}", RNG.bytes(2000)
+        yield f"wrong-jpeg.{suffix}", encoded(RGB, "JPEG")
+        yield f"wrong-png.{suffix}", encoded(RGB, "PNG")
+    magics = (
+        b"\xff\xd8\xff",
+        b"GIF89a",
+        b"BM",
+        b"II*\0",
+        b"MM\0*",
+        b"RIFF\0\0\0\0WEBP",
+        b"8BPS",
+        b"DDS ",
+        b"qoif",
+        b"P6 ",
+    )
+    for number, magic in enumerate(magics):
+        yield f"magic-{number}.png", magic + RNG.bytes(300)
+    yield "script.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(%pipe%touch x) (w) file\n"
+
+
+def flipped(content: bytes, chance: random.Random, n_bytes: int) -> bytes:
+    """Change some bytes."""
+    damaged = bytearray(content)
+    for _ in range(min(n_bytes, len(damaged))):
+        damaged[chance.randrange(len(damaged))] = chance.choice([0, 1, 127, 128, 255, chance.randrange(256)])
+    return bytes(damaged)
+
+
+def damaged(files: Iterable[File], n_cuts: int, n_flips: int) -> Iterator[File]:
+    """Give files as they are, and each cut and damaged so many times."""
+    for name, content in files:
+        chance = random.Random(name)
+        stem, _, suffix = name.rpartition(".")
+        yield name, content
+        for n in range(n_cuts):
+            at = chance.randrange(min(len(content), 60)) if n % 2 else chance.randrange(len(content))
+            yield f"{stem}-cut{at}.{suffix}", content[:at]
+        for n in range(n_flips):
+            # Headers are where it hurts.
+            head = flipped(content[:80], chance, chance.choice([1, 2, 5])) + content[80:]
+            yield f"{stem}-flip{n}.{suffix}", head if n % 2 else flipped(content, chance, chance.choice([1, 3, 20]))
+
+
+def judge(path: Path) -> str:
+    """Tell what became of a file: "right", "error", or what was wrong."""
+    out = path.parent / "out.png"
+    verdicts = []
+    for arguments in (["info", path, "--json"], ["quantize", path, "-k", "4", "-o", out, "--json"]):
+        start = time.perf_counter()
+        verdict, rows = outcome([str(argument) for argument in arguments])
+        if time.perf_counter() - start > LIMIT:
+            return f"took {time.perf_counter() - start:.0f} seconds"
+        if verdict not in ("right", "error"):
+            return verdict
+        verdicts.append(verdict)
+    if verdicts[1] == "error":
+        return "left a file over" if out.exists() else "error"
+    with Image.open(out) as image:
+        shape, n_colors = image.size, len(image.convert("RGBA").getcolors(1 << 24) or ())
+    out.unlink()
+    if shape != (rows[0]["width"], rows[0]["height"]) or not 1 <= n_colors <= 4:
+        return f"wrong result: {shape}, {n_colors} colors"
+    return "right"
+
+
+def outcome(arguments: list[str]) -> tuple[str, list[dict[str, Any]]]:
+    """Run the command line here, and tell how it ended."""
+    from cvtimg import cli
+
+    out, err = io.StringIO(), io.StringIO()
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            status = cli.main(arguments)
+    except BaseException as error:
+        return f"raised {error!r}", []
+    text = err.getvalue()
+    if status == 1 and re.fullmatch(r"cvtimg: [^\n]{1,400}\n", text) and "unexpected" not in text:
+        # Errors without a sentence are Python's own: somebody forgot to say what is wrong with the file.
+        if re.search(r": (Key|Type|Index|Attribute|Assertion|Runtime|ZeroDivision|System)Error", text):
+            return f"unworded error: {text.strip()}", []
+        return "error", []
+    if status == 0 and not text:
+        rows = [json.loads(line) for line in out.getvalue().splitlines()]
+        return ("right", rows) if len(rows) == 1 else (f"{len(rows)} rows", [])
+    return f"status {status}, stderr {text[:200]!r}", []
+
+
+def main() -> None:
+    """Print what became of the files."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    options.add_argument("--quick", action="store_true", help="fewer damages of each file")
+    options.add_argument("--keep", type=Path, metavar="DIR", help="keep the files that went wrong here")
+    arguments = options.parse_args()
+    n_cuts, n_flips = (1, 1) if arguments.quick else (8, 12)
+    counts: Counter[str] = Counter()
+    slowest = (0.0, "")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in chain(damaged(seeds(), n_cuts, n_flips), made()):
+            path = Path(folder, name)
+            path.write_bytes(content)
+            start = time.perf_counter()
+            verdict = judge(path)
+            slowest = max(slowest, (time.perf_counter() - start, name))
+            counts[verdict if verdict in ("right", "error") else "wrong"] += 1
+            if verdict not in ("right", "error"):
+                print(f"{name}: {verdict}", flush=True)
+                if arguments.keep:
+                    arguments.keep.mkdir(parents=True, exist_ok=True)
+                    (arguments.keep / name).write_bytes(content)
+            path.unlink()
+    print(
+        f"{counts.total()} files: {counts['right']} right results, {counts['error']} errors of one line, "
+        f"{counts['wrong']} of anything else; the slowest took {slowest[0]:.1f} s ({slowest[1]}); "
+        f"Pillow {Image.__version__}, libtiff {features.version('libtiff')}"
+    )
+    sys.exit(1 if counts["wrong"] else 0)
+
+
+if __name__ == "__main__":
+    main()
