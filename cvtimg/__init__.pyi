@@ -12,6 +12,7 @@ from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
 from .sharing import shared_palette
+from .tiled_quantization import QuantizedFile, quantize_file
 
 __all__ = [
     "CVT",
@@ -23,6 +24,7 @@ __all__ = [
     "ColorSamples",
     "Palette",
     "Quantized",
+    "QuantizedFile",
     "Tessellation",
     "color_samples",
     "find_images",
@@ -31,6 +33,7 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_file",
     "quantize_to_size",
     "read_image",
     "read_palette",

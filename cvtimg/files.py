@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
-__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "remove_leftovers", "whole_file"]
+__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "remove_leftovers", "whole_file", "whole_folder"]
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
@@ -83,6 +83,35 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
             part.unlink()
 
 
+@contextmanager
+def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
+    """Give an empty folder that appears under its name when the block ends, or not at all if it fails.
+
+    Parameters and errors are those of `whole_file`; an old folder goes only when the new one is whole.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not overwrite:
+        raise _exists(path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no folder {target.parent}")
+    part, old = (target.with_name(f"{_PART}{secrets.token_hex(8)}.part") for _ in range(2))
+    try:
+        part.mkdir()
+        yield part
+        if not target.exists():
+            part.rename(target)
+            return
+        target.rename(old)
+        try:
+            part.rename(target)
+        except OSError:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
 def remove_leftovers(folder: StrPath) -> None:
     """Take unfinished files of killed programs out of a folder; those that are being written stay."""
     for part in Path(folder).glob(f"{_PART}*.part"):
@@ -143,7 +172,7 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
 
 def _expand(path: StrPath) -> list[Path]:
     given = Path(path)
-    if given.is_dir():
+    if given.is_dir() and given.suffix.lower() != ".zarr":
         inside = sorted(
             file
             for file in given.rglob("*")

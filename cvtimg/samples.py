@@ -18,7 +18,7 @@ from cvtimg._checks import check_image, check_weights
 from cvtimg._threads import in_parts
 
 #: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
-_TABLE_BYTES = 3
+TABLE_BYTES = 3
 _FIRST_CAPACITY = 1 << 16
 #: A key of 64 bits has 16 for each of so many channels.
 MAX_ORDERED_DIMS = 4
@@ -102,7 +102,7 @@ def color_samples(image: Any) -> ColorSamples:
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
     pixels = rows.view(np.uint8)
     in_order = rows.shape[1] <= MAX_ORDERED_DIMS
-    if pixels.shape[1] <= _TABLE_BYTES:
+    if pixels.shape[1] <= TABLE_BYTES:
         colors, density, inverse = _count_in_table(pixels)
     else:
         colors, density, inverse = _count_in_hash(pixels)
@@ -156,7 +156,7 @@ _Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
 def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
     """Count pixels of at most three bytes, each a key into a table of pages that are filled as they are met."""
     n_pixels, n_bytes = pixels.shape
-    spread = _interleave(n_bytes)
+    spread = interleave(n_bytes)
     n_pages = max(1, (1 << 8 * n_bytes) // _kernels.PAGE_SIZE)
     pages = np.zeros(n_pages, np.uint16)
     counts = np.zeros((n_pages + 1, _kernels.PAGE_SIZE), np.uint32)
@@ -171,7 +171,7 @@ def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
         _kernels.look_up_keys(flat[start * n_bytes : stop * n_bytes], spread, pages, counts, inverse[start:stop])
 
     in_parts(look_up, n_pixels, work=n_pixels)
-    return _pixels(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
+    return pixels_of(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
 
 
 def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
@@ -191,7 +191,7 @@ def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
         firsts, density = np.resize(firsts, capacity), np.resize(density, capacity)
 
 
-def _interleave(n_bytes: int) -> NDArray[np.uint32]:
+def interleave(n_bytes: int) -> NDArray[np.uint32]:
     """(B, 256) bits of the key that each byte sets: bits of equal rank side by side, so near keys are near colors."""
     values = np.arange(256, dtype=np.uint32)
     spread = np.zeros((n_bytes, 256), np.uint32)
@@ -201,7 +201,7 @@ def _interleave(n_bytes: int) -> NDArray[np.uint32]:
     return spread
 
 
-def _pixels(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
+def pixels_of(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
     """(M, B) bytes of each key, by tables for its lower and upper 12 bits."""
     half = np.arange(1 << 12, dtype=np.uint32)
     lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
@@ -210,7 +210,7 @@ def _pixels(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
 
 
 def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
-    """(M, B) bytes of each key: the inverse of `_interleave`."""
+    """(M, B) bytes of each key: the inverse of `interleave`."""
     pixels = np.zeros((len(keys), n_bytes), np.uint8)
     for byte in range(n_bytes):
         for bit in range(8):

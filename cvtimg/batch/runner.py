@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -160,11 +161,18 @@ def _attempt(task: Task, *, work: Work, overwrite: bool, how: Running) -> Outcom
     def checked(task: Task) -> Row:
         for path in task.outputs.values():
             if how.skip_existing and not overwrite:
-                path.unlink(missing_ok=True)  # a run was stopped between the outputs of this task
+                _remove(path)  # a run was stopped between the outputs of this task
             _check_can_be_written(path, overwrite)
         return work(task)
 
     return _call(task, work=checked, max_pixels=how.max_pixels)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator[tuple[int, Outcome]]:
@@ -205,12 +213,13 @@ def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[O
 
 def _check_can_be_written(path: Path, overwrite: bool) -> None:
     """Fail now rather than after the work: begin to write, and do not go through with it."""
-    from cvtimg.files import whole_file
+    from cvtimg.files import whole_file, whole_folder
 
     class EndOfTrialError(Exception):
         pass
 
-    with suppress(EndOfTrialError), whole_file(path, overwrite=overwrite):
+    begin = whole_folder if path.suffix.lower() == ".zarr" else whole_file
+    with suppress(EndOfTrialError), begin(path, overwrite=overwrite):
         raise EndOfTrialError
 
 

@@ -27,6 +27,7 @@ from cvtimg.batch import (
 from cvtimg.commands import _options as options
 from cvtimg.commands._batch_options import for_many
 from cvtimg.commands._sharing import share
+from cvtimg.commands._tiled import by_tiles, goes_by_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -147,7 +148,8 @@ def quantize(
     N is given by -k, or follows from --psnr or --max-bytes, with -k for the most; or --palette gives the colors.
     Without -o and --out-dir, one input gives NAME-quantized.png beside it. Up to 256 colors of 8 bits make an indexed
     PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
-    in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
+    in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file. From TIFF to .tif a picture of
+    over 2^26 pixels goes by tiles, as does Zarr: its memory is bounded, whatever its size.
     """
     from cvtimg import find_images, read_palette
     from cvtimg.io import lossless_suffixes
@@ -167,7 +169,7 @@ def quantize(
     single = {"-o": output} if shared_palette else {"-o": output, "--save-palette": save_palette}
     check_outputs(len(sources) + len(missing), out_dir, single)
     if output:
-        check_choice("-o", output.suffix.lower(), lossless_suffixes())
+        check_choice("-o", output.suffix.lower(), [*lossless_suffixes(), ".zarr"])
     if save_palette:
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
     extra = {"palette": save_palette} if save_palette and not shared_palette else {}
@@ -250,6 +252,8 @@ def _read_weights(path: Path) -> NDArray[Any]:
 def _quantize(task: Task, *, overwrite: bool, how: _How) -> Row:
     from cvtimg import read_image
 
+    if goes_by_tiles(task.source, task.outputs["picture"]):
+        return _by_tiles(task, overwrite, how)
     start = perf_counter()
     image = read_image(task.source)
     read = perf_counter()
@@ -273,6 +277,14 @@ def _quantize(task: Task, *, overwrite: bool, how: _How) -> Row:
         "converged": tessellation.converged if tessellation else True,
         "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
+
+
+def _by_tiles(task: Task, overwrite: bool, how: _How) -> Row:
+    depth_and_bytes = {"--depth": how.depth, "--max-bytes": how.max_bytes}
+    of_one = {f"--{name.replace('_', '-')}": how.options.get(name) for name in ONLY_OF_ONE}
+    unfit = [option for option, value in {**of_one, **depth_and_bytes}.items() if value]
+    options = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
+    return by_tiles(task, {**options, **how.colors}, unfit, overwrite=overwrite)
 
 
 def _result(image: NDArray[Any], how: _How, suffix: str) -> Quantized:
