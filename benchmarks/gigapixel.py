@@ -79,7 +79,7 @@ def main() -> None:
             source, target = Path(folder, "large.tif"), Path(folder, "small.tif")
             make(source, side)
             cost = measure(source, target, arguments.k)
-            sizes = ", ".join(f"{path.stem} {path.stat().st_size / 1e9:.2f} GB" for path in (source, target))
+            sizes = ", ".join(f"{path.stem} {path.stat().st_size / 1e6:.0f} MB" for path in (source, target))
             print(f"{side} x {side} to {arguments.k} colors: {cost}; {sizes}", flush=True)
 
 

@@ -1,3 +1,4 @@
+from .blocks import quantize_blocks
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
@@ -33,6 +34,7 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_blocks",
     "quantize_file",
     "quantize_to_size",
     "read_image",

@@ -7,10 +7,13 @@ spinning, and it survives a fork. No result depends on the number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
+from typing import TypeVar
+
+T = TypeVar("T")
 
 #: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
 _WORTH_A_THREAD = 1 << 20
@@ -53,3 +56,18 @@ def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> N
     kernel(bounds[0], bounds[1])
     for other in others:
         other.result()
+
+
+def pairwise_sum(values: Iterable[T], add: Callable[[T, T], T]) -> T | None:
+    """Add values as they come, sums of equally many two by two, so that each is touched few times; None of none."""
+    sums: list[tuple[int, T]] = []  # with how often each was added, falling
+    for value in values:
+        sums.append((0, value))
+        while len(sums) > 1 and sums[-1][0] == sums[-2][0]:
+            sums[-2:] = [(sums[-1][0] + 1, add(sums[-2][1], sums[-1][1]))]
+    if not sums:
+        return None
+    total = sums.pop()[1]
+    while sums:
+        total = add(sums.pop()[1], total)
+    return total

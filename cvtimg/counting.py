@@ -22,7 +22,7 @@ from cvtimg.samples import (
 
 __all__ = ["MOST_COLORS", "Counter"]
 
-#: Distinct colors, of pixels of more than three bytes, beyond which neighbours are taken together.
+#: Distinct colors beyond which neighbours are taken together: the engine needs some 200 bytes for each.
 MOST_COLORS = 1 << 22
 _NO_WAY_BACK = np.empty((0, 0), np.int32)
 
@@ -30,13 +30,13 @@ _NO_WAY_BACK = np.empty((0, 0), np.int32)
 class Counter:
     """Counts the colors of bands of a picture.
 
-    Pixels of up to three bytes are counted exactly in a table of 2^24 counts, 64 MiB. Others are counted exactly up to
-    `most` colors; beyond, colors that follow each other along a curve through their space become one, their mean, and
-    `exact` is False from then on.
+    Pixels of up to three bytes are counted in a table of 2^24 counts, 64 MiB, others in a growing list. Beyond `most`
+    colors those that follow each other along a curve through their space become one, their mean, and `exact` is False.
     """
 
     def __init__(self, most: int = MOST_COLORS) -> None:
         self.exact = True
+        self.n_distinct = 0
         self._most = most
         self._sum: ColorSamples | None = None
         self._table: _Table | None = None
@@ -56,19 +56,20 @@ class Counter:
 
     def _join(self, samples: ColorSamples) -> None:
         total = samples if self._sum is None else merge_samples([self._sum, samples])
+        self.n_distinct = max(self.n_distinct, total.n_colors)
         if total.n_colors > self._most:
             self.exact = False
-            total = _coarser(total, self._most // 2)
+            total = _coarser(total, self._most)
         self._sum = replace(total, inverse=_NO_WAY_BACK)
 
     def samples(self) -> ColorSamples:
         """Return the colors of all bands, without the way back to pixels."""
         if self._table is not None:
-            table, self._table = self._table.samples(), None
-            self._sum = table if self._sum is None else merge_samples([self._sum, table])
+            table, self._table = self._table, None
+            self._join(table.samples())
         if self._sum is None:
             raise ValueError("bands must be at least one")
-        return replace(self._sum, inverse=_NO_WAY_BACK)
+        return self._sum
 
 
 class _Table:
@@ -101,11 +102,13 @@ class _Table:
 
 def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     """Join neighbours along a curve to at most so many colors, their means rounded to the type of the picture."""
-    order = along_curve(samples.colors[:, :MAX_ORDERED_DIMS])
-    starts = np.arange(0, samples.n_colors, -(-samples.n_colors // n_most))
-    density = samples.density[order]
+    colors, density = samples.colors, samples.density
+    if not samples.in_order:
+        order = along_curve(colors[:, :MAX_ORDERED_DIMS])
+        colors, density = colors[order], density[order]
+    starts = np.arange(0, len(colors), -(-len(colors) // n_most))
     masses = np.add.reduceat(density, starts)
-    sums = np.add.reduceat(samples.colors[order] * density[:, np.newaxis], starts)
-    means = sums / masses[:, np.newaxis]
+    sums = [np.add.reduceat(colors[:, dim] * density, starts) for dim in range(colors.shape[1])]
+    means = np.stack(sums, axis=1) / masses[:, np.newaxis]
     colors = (np.rint(means) if samples.colors.dtype.kind == "u" else means).astype(samples.colors.dtype)
     return merge_samples([ColorSamples(colors, masses, _NO_WAY_BACK, samples.in_order)])

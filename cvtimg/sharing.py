@@ -10,6 +10,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._threads import pairwise_sum
 from cvtimg.color import to_depth
 from cvtimg.files import StrPath
 from cvtimg.io import read_image
@@ -17,7 +18,7 @@ from cvtimg.palette_search import EngineOptions, Palette, find_palette
 from cvtimg.places import has_alpha, widen, without_idle_alpha
 from cvtimg.samples import ColorSamples, color_samples, merge_samples
 
-__all__ = ["add_samples", "count_picture", "shared_palette"]
+__all__ = ["add_samples", "count_picture", "in_fixed_order", "shared_palette"]
 
 
 def shared_palette(
@@ -62,8 +63,10 @@ def shared_palette(
     >>> shared_palette([np.array([[10, 12]], np.uint8), np.array([[200, 202]], np.uint8)], 2).colors.tolist()
     [[11], [201]]
     """
-    samples = add_samples(count_picture(picture) for picture in pictures)
-    return find_palette(samples, n_colors, space=space, locked=locked, **engine)
+    samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
+    if samples is None:
+        raise ValueError("pictures must be at least one")
+    return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
 
 
 def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> ColorSamples:
@@ -78,25 +81,8 @@ def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> Col
     return replace(samples, inverse=np.empty((0, 0), np.int32))
 
 
-def add_samples(several: Iterable[ColorSamples]) -> ColorSamples:
-    """Add densities two by two, as they come: sums of equally many pictures, so that each color is met few times.
-
-    Counts of pixels are whole numbers, whose sums are exact in any order.
-    """
-    sums: list[tuple[int, ColorSamples]] = []  # how often each was added, falling
-    for samples in several:
-        sums.append((0, samples))
-        while len(sums) > 1 and sums[-1][0] == sums[-2][0]:
-            sums[-2:] = [(sums[-1][0] + 1, _add(sums[-2][1], sums[-1][1]))]
-    if not sums:
-        raise ValueError("pictures must be at least one")
-    total = sums.pop()[1]
-    while sums:
-        total = _add(sums.pop()[1], total)
-    return _in_fixed_order(total)
-
-
-def _add(first: ColorSamples, second: ColorSamples) -> ColorSamples:
+def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
+    """Add two densities. Counts of pixels are whole numbers, whose sums are exact in any order."""
     merged = merge_samples(_alike(first, second))
     return replace(merged, inverse=np.empty((0, 0), np.int32))
 
@@ -113,7 +99,7 @@ def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
     return pair
 
 
-def _in_fixed_order(samples: ColorSamples) -> ColorSamples:
+def in_fixed_order(samples: ColorSamples) -> ColorSamples:
     """Sort colors: those that a table counted have their order from it, others from which came first."""
     order = np.lexsort(samples.colors.T[::-1])
     in_order = replace(samples, colors=samples.colors[order], density=samples.density[order])

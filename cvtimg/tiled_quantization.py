@@ -37,10 +37,11 @@ class QuantizedFile:
     energy : float
         As in `Quantized`: exact, whether `exact` is true or not.
     n_distinct : int
-        Distinct colors that were told apart.
+        Distinct colors of the picture before; where `exact` is false and pixels have more than three bytes, how many
+        were told apart at a time.
     exact : bool
-        Whether these were all: always for 8-bit RGB and grey, else up to 2^22 (`cvtimg.counting.MOST_COLORS`).
-        Beyond, neighbours were taken together where the palette was sought.
+        Whether the palette is that of all these colors: up to 2^22 (`cvtimg.counting.MOST_COLORS`). Beyond,
+        neighbours were taken together when it was sought.
     """
 
     palette: NDArray[Any]
@@ -76,8 +77,8 @@ def quantize_file(
     """Reduce a picture on disk, of any size, to the colors that stand best for it.
 
     The palette is that of the whole picture: no seams. Memory does not grow with the picture: some bands of about 2^23
-    pixels (`cvtimg.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and the distinct colors, at most 2^24
-    of 8-bit RGB and else 2^22: under 2 GiB for RGB.
+    pixels (`cvtimg.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22 distinct colors,
+    beyond which neighbours are taken together: under 2 GiB for RGB.
 
     Parameters
     ----------
@@ -133,7 +134,7 @@ def quantize_file(
         colors = check_colors("palette", palette, samples.colors.dtype)
     if has_alpha(colors.shape[1]) and CLEAR in kinds_of(samples.colors) and CLEAR not in kinds_of(colors):
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
-    n_distinct = samples.n_colors
+    n_distinct = counter.n_distinct
     del samples, counter  # which take more memory than the bands
     mapping = _Mapping(bands, colors, space, Path(target).suffix.lower() != ".zarr")
     write_bands(target, mapping.form, mapping, palette=mapping.indexed, overwrite=overwrite)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_the_order_of_the_pictures_changes_no_bit(pictures: list[np.ndarray]) ->
 
 
 def test_densities_are_added_exactly() -> None:
-    total = add_samples(color_samples(picture) for picture in PICTURES)
+    total = functools.reduce(add_samples, map(color_samples, PICTURES))
     colors, counts = np.unique(np.concatenate(PICTURES).reshape(-1, 3), axis=0, return_counts=True)
     order = np.lexsort(total.colors.T[::-1])
     np.testing.assert_array_equal(total.colors[order], colors)

@@ -4,7 +4,7 @@ Nothing here knows what is done to an input: a command hands over the work, and 
 """
 
 from cvtimg.batch.report import Report, complain, reason
-from cvtimg.batch.runner import Running, gather, run
+from cvtimg.batch.runner import Running, fold, run
 from cvtimg.batch.tasks import (
     Missing,
     Row,
@@ -30,7 +30,7 @@ __all__ = [
     "check_outputs",
     "complain",
     "find",
-    "gather",
+    "fold",
     "reason",
     "run",
 ]

@@ -10,12 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cvtimg._threads import n_threads, pairwise_sum
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
 from cvtimg.batch.tasks import Missing, Row, Task, Work, check_choice, check_no_clash
 from cvtimg.batch.workers import Attempt, Outcome, in_workers
 
-__all__ = ["Running", "gather", "run"]
+__all__ = ["Running", "fold", "run"]
 
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
@@ -36,12 +37,15 @@ class Running:
         A .csv or .jsonl file that gets a row for each input.
     max_pixels : int, optional
         The most pixels that a picture may have, before it is taken for a trap; some 179 million by default.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster that does the work, or "local" for one of `jobs` processes here.
     """
 
     jobs: int | None = None
     skip_existing: bool = False
     file: Path | None = None
     max_pixels: int | None = None
+    dask: str | None = None
 
 
 def run(
@@ -109,29 +113,47 @@ def run(
     return report.close()
 
 
-def gather(
-    tasks: Sequence[Task], work: Callable[[Task], Any], running: Running | None = None
-) -> Iterator[tuple[Task, Any, str]]:
-    """Give what `work` returns for each task, or why it did not, as tasks are done and not in their order.
+def fold(
+    tasks: Sequence[Task],
+    work: Callable[[Task], Any],
+    add: Callable[[Any, Any], Any],
+    running: Running | None = None,
+) -> tuple[Any, dict[Path, str]]:
+    """Add what `work` returns for each task, two by two as they are done.
 
     Parameters
     ----------
     tasks : sequence of Task
         Inputs; outputs play no part.
-    work : callable
-        From a task to anything that can be pickled; itself picklable, as for `run`.
+    work, add : callable
+        From a task to anything that can be pickled, and from two of these to one, in whatever order; themselves
+        picklable.
     running : Running, optional
-        How many at a time.
+        How many at a time, and where.
 
-    Yields
-    ------
-    task, result or None, why
+    Returns
+    -------
+    total, dict of Path to str
+        The sum of the inputs that did not fail, None of none; and why others failed.
     """
     how = running or Running()
     attempt = partial(_call, work=work, max_pixels=how.max_pixels)
-    with closing(_perform(attempt, tasks, how)) as results:
-        for place, outcome in results:
-            yield tasks[place], outcome.result, outcome.why
+    if how.dask:
+        from cvtimg.batch.on_dask import sum_on_dask
+
+        total, why = sum_on_dask(attempt, tasks, add, how.dask, how.jobs or n_threads())
+        return total, {tasks[place].source: text for place, text in why.items()}
+    failed: dict[Path, str] = {}
+
+    def results() -> Iterator[Any]:
+        with closing(_perform(attempt, tasks, how)) as outcomes:
+            for place, outcome in outcomes:
+                if outcome.why:
+                    failed[tasks[place].source] = outcome.why
+                else:
+                    yield outcome.result
+
+    return pairwise_sum(results(), add), failed
 
 
 def _call(task: Task, *, work: Callable[[Task], Any], max_pixels: int | None) -> Outcome:
@@ -177,8 +199,10 @@ def _remove(path: Path) -> None:
 
 def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator[tuple[int, Outcome]]:
     """Give the place of each task and its outcome, as they are done."""
-    from cvtimg._threads import n_threads
+    if how.dask:
+        from cvtimg.batch.on_dask import on_dask
 
+        return on_dask(attempt, tasks, how.dask, how.jobs or n_threads())
     jobs = min(how.jobs or _jobs_worthwhile(tasks), len(tasks))
     if jobs > 1:
         return in_workers(attempt, tasks, jobs, max(1, n_threads() // jobs))
@@ -187,8 +211,6 @@ def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator
 
 def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
     """Return how many workers to start if nobody says."""
-    from cvtimg._threads import n_threads
-
     n_bytes = 0
     for task in tasks:
         with suppress(OSError):

@@ -30,6 +30,10 @@ MaxPixels = Annotated[
         "--max-pixels", metavar="N", parser=_PIXELS, help="Refuse larger pictures, for safety; 178956970 if not given."
     ),
 ]
+Dask = Annotated[
+    str | None,
+    Option("--dask", metavar="ADDRESS", help="Work on a Dask cluster: tcp://HOST:PORT, or local for one here."),
+]
 
 
 def _options(
@@ -37,8 +41,9 @@ def _options(
     skip_existing: SkipExisting = False,
     report_file: ReportFile = None,
     max_pixels: MaxPixels = None,
+    dask: Dask = None,
 ) -> Running:
-    return Running(jobs, skip_existing, report_file, max_pixels)
+    return Running(jobs, skip_existing, report_file, max_pixels, dask)
 
 
 def for_many(command: Callable[..., None]) -> Callable[..., None]:

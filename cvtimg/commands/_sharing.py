@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Missing, Running, Task, WrongUsageError, check_no_clash, gather
+from cvtimg.batch import Missing, Running, Task, WrongUsageError, check_no_clash, fold
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,24 +32,16 @@ def share(
     array or None
         What `find` makes of the sum of the densities; None if no picture is left.
     """
-    from cvtimg.sharing import add_samples
+    from cvtimg.sharing import add_samples, in_fixed_order
 
     check_no_clash(tasks)
-    failed: dict[Path, str] = {}
-
-    def counted() -> Iterator[ColorSamples]:
-        for task, samples, why in gather(tasks, partial(_count, depth=depth), running):
-            if samples is None:
-                failed[task.source] = why
-            else:
-                yield samples
-
     palette = None
     try:
-        palette = find(add_samples(counted()))
+        total, failed = fold(tasks, partial(_count, depth=depth), add_samples, running)
+        if total is not None:
+            palette = find(in_fixed_order(total))
     except ValueError as error:
-        if len(failed) < len(tasks):
-            raise WrongUsageError(f"--shared-palette: {error}") from error
+        raise WrongUsageError(f"--shared-palette: {error}") from error
     missing += [(str(task.source), OSError(failed[task.source])) for task in tasks if task.source in failed]
     return [task for task in tasks if task.source not in failed], palette
 

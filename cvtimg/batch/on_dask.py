@@ -1,0 +1,131 @@
+"""Tasks on a Dask cluster: its scheduler moves them, and tries those of lost workers again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, TypeAlias
+
+from cvtimg.batch.report import reason
+from cvtimg.batch.tasks import Task, WrongUsageError
+from cvtimg.batch.workers import Attempt, Outcome
+
+__all__ = ["LOCAL", "on_dask", "sum_on_dask"]
+
+# Dask has no types that a checker could use.
+Client: TypeAlias = Any
+Future: TypeAlias = Any
+
+#: The address that stands for a cluster on this machine, for this run.
+LOCAL = "local"
+#: Seconds to wait for a scheduler.
+_PATIENCE = 10
+
+
+def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
+    """Give the place of each task and its outcome, as they are done.
+
+    Parameters
+    ----------
+    attempt : callable
+        Does a task and raises nothing; picklable.
+    tasks : sequence of Task
+        What is to be done. Workers find inputs and outputs under the same names as this process.
+    address : str
+        Of a scheduler, "tcp://HOST:PORT", or "local".
+    n_workers : int
+        Processes of a local cluster, one thread each.
+    """
+    with _client(address, n_workers) as client:
+        places = _submitted(client, attempt, tasks)
+        for future in _as_completed(places):
+            yield places[future], _outcome(future, tasks[places[future]])
+            future.release()
+
+
+def sum_on_dask(
+    attempt: Attempt,
+    tasks: Sequence[Task],
+    add: Callable[[Any, Any], Any],
+    address: str,
+    n_workers: int,
+) -> tuple[Any, dict[int, str]]:
+    """Add the results of tasks two by two where they are; return the sum, None of none, and why tasks failed."""
+    with _client(address, n_workers) as client:
+        places = _submitted(client, attempt, tasks)
+        why: dict[int, str] = {}
+        for future in _as_completed(places):
+            # Only this comes here: results stay where they are.
+            failed = client.submit(_why, future).result() if future.status == "finished" else ""
+            if failed or future.status != "finished":
+                why[places[future]] = failed or _outcome(future, tasks[places[future]]).why
+        sums = [future for future, place in places.items() if place not in why]
+        sums = [client.submit(_result, future) for future in sums]
+        while len(sums) > 1:
+            pairs = [client.submit(add, *sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
+            sums = pairs + sums[2 * len(pairs) :]
+        return (sums[0].result() if sums else None), why
+
+
+def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[Future, int]:
+    alone = partial(_alone, attempt=attempt)
+    return {client.submit(alone, task, pure=False): place for place, task in enumerate(tasks)}
+
+
+def _alone(task: Task, *, attempt: Attempt) -> Outcome:
+    """Do a task with one thread: the cluster gives each of its threads a task."""
+    from cvtimg._threads import limit_threads, n_threads
+
+    if n_threads() != 1:
+        limit_threads(1)
+    return attempt(task)
+
+
+def _why(outcome: Outcome) -> str:
+    return outcome.why
+
+
+def _result(outcome: Outcome) -> Any:
+    return outcome.result
+
+
+def _as_completed(futures: Any) -> Iterator[Future]:
+    import distributed
+
+    library: Any = distributed
+    completed: Iterator[Future] = library.as_completed(list(futures))
+    return completed
+
+
+def _outcome(future: Future, task: Task) -> Outcome:
+    from distributed import KilledWorker
+
+    try:
+        outcome: Outcome = future.result()
+    except KilledWorker as error:
+        return Outcome(None, f"{error.allowed_failures + 1} workers were lost while they worked on it")
+    except Exception as error:  # what cannot be sent, or a worker that has another cvtimg
+        return Outcome(None, reason(task.source, error))
+    return outcome
+
+
+@contextmanager
+def _client(address: str, n_workers: int) -> Iterator[Client]:
+    try:
+        import distributed
+    except ImportError as error:
+        raise WrongUsageError("--dask needs the package distributed: pip install 'cvtimg[dask]'") from error
+    library: Any = distributed
+    if address == LOCAL:
+        one = {"CVTIMG_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+        options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": ":0", "env": one}
+        with library.LocalCluster(**options) as cluster, library.Client(cluster) as client:
+            yield client
+        return
+    try:
+        client = library.Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise WrongUsageError(f"--dask: no scheduler answers at {address!r}") from error
+    with client:
+        yield client
