@@ -39,8 +39,10 @@ def tiles(side: int, photographs: list[NDArray[np.uint8]]) -> Iterator[NDArray[n
 
 
 def make(path: Path, side: int) -> None:
-    """Write the picture."""
-    photographs = [picture.pixels for pictures in common.picture_sets(None, None).values() for picture in pictures]
+    """Write the picture: of the sample images, so that it is the same everywhere."""
+    photographs = [
+        picture.pixels for pictures in common.picture_sets(common.SAMPLES, None).values() for picture in pictures
+    ]
     with tifffile.TiffWriter(path, bigtiff=True) as file:
         file.write(
             tiles(side, photographs),
