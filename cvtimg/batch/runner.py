@@ -20,6 +20,8 @@ __all__ = ["Running", "fold", "run"]
 
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
+#: What an input costs however small it is, in these bytes.
+_LEAST_BYTES = 1 << 17
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +215,7 @@ def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
     """Return how many workers to start if nobody says."""
     n_bytes = 0
     for task in tasks:
+        n_bytes += _LEAST_BYTES
         with suppress(OSError):
             n_bytes += task.source.stat().st_size
         if n_bytes > _WORTH_WORKERS:
