@@ -14,6 +14,8 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_checks", "_threads", "files", "profiles"},
+    {"images"},
+    {"images.opening", "images.decoding", "images.encoding"},
     {"io", "samples", "points", "palette", "columns", "color"},
     {"tables", "places"},
     {"seeding"},
