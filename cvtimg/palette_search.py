@@ -179,7 +179,7 @@ def _keep_opaque(
     energies: list[float] = []
     while True:
         labels = nearest_of_kind(places, (none[0], opaque[0]), generators, (none[1], is_opaque))
-        energies.append(float(density @ ((places - generators[labels]) ** 2).sum(axis=1)))
+        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
         if _REST.converged(energies) or len(energies) > _REST.max_iterations:
             return generators
         masses = np.bincount(labels, density, n_generators)

@@ -70,7 +70,7 @@ def search(
         ends: list[Iteration] = []
         while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
             # Seeds that draw nothing serve once.
-            seeding = SEEDINGS["k-means++" if ends else init]
+            seeding = SEEDINGS["random" if ends else init]
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
             ends.append(_breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
         return min(ends, key=lambda end: end.energies[-1]).generators
