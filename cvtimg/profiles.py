@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
-__all__ = ["apply_profile", "convert_deep", "lab_to_srgb", "profile_name"]
+__all__ = ["apply_profile", "convert_deep", "profile_name"]
 
 # Relative colorimetric keeps each colour that sRGB can show as it is, where the perceptual
 # intent shifts all of them to make room for the few that it cannot; black point compensation
@@ -55,16 +55,6 @@ def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
         flags=int(_FLAGS),
     )
     return np.concatenate([colors, values[..., 3:]], axis=-1)
-
-
-def lab_to_srgb(color: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Bring one CIE Lab color (3,) under D50 to sRGB, through steps of 100/255 in L and 1 in a and b."""
-    light = np.rint(np.clip(color[:1] * 2.55, 0, 255)).astype(np.uint8)
-    hue = np.rint(np.clip(color[1:], -128, 127)).astype(np.int8)  # signed in the bytes that Pillow takes
-    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB"))
-    pixel = Image.frombytes("LAB", (1, 1), light.tobytes() + hue.tobytes())
-    rgb: NDArray[np.uint8] = np.asarray(_transform(profile, "LAB", "RGB").apply(pixel))[0, 0]
-    return rgb
 
 
 def profile_name(icc: bytes | None) -> str | None:

@@ -13,7 +13,7 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
     {"images.arrays"},
@@ -22,10 +22,11 @@ LAYERS: list[set[str]] = [
     {"images.header"},
     {"palettes"},
     {"palettes.swatches"},
-    {"io", "samples", "points", "columns", "color"},
+    {"io", "samples", "points", "columns", "color", "dithering"},
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     {"tables"},
+    {"places", "targets"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
@@ -33,7 +34,9 @@ LAYERS: list[set[str]] = [
     {"methods"},
     {"search"},
     {"cvt"},
-    {"quantization", "estimator"},
+    {"remapping", "estimator"},
+    {"palette_search"},
+    {"quantization"},
     {"plot"},
     {"batch"},
     {"commands"},
