@@ -31,6 +31,12 @@ def check_count(name: str, value: int, largest: int, reason: str) -> int:
     return int(value)
 
 
+def check_alone(name: str, others: Collection[str]) -> None:
+    """Refuse other arguments, by their names, beside one that leaves nothing for them to do."""
+    if others:
+        raise ValueError(f"{name} must not be given with {' or '.join(others)}")
+
+
 def check_non_negative(name: str, value: float) -> float:
     """Return `value` as a finite float >= 0."""
     number = float(value)
