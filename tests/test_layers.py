@@ -13,7 +13,7 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
     {"images.arrays", "images.metadata"},
@@ -22,7 +22,7 @@ LAYERS: list[set[str]] = [
     {"images.header"},
     {"palettes"},
     {"palettes.swatches"},
-    {"io", "samples", "points", "columns", "color", "dithering"},
+    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight"},
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     {"tables"},
