@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
 from cvtimg.color import peak
-from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
+from cvtimg.palette_search import EngineOptions, check_room, find_palette, fixed_colors
 from cvtimg.places import has_alpha, with_alpha
 from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
 from cvtimg.samples import color_samples
@@ -96,7 +96,8 @@ def quantize(
             raise TypeError("n_colors, psnr or palette must be given")
         return source.quantized(n_colors, engine)
     quality = check_non_negative("psnr", psnr)
-    results = source.first_reaching(lambda result: result.psnr, quality, n_colors, _DECIBEL, engine)
+    most = MAX_COLORS if n_colors is None else n_colors
+    results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
     if True not in results:
         best = results[False]
         raise ValueError(f"psnr={psnr} is not reached by {len(best.palette)} colors, only {best.psnr:.2f} dB")
@@ -107,7 +108,7 @@ def quantize_to_size(
     image: Any,
     max_bytes: int,
     size: Callable[[Quantized], int],
-    n_colors: int | None = None,
+    n_colors: int = 256,
     *,
     space: str = "rgb",
     locked: ArrayLike | None = None,
@@ -126,8 +127,8 @@ def quantize_to_size(
         The largest size, >= 1.
     size : callable
         Tells how many bytes a file of the result would have.
-    n_colors : int, optional
-        The most colors to take.
+    n_colors : int
+        The most colors to take; by default as many as an indexed file holds.
     space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
         As in `quantize`.
 
@@ -181,11 +182,6 @@ class _Source:
         self._dither, self._strength = dither, dither_strength
         self.n_pixels = self._samples.inverse.size
 
-    @property
-    def least(self) -> int:
-        """How many colors its palettes must have."""
-        return fixed_colors(self._samples, self._locked)[2]
-
     def quantized(self, n_colors: int, engine: EngineOptions) -> Quantized:
         """Find a palette and map the picture to it."""
         found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
@@ -206,7 +202,7 @@ class _Source:
         self,
         value: Callable[[Quantized], float],
         target: float,
-        n_colors: int | None,
+        n_colors: int,
         per_octave: float,
         engine: EngineOptions,
     ) -> dict[bool, Quantized]:
@@ -217,7 +213,8 @@ class _Source:
         Low effort tells where to look. Each trial is a search of its own, so that its result is what `quantize` gives
         for its size: from the generators of another trial it would end at more energy.
         """
-        most = check_count("n_colors", MAX_COLORS if n_colors is None else n_colors, MAX_COLORS, "the largest palette")
+        least = fixed_colors(self._samples, self._locked)[2]
+        check_room(n_colors, least)
         n = _FIRST_TRIAL
         for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
             results: dict[bool, Quantized] = {}
@@ -228,7 +225,7 @@ class _Source:
                 results[reached >= target] = result
                 return reached
 
-            n = first_reaching(measure, target, self.least, most, first=n, per_octave=per_octave)
+            n = first_reaching(measure, target, least, n_colors, first=n, per_octave=per_octave)
         return results
 
 
