@@ -180,6 +180,8 @@ def _levels() -> NDArray[np.uint8]:
 
 def _widened(places: NDArray[Any]) -> NDArray[np.float32]:
     """Fill up to four coordinates with 0."""
+    if places.shape[1] > MAX_DIMS:
+        raise ValueError(f"places of {places.shape[1]} coordinates cannot be dithered: at most {MAX_DIMS} can")
     wide = np.zeros((len(places), _dither.DIMS), np.float32)
     wide[:, : places.shape[1]] = places
     return wide
