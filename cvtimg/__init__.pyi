@@ -1,25 +1,39 @@
+from .color import SPACES
 from .cvt import Tessellation, tessellate
+from .dithering import DITHERS
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
-from .quantization import Quantized, quantize
-from .samples import ColorSamples, color_samples
+from .palette import read_palette, write_palette
+from .palette_search import Palette, find_palette
+from .quantization import quantize, quantize_to_size
+from .remapping import Quantized, map_to_palette
+from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
 
 __all__ = [
     "CVT",
+    "DITHERS",
     "EFFORTS",
     "METHODS",
     "SEEDINGS",
+    "SPACES",
     "ColorSamples",
+    "Palette",
     "Quantized",
     "Tessellation",
     "color_samples",
     "find_images",
+    "find_palette",
     "image_info",
+    "map_to_palette",
+    "merge_samples",
     "quantize",
+    "quantize_to_size",
     "read_image",
+    "read_palette",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

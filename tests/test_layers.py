@@ -14,8 +14,19 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color", "dithering"},
+    {"images"},
+    {"images.opening"},
+    {"images.arrays"},
+    {"images.png", "images.tiff"},
+    {"images.decoding", "images.encoding"},
+    {"images.header"},
+    {"palettes"},
+    {"palettes.swatches"},
+    {"io", "samples", "points", "columns", "color", "dithering"},
+    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
+    {"palette"},
     {"tables"},
+    {"places", "targets"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
@@ -23,7 +34,9 @@ LAYERS: list[set[str]] = [
     {"methods"},
     {"search"},
     {"cvt"},
-    {"quantization", "estimator"},
+    {"remapping", "estimator"},
+    {"palette_search"},
+    {"quantization"},
     {"plot"},
     {"batch"},
     {"commands"},
@@ -46,7 +59,8 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
             found |= {alias.name for alias in node.names if alias.name in RANK}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            found.add((node.module or "").removeprefix("cvtimg."))
+            module = (node.module or "").removeprefix("cvtimg.")
+            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found
