@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter
 
 from cvtimg import _threads, color_samples, quantize, read_image
-from cvtimg.dithering import DITHERS, dither
+from cvtimg.dithering import DITHERS, dither, energy_of
 
 SAMPLES = Path(__file__).parent.parent / "sample_images"
 
@@ -38,13 +38,13 @@ def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength:
     labels = np.empty((height, width), np.int32)
     part = np.float32([7 / 16, 3 / 16, 5 / 16, 1 / 16])
     for y in range(height):
-        step = 1 if y % 2 == 0 else -1
+        step, ahead = (1 if y % 2 == 0 else -1), np.zeros(4, np.float32)
         for x in range(width)[::step]:
-            place = np.clip(wide[y, x] + errors[y, x + 1], low, high)
+            place = np.clip((wide[y, x] + errors[y, x + 1]) + ahead, low, high)
             steps = (place - entries) ** 2
             labels[y, x] = ((steps[:, 0] + steps[:, 1]) + (steps[:, 2] + steps[:, 3])).argmin()
             missed = (place - entries[labels[y, x]]) * np.float32(strength)
-            errors[y, x + 1 + step] += missed * part[0]
+            ahead = missed * part[0]
             errors[y + 1, x + 1 - step] += missed * part[1]
             errors[y + 1, x + 1] += missed * part[2]
             errors[y + 1, x + 1 + step] += missed * part[3]
@@ -217,6 +217,14 @@ def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> 
         found.append(dither(samples.colors, samples.inverse, palette, method=method))
     _threads._pool.cache_clear()
     assert np.array_equal(*found)
+
+
+def test_the_energy_is_that_of_the_pixels() -> None:
+    rng = np.random.default_rng(0)
+    places, palette = rng.integers(0, 256, (50, 3)), rng.integers(0, 256, (9, 3))
+    inverse, labels = (rng.integers(0, n, (11, 13)).astype(np.int32) for n in (50, 9))
+    energy = energy_of(places, inverse, palette, labels)
+    assert energy == np.square(places[inverse] - palette[labels]).sum()
 
 
 def test_the_input_is_unchanged() -> None:
