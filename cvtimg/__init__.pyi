@@ -2,7 +2,7 @@ from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
 from .estimator import CVT
-from .io import find_images, image_info, read_image, write_image
+from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
@@ -32,6 +32,7 @@ __all__ = [
     "quantize",
     "quantize_to_size",
     "read_image",
+    "read_metadata",
     "read_palette",
     "tessellate",
     "write_image",

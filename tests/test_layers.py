@@ -16,7 +16,7 @@ LAYERS: list[set[str]] = [
     {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
-    {"images.arrays"},
+    {"images.arrays", "images.metadata"},
     {"images.png", "images.tiff"},
     {"images.decoding", "images.encoding"},
     {"images.header"},
