@@ -190,9 +190,8 @@ def main() -> None:
     """Measure, print, write."""
     given = options()
     pin_threads(given.threads)
-    print(
-        f"PNG to PNG at k={given.k}{', dithered' if given.dither else ''}. {machine()}. Threads: {given.threads or 'as each likes'}.\n"
-    )
+    how = "with Floyd-Steinberg dithering" if given.dither else "no dithering"
+    print(f"PNG to PNG at k={given.k}, {how}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
     commands = programs()
     records: list[Record] = []
     for picture in large_pictures(given.data)[: 1 if given.quick else None]:
