@@ -45,6 +45,14 @@ def check_non_negative(name: str, value: float) -> float:
     return number
 
 
+def check_in_unit_range(name: str, value: float) -> float:
+    """Return `value` as a float in 0..1."""
+    number = float(value)
+    if not 0 <= number <= 1:
+        raise ValueError(f"{name}={value!r} must be in 0..1")
+    return number
+
+
 def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
     """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
     array = np.asarray(rows)

@@ -179,11 +179,15 @@ def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
     if colors.dtype == dtype:
         return colors
-    unit = colors / np.asarray(peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype)
+    unit: NDArray[Any] = colors / np.asarray(
+        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
+    )
     if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
         raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
     unit *= unit.dtype.type(peak(dtype))
-    return (np.rint(unit, out=unit) if dtype.kind == "u" else unit).astype(dtype)
+    if dtype.kind == "u":
+        np.rint(unit, out=unit)
+    return unit.astype(dtype, copy=False)
 
 
 def _check_channels(n_channels: int, space: str) -> None:

@@ -37,9 +37,7 @@ def number(low: float, high: float = math.inf) -> Callable[[str | float], float]
         with suppress(ValueError):
             if low <= float(text) <= high and math.isfinite(float(text)):
                 return float(text)
-        raise typer.BadParameter(
-            f"{str(text)!r} must be a number {f'in {low:g}..{high:g}' if high < math.inf else f'>= {low:g}'}"
-        )
+        raise typer.BadParameter(f"{str(text)!r} must be a number {allowed}")
 
     return parse
 

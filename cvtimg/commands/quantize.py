@@ -126,7 +126,7 @@ def quantize(
     PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
     in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
     """
-    from cvtimg import find_images
+    from cvtimg import find_images, read_palette
     from cvtimg.io import lossless_suffixes
     from cvtimg.palette import PALETTE_FORMATS
 
@@ -147,7 +147,7 @@ def quantize(
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
     if palette:
-        how = _How(mapping, {"palette": _read_palette(palette)}, depth, None)
+        how = _How(mapping, {"palette": read_palette(palette)}, depth, None)
     else:
         weights = _read_weights(weight_map) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
@@ -189,12 +189,6 @@ def _locked(colors: list[str]) -> NDArray[np.uint8]:
 
     rgba = np.array([list(bytes.fromhex(color)) for color in colors], np.uint8)
     return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
-
-
-def _read_palette(path: Path) -> NDArray[np.uint8]:
-    from cvtimg.palette import read_palette
-
-    return read_palette(path)
 
 
 def _read_weights(path: Path) -> NDArray[Any]:
