@@ -121,7 +121,7 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
     fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
     samples, fixed = agree(samples, fixed)
-    needed, there = set(kinds_of(samples.colors)), set(kinds_of(fixed))
+    needed, there = (set(np.unique(kinds_of(colors)).tolist()) for colors in (samples.colors, fixed))
     if CLEAR in needed - there:
         fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
@@ -132,7 +132,9 @@ def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
     opaque, density = kinds == OPAQUE, samples.density
     if opaque.any() and not density[opaque].any():
         density = np.where(opaque, 1e-12 * density.max(), density)
-    return replace(samples, density=density).some((density > 0) & (kinds != CLEAR))
+        samples = replace(samples, density=density)
+    chosen = (density > 0) & (kinds != CLEAR)
+    return samples if chosen.all() else samples.some(chosen)
 
 
 def _opaque_palette(
@@ -192,7 +194,7 @@ def _keep_opaque(
     energies: list[float] = []
     while True:
         labels = nearest_of_kind(places, kinds[0], generators, ends)
-        energies.append(float(density @ ((places - generators[labels]) ** 2).sum(axis=1)))
+        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
         if _REST.converged(energies) or len(energies) > _REST.max_iterations:
             return generators
         masses = np.bincount(labels, density, n_generators)
