@@ -1,7 +1,9 @@
+from .animation import QuantizedFrames, quantize_frames
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
 from .estimator import CVT
+from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .palette import read_palette, write_palette
@@ -20,8 +22,10 @@ __all__ = [
     "SEEDINGS",
     "SPACES",
     "ColorSamples",
+    "Frames",
     "Palette",
     "Quantized",
+    "QuantizedFrames",
     "Tessellation",
     "color_samples",
     "find_images",
@@ -30,11 +34,14 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_frames",
     "quantize_to_size",
+    "read_frames",
     "read_image",
     "read_metadata",
     "read_palette",
     "tessellate",
+    "write_frames",
     "write_image",
     "write_palette",
 ]
