@@ -1,4 +1,6 @@
 from .cvt import Tessellation, tessellate
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
@@ -13,12 +15,15 @@ __all__ = [
     "CVT",
     "EFFORTS",
     "METHODS",
+    "RULES",
     "SEEDINGS",
     "ColorSamples",
+    "EnergyCurve",
     "Palette",
     "Quantized",
     "Tessellation",
     "color_samples",
+    "energy_curve",
     "find_images",
     "find_palette",
     "image_info",

@@ -23,8 +23,9 @@ LAYERS: list[set[str]] = [
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
     {"methods.macqueen"},
     {"methods"},
-    {"search"},
-    {"cvt"},
+    {"search", "elbow_rules", "chain"},
+    {"cvt", "elbow"},
+    {"elbow_plot"},
     {"remapping", "estimator"},
     {"palette_search"},
     {"quantization"},
@@ -32,7 +33,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands.quantize", "commands.cluster", "commands.elbow", "commands.info"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
