@@ -15,16 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_choice, check_count, check_density, check_non_negative, check_rows
 from cvtimg.chain import chain
-from cvtimg.color import peak, to_space
-from cvtimg.elbow_rules import RULES, Scale, explained
+from cvtimg.color import peak
+from cvtimg.elbow_rules import CHORD_ENDS, RULES, TARGETED, Scale, explained
 from cvtimg.methods import METHODS, Callback, Conditions, Iteration, Stopping, Watch
 from cvtimg.methods.optimal1d import optimal1d
+from cvtimg.places import has_alpha, to_places
 from cvtimg.points import Points, pack
 from cvtimg.samples import MAX_ORDERED_DIMS, ColorSamples, along_curve, color_samples
 from cvtimg.search import EFFORTS
-
-#: Numbers of generators that are looked at where nothing else is said.
-N_MAX = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,20 +64,20 @@ class EnergyCurve:
         """(n_max,) PSNR in dB, infinite where exact; None for tables, other color spaces and weighted energies."""
         return None if self.scale.peak is None else self.scale.psnr(self.energies)
 
-    def elbow(self, rule: str = "chord", **target: float) -> int:
+    def elbow(self, rule: str = "chord", target: float | None = None) -> int:
         """Pick the number of generators.
 
         Parameters
         ----------
         rule : {"chord", "chord-linear", "kneedle", "variance", "psnr"}
-            "chord": where the curve of log E over log k is farthest below the line between its ends. A smooth cloud
-            of samples has E(k) in proportion to k^(-2/D), a straight line there; the colors of a picture bend it.
-            Before the logarithm each E gets what rounding to integers leaves, 1/12 for each value (where samples are
-            floating point, 1e-6 of E(1)), so that an exact end does not count for all. "chord-linear": the same of E
-            over k, without that. "kneedle": of E over k, by the package kneed. "variance": the least k that explains
-            `share` of the variance, 0.95 if not given. "psnr": the least k of `target` dB, 30 if not given.
-        **target : float
-            `share` for "variance" or `target` for "psnr".
+            "chord": where the curve of log E over log k is farthest below the line between its ends, k = 1 and 32 or
+            `n_max`. A smooth cloud of samples has E(k) in proportion to k^(-2/D), a straight line there; the colors
+            that a picture is made of bend it. Before the logarithm each E gets what rounding to 8 bits would leave
+            (1e-3 of E(1) for tables and other spaces), so that an end where nothing is left does not count for all.
+            "chord-linear": the same of E over k, up to `n_max`. "kneedle": of E over k, by the package kneed.
+            "variance" and "psnr": the least k that reaches the target, or `n_max` if none does.
+        target : float, optional
+            For "variance" the share of the variance to explain, 0.95 by default; for "psnr" dB, 30 by default.
 
         Returns
         -------
@@ -89,7 +87,11 @@ class EnergyCurve:
         Raises
         ------
         ValueError
-            If there is no such rule, or "psnr" is asked of what has no peak.
+            If there is no such rule, or it takes no target, or "psnr" is asked of what has no peak.
+
+        References
+        ----------
+        V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, ICDCS Workshops 2011, doi 10.1109/ICDCSW.2011.20 (Kneedle).
 
         Examples
         --------
@@ -98,11 +100,16 @@ class EnergyCurve:
         >>> picture = np.array([[0, 1, 90, 91, 200, 201]] * 4, np.uint8)
         >>> curve = energy_curve(picture, 5)
         >>> curve.energies.round(1).tolist()
-        [160828.0, 20830.0, 6.0, 4.0, 2.0]
-        >>> curve.elbow(), curve.elbow("variance", share=0.8)
+        [161628.0, 26428.0, 6.0, 4.0, 2.0]
+        >>> curve.elbow(), curve.elbow("variance", 0.8)
         (3, 2)
         """
-        return RULES[check_choice("rule", rule, RULES)](self.energies, self.scale, **target)
+        judge = RULES[check_choice("rule", rule, RULES)]
+        if target is None:
+            return judge(self.energies, self.scale)
+        if rule not in TARGETED:
+            raise ValueError(f"rule={rule!r} takes no target; {' and '.join(TARGETED)} do")
+        return judge(self.energies, self.scale, check_non_negative("target", target))
 
     def elbows(self) -> dict[str, int]:
         """Return the k that each rule picks; "psnr" is left out where there is none."""
@@ -111,7 +118,7 @@ class EnergyCurve:
 
 def energy_curve(
     samples: Any,
-    n_max: int = N_MAX,
+    n_max: int = 64,
     *,
     density: ArrayLike | None = None,
     space: str = "rgb",
@@ -163,16 +170,39 @@ def energy_curve(
     power = check_non_negative("volume_power", volume_power)
     points, scale = _points(samples, density, space)
     if power:
-        scale = Scale(scale.n_values, None, 0.0)  # weighted energies are not sums over samples
+        scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
     watch = Watch(callback, points.frame.energy)
     conditions = Conditions(EFFORTS["balanced"].stopping, np.random.default_rng(rng), 0, power, watch)
-    n_max = min(n_max, np.count_nonzero(points.density))
+    n_max = min(n_max, int(np.count_nonzero(points.density)))
     ends = _optimal(points, n_max) if points.n_dims == 1 and not power else _chain(points, n_max, conditions)
     return EnergyCurve(
         np.array([points.frame.energy(end.energies[-1]) for end in ends]),
         tuple(points.frame.outward(end.generators) for end in ends),
         scale,
     )
+
+
+def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[int, EnergyCurve]:
+    """Pick the number of generators by the default rule, and return the curve that tells why.
+
+    Parameters
+    ----------
+    samples, n_max, **options
+        As in `energy_curve`.
+
+    Returns
+    -------
+    int, EnergyCurve
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.elbow import auto_count
+    >>> auto_count(np.array([[3, 3, 90], [200, 90, 3]], np.uint8))[0]
+    3
+    """
+    curve = energy_curve(samples, n_max, **options)
+    return curve.elbow(), curve
 
 
 def _chain(points: Points, n_max: int, conditions: Conditions) -> list[Iteration]:
@@ -190,18 +220,16 @@ def _optimal(points: Points, n_max: int) -> list[Iteration]:
 def _points(samples: Any, density: ArrayLike | None, space: str) -> tuple[Points, Scale]:
     """Pack samples of any kind, and tell what their energies are measured against."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
-        colors = samples if isinstance(samples, ColorSamples) else color_samples(samples)
-        n_values = float(colors.density.sum() * colors.colors.shape[1])
-        dtype = colors.colors.dtype
-        plain = space == "rgb"
-        scale = Scale(n_values, peak(dtype) if plain else None, float(plain and dtype.kind == "u"))
-        places = to_space(colors.colors, space)
-        return pack(places, colors.density, in_order=colors.in_order), scale
+        counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
+        n_channels = counted.colors.shape[1]
+        plain = space == "rgb" and not has_alpha(n_channels)
+        scale = Scale(float(counted.density.sum() * n_channels), peak(counted.colors.dtype) if plain else None)
+        return pack(to_places(counted.colors, space), counted.density, in_order=counted.in_order), scale
     rows = check_rows("samples", samples)
     weights = check_density(density, len(rows))
     ordered = rows.shape[1] <= MAX_ORDERED_DIMS
     order = along_curve(rows) if ordered else np.arange(len(rows))
-    return pack(rows[order], weights[order], in_order=ordered), Scale(float(weights.sum() * rows.shape[1]), None, 0.0)
+    return pack(rows[order], weights[order], in_order=ordered), Scale(float(weights.sum() * rows.shape[1]), None)
 
 
 def _is_image(samples: Any) -> bool:

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
 
-#: Where samples have no step, energies below this part of E(1) are not told apart.
-_RELATIVE_FLOOR = 1e-6
+#: The chord spans these numbers of generators, so that no longer curve moves the elbow.
+CHORD_ENDS = 32
+#: Energies below this part of E(1) are not told apart where there are no colors that 8 bits would round.
+_RELATIVE_FLOOR = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Scale:
     """What an energy is measured against.
 
@@ -27,22 +28,25 @@ class Scale:
     n_values : float
         Samples times channels, of which the energy is the sum.
     peak : float or None
-        The greatest value there can be, for the PSNR.
-    step : float
-        Distance of values that follow each other: 1 for integers, 0 for floating point.
+        The greatest value of a color; None for what has no PSNR.
     """
 
     n_values: float
     peak: float | None
-    step: float
 
     def psnr(self, energies: _Floats) -> _Floats:
         """Peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         if self.peak is None:
-            raise ValueError("psnr needs colors of a picture: rows of a table have no peak")
+            raise ValueError("rule='psnr' needs colors in the space rgb: other samples have no peak")
         with np.errstate(divide="ignore"):
             ratios: _Floats = 10 * np.log10(self.peak**2 * self.n_values / energies)
         return ratios
+
+    def floor(self, energies: _Floats) -> float:
+        """Return the energy below which differences are of no interest: what rounding to 8 bits leaves."""
+        if self.peak is None:
+            return float(_RELATIVE_FLOOR * energies[0])
+        return self.n_values * (self.peak / 255) ** 2 / 12
 
 
 def explained(energies: _Floats) -> _Floats:
@@ -51,9 +55,13 @@ def explained(energies: _Floats) -> _Floats:
 
 
 def chord(energies: _Floats, scale: Scale) -> int:
-    """Farthest below the chord of log E over log k, with an energy that rounding alone would leave added to each."""
-    floor = max(scale.n_values * scale.step**2 / 12, _RELATIVE_FLOOR * energies[0])
-    return _farthest(np.log(np.arange(1, len(energies) + 1)), np.log(energies + floor))
+    """Farthest below the chord of log E over log k, up to k = 32, with the same small energy added to each E."""
+    if energies[0] == 0:
+        return 1
+    known = energies[:CHORD_ENDS]
+    if energies[-1] == 0:  # and so for every greater k
+        known = np.append(known, np.zeros(CHORD_ENDS - len(known)))
+    return min(_farthest(np.log(np.arange(1, len(known) + 1)), np.log(known + scale.floor(energies))), len(energies))
 
 
 def chord_linear(energies: _Floats, scale: Scale) -> int:
@@ -62,9 +70,9 @@ def chord_linear(energies: _Floats, scale: Scale) -> int:
 
 
 def kneedle(energies: _Floats, scale: Scale) -> int:
-    """Kneedle of E over k: V. Satopaa and others, ICDCS Workshops 2011, doi 10.1109/ICDCSW.2011.20."""
+    """Kneedle of E over k, by the package kneed; where it finds no knee, the chord of E over k."""
     if len(energies) < 3:
-        return len(energies)
+        return chord_linear(energies, scale)
     from kneed import KneeLocator
 
     numbers = np.arange(1, len(energies) + 1)
@@ -72,9 +80,9 @@ def kneedle(energies: _Floats, scale: Scale) -> int:
     return int(knee) if knee is not None else chord_linear(energies, scale)
 
 
-def variance(energies: _Floats, scale: Scale, share: float = 0.95) -> int:
+def variance(energies: _Floats, scale: Scale, target: float = 0.95) -> int:
     """Return the least k that explains this share of the variance, or the last k."""
-    return _first(explained(energies) >= share)
+    return _first(explained(energies) >= target)
 
 
 def psnr(energies: _Floats, scale: Scale, target: float = 30.0) -> int:
@@ -82,28 +90,27 @@ def psnr(energies: _Floats, scale: Scale, target: float = 30.0) -> int:
     return _first(scale.psnr(energies) >= target)
 
 
-#: From energies (n_max,) and their scale to k; a target where a rule has one.
-Rule = Callable[..., int]
-
-#: The registry: names for `rule` and ``--rule``.
-RULES: dict[str, Rule] = {
+#: The registry: names for `rule` and ``--rule``, each from energies (n_max,) and their scale to k.
+RULES: dict[str, Callable[..., int]] = {
     "chord": chord,
     "chord-linear": chord_linear,
     "kneedle": kneedle,
     "variance": variance,
     "psnr": psnr,
 }
+#: Those that take a target.
+TARGETED = ("variance", "psnr")
 
 
 def _farthest(across: _Floats, down: _Floats) -> int:
-    """Return the k farthest below the line between the ends; 1 where the curve does not fall."""
+    """Return the k farthest below the line between the ends; the first or the last where none is below."""
     fall = down[0] - down[-1]
-    if len(down) < 3 or fall <= 0:
-        return len(down) if fall > 0 else 1
+    if fall <= 0:
+        return 1
     line = down[0] - fall * (across - across[0]) / (across[-1] - across[0])
     below = line - down
-    return int(np.argmax(below)) + 1 if below.max() > 0 else len(down)
+    return int(np.argmax(below)) + 1 if below.max() > 1e-12 * fall else len(down)
 
 
-def _first(reached: NDArray[Any]) -> int:
+def _first(reached: NDArray[np.bool_]) -> int:
     return int(np.argmax(reached)) + 1 if reached.any() else len(reached)

@@ -112,7 +112,7 @@ def divide_worst(
     points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """(K + 1, D) means and labels of the points after the cell of greatest energy was divided across its main axis."""
-    worst = np.argmax(cell_energies(points, generators, labels))[None]
+    worst = np.argsort(cell_energies(points, generators, labels))[-1:]
     lower, upper = halves(points, labels, worst, len(generators))
     members = np.flatnonzero((labels == worst) & (points.density > 0))
     above = (points.rows(members) - (lower + upper) / 2) @ (upper - lower)[0] > 0
