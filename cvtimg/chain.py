@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.methods.breathing import add, breathe, remove
@@ -50,12 +49,10 @@ def chain(points: Points, n_max: int, method: Method, conditions: Conditions) ->
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     fewer = _fewer(points, n_max, conditions.rng)
-    try:
-        return _links(fewer, n_max, method, conditions)
-    except TooFewSamplesError:
-        if fewer is points:
-            raise
-        return _links(points, n_max, method, conditions)  # among fewer points rare samples can be lost
+    links = _links(fewer, n_max, method, conditions)
+    if fewer is points or len(links) == n_max or conditions.watch.stopped:
+        return links
+    return _links(points, n_max, method, conditions)  # among fewer points rare samples can be lost
 
 
 def _fewer(points: Points, n_max: int, rng: np.random.Generator) -> Points:
@@ -83,8 +80,10 @@ def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -
 
     numbers = sorted({*(1 << power for power in range(n_max.bit_length())), n_max})
     for number in numbers:
-        start = split(points, number, conditions.rng)
-        offer(_fresh(points, start, method, conditions))
+        try:
+            offer(_fresh(points, number, method, conditions))
+        except TooFewSamplesError:
+            break  # steps upwards will come to the last that there is
         if conditions.watch.stopped:
             break
     for few, many in [*pairwise(numbers), (1, n_max)]:
@@ -93,8 +92,9 @@ def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -
     return [best[number] for number in range(1, n_max + 1) if number in best]
 
 
-def _fresh(points: Points, start: NDArray[np.float64], method: Method, conditions: Conditions) -> Iteration:
-    largest, least = (max(1, int(share * len(start))) for share in _BREATHS)
+def _fresh(points: Points, n_generators: int, method: Method, conditions: Conditions) -> Iteration:
+    start = split(points, n_generators, conditions.rng)
+    largest, least = (max(1, int(share * n_generators)) for share in _BREATHS)
     return breathe(points, start, method, conditions.until(_FRESH), largest, least)
 
 

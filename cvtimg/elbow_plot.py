@@ -88,7 +88,7 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
 def _row_height(one: Plotted, n_columns: int) -> float:
     assert one.image is not None
     height, width = one.image.shape[:2]
-    return min(_WIDTH / n_columns * height / width, 2.0) + 0.35
+    return float(min(_WIDTH / n_columns * height / width, 2.0)) + 0.35
 
 
 def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int | None], color: str) -> None:

@@ -71,7 +71,7 @@ def chord_linear(energies: _Floats, scale: Scale) -> int:
 
 def kneedle(energies: _Floats, scale: Scale) -> int:
     """Kneedle of E over k, by the package kneed; where it finds no knee, the chord of E over k."""
-    if len(energies) < 3:
+    if len(energies) < 3 or energies[-1] == energies[0]:
         return chord_linear(energies, scale)
     from kneed import KneeLocator
 

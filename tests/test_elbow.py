@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import subprocess
 import sys
 from typing import Any
 
@@ -159,6 +160,5 @@ def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
     code = (
         "import sys, cvtimg; cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3).elbow(); assert 'kneed' not in sys.modules"
     )
-    import subprocess
 
     subprocess.run([sys.executable, "-c", code], check=True)
