@@ -1,11 +1,14 @@
+from .color import SPACES
 from .cvt import Tessellation, tessellate
+from .dithering import DITHERS
 from .elbow import EnergyCurve, energy_curve
 from .elbow_rules import RULES
 from .estimator import CVT
-from .io import find_images, image_info, read_image, write_image
+from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
-from .quantization import quantize
+from .quantization import quantize, quantize_to_size
 from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
@@ -13,10 +16,12 @@ from .seeding import SEEDINGS
 
 __all__ = [
     "CVT",
+    "DITHERS",
     "EFFORTS",
     "METHODS",
     "RULES",
     "SEEDINGS",
+    "SPACES",
     "ColorSamples",
     "EnergyCurve",
     "Palette",
@@ -30,7 +35,11 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_to_size",
     "read_image",
+    "read_metadata",
+    "read_palette",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

@@ -271,7 +271,7 @@ def _cell(column: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return ",".join(value)
+        return ",".join(value) if len(value) <= 4 else f"{value[0]}..{value[-1]}"
     if isinstance(value, dict):
         return ", ".join(f"{name} {part}" for name, part in value.items())
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
