@@ -105,7 +105,7 @@ def quantize(
 
 def quantize_to_size(
     image: Any,
-    n_bytes: int,
+    max_bytes: int,
     size: Callable[[Quantized], int],
     n_colors: int | None = None,
     *,
@@ -122,7 +122,7 @@ def quantize_to_size(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         As in `quantize`.
-    n_bytes : int
+    max_bytes : int
         The largest size, >= 1.
     size : callable
         Tells how many bytes a file of the result would have.
@@ -149,12 +149,14 @@ def quantize_to_size(
     >>> len(result.palette)
     48
     """
-    check_count("n_bytes", n_bytes, 1 << 62, "the size of a file")
+    check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
     source = _Source(image, locked, weights, space, dither, dither_strength)
-    results = source.first_reaching(size, n_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
+    results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]
-        raise ValueError(f"n_bytes={n_bytes} is too few: {len(fewest.palette)} colors need {size(fewest)}")
+        raise ValueError(
+            f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
+        )
     return results[False]
 
 
