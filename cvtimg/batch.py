@@ -33,7 +33,7 @@ Row = dict[str, Any]
 Missing = list[tuple[str, OSError]]
 
 #: Columns that are set flush left.
-TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbows")
+TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
 
 
 class WrongUsageError(Exception):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._checks import check_colors
 from cvtimg.color import peak
 from cvtimg.cvt import Tessellation
+from cvtimg.elbow import EnergyCurve
 from cvtimg.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
 from cvtimg.points import Points, assign, cell_energies, pack
 from cvtimg.samples import ColorSamples, color_samples
@@ -41,6 +42,8 @@ class Quantized:
         or the picture had at most as many colors as were asked for.
     n_distinct : int
         Distinct colors of the picture before.
+    curve : EnergyCurve or None
+        What picked the number of colors, where it was "auto".
     """
 
     palette: NDArray[Any]
@@ -49,6 +52,7 @@ class Quantized:
     energy: float
     tessellation: Tessellation | None
     n_distinct: int
+    curve: EnergyCurve | None = None
 
     def __post_init__(self) -> None:
         for array in (self.palette, self.indices):

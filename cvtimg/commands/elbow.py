@@ -30,7 +30,7 @@ EXAMPLES = """Examples:
   cvtimg elbow photo.jpg --rule psnr --target 35 --space lab
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
-COLUMNS = ("input", "k", "explained", "psnr", "seconds", "elbows")
+COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
 TABLE_SUFFIXES = (".csv", ".tsv", ".npy")  # as in tables.py
 
 Inputs = Annotated[
@@ -44,7 +44,7 @@ RuleName = Annotated[
 ]
 Target = Annotated[
     float | None,
-    Option(metavar="X", parser=options.power, help="Share to explain, 0.95, of variance; dB, 30, of psnr."),
+    Option(metavar="X", parser=options.number(0), help="Share to explain, 0.95, of variance; dB, 30, of psnr."),
 ]
 Space = Annotated[str, Option(metavar="NAME", help="Where distances are measured: rgb, linear, lab or oklab.")]
 CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, a line for each k.")]
@@ -70,7 +70,7 @@ def elbow(
 
     The energy falls with each generator; up to the number of colors that a picture really has it falls fast. Each
     input has a line with the number that the rule picks, and what the other rules would. One input has its whole
-    curve below. In a CSV, weights of rows are not known here: see cvtimg cluster.
+    curve below. All columns of a table are taken, as cvtimg cluster -k auto does when it is not told which.
     """
     from cvtimg.color import SPACES
     from cvtimg.elbow_plot import PLOT_SUFFIXES
@@ -139,9 +139,10 @@ def _measure(
         "input": str(source),
         "k": k,
         "rule": rule,
+        "energy": float(curve.energies[k - 1]),
         "explained": float(curve.explained[k - 1]),
         "psnr": psnr[k - 1] if psnr else None,
-        "elbows": curve.elbows(),
+        "elbow": curve.elbows(),
         "n_max": curve.n_max,
         "energies": curve.energies.tolist(),
         "seconds": {"read": read - start, "cluster": measured - read},
