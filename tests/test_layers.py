@@ -32,8 +32,10 @@ LAYERS: list[set[str]] = [
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
     {"methods.macqueen"},
     {"methods"},
-    {"search"},
+    {"search", "elbow_rules", "chain"},
+    {"elbow"},
     {"cvt"},
+    {"elbow_plot"},
     {"remapping", "estimator"},
     {"palette_search"},
     {"quantization", "animation"},
@@ -41,7 +43,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands.quantize", "commands.cluster", "commands.elbow", "commands.info"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
