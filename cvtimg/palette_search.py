@@ -195,9 +195,9 @@ def _keep_opaque(
         opaque[n_locked + np.argmax(masses[n_locked:])] = True
     ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
     ends[:n_locked] = kinds[1]
-    generators[opaque, -1] = end
     energies: list[float] = []
     while True:
+        generators[opaque, -1] = end
         labels = nearest_of_kind(places, kinds[0], generators, ends)
         energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
         if _REST.converged(energies) or len(energies) > _REST.max_iterations:
@@ -207,7 +207,6 @@ def _keep_opaque(
         for dim in range(places.shape[1]):
             sums = np.bincount(labels, density * places[:, dim], n_generators)
             generators[moved, dim] = sums[moved] / masses[moved]
-        generators[opaque, -1] = end
 
 
 def _in_order(colors: NDArray[Any]) -> NDArray[Any]:

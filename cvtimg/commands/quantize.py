@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, reason, run
 from cvtimg.commands import _options as options
 
 if TYPE_CHECKING:
@@ -150,9 +150,9 @@ def quantize(
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
     if palette:
-        how = _How(mapping, {"palette": read_palette(palette)}, depth, None)
+        how = _How(mapping, {"palette": _read("--palette", palette, read_palette)}, depth, None)
     else:
-        weights = _read_weights(weight_map) if weight_map else None
+        weights = _read("--weight-map", weight_map, _read_weights) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
         how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes)
 
@@ -196,6 +196,14 @@ def _locked(colors: list[str]) -> NDArray[np.uint8]:
     return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
 
 
+def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
+    """Read a file that all inputs need."""
+    try:
+        return reader(path)
+    except (OSError, ValueError) as error:
+        raise WrongUsageError(f"{option}: {path}: {reason(path, error)}") from error
+
+
 def _read_weights(path: Path) -> NDArray[Any]:
     """Read a grey picture, one channel or the same in all."""
     from cvtimg import read_image
@@ -204,7 +212,7 @@ def _read_weights(path: Path) -> NDArray[Any]:
     if weights.ndim == 2:
         return weights
     if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
-        raise WrongUsageError(f"--weight-map: {path} must be a grey picture")
+        raise ValueError("must be a grey picture")
     return weights[..., 0]
 
 
