@@ -174,3 +174,7 @@ def test_fewer_colors_than_opaque_and_transparent_pixels_need_are_refused() -> N
 def test_alpha_of_floating_point_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"alpha in 0\.0\.\.2\.0 must be in 0\.\.1"):
         quantize(scene(np.float64) * [1, 1, 1, 2], 4)
+
+
+def test_weighted_cells_stay_so_with_transparency() -> None:
+    assert quantize(SCENE, 12, volume_power=2).energy > 1.05 * quantize(SCENE, 12).energy
