@@ -7,7 +7,6 @@ for palettes of its own.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, BinaryIO, NamedTuple
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
 from cvtimg.images.encoding import encode_image
+from cvtimg.images.png import chunk
 
 __all__ = ["FRAME_WRITERS", "Cel"]
 
@@ -124,18 +124,18 @@ def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
         if not number:
             file.write(b"\x89PNG\r\n\x1a\n")
             for name, data in chunks[: [name for name, _ in chunks].index(b"IDAT")]:
-                _put(file, name, data)
-            _put(file, b"acTL", struct.pack(">II", len(cels), plays))
+                file.write(chunk(name, data))
+            file.write(chunk(b"acTL", struct.pack(">II", len(cels), plays)))
         control = struct.pack(">IIIII", number, *box.size, box.left, box.top)
-        _put(file, b"fcTL", control + struct.pack(">HHBB", *_seconds(duration), 0, 0))
+        file.write(chunk(b"fcTL", control + struct.pack(">HHBB", *_seconds(duration), 0, 0)))
         pixels = b"".join(data for name, data in chunks if name == b"IDAT")
         if number:
             number += 1
-            _put(file, b"fdAT", struct.pack(">I", number) + pixels)
+            file.write(chunk(b"fdAT", struct.pack(">I", number) + pixels))
         else:
-            _put(file, b"IDAT", pixels)
+            file.write(chunk(b"IDAT", pixels))
         number += 1
-    _put(file, b"IEND", b"")
+    file.write(chunk(b"IEND", b""))
 
 
 def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -144,10 +144,6 @@ def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
         length = int.from_bytes(png[at : at + 4], "big")
         yield png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
         at += 12 + length
-
-
-def _put(file: BinaryIO, name: bytes, data: bytes) -> None:
-    file.write(struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)))
 
 
 def _seconds(duration: float) -> tuple[int, int]:
