@@ -13,7 +13,7 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_dither", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
     {"images.arrays"},
@@ -23,7 +23,7 @@ LAYERS: list[set[str]] = [
     {"images.header", "images.animated"},
     {"palettes"},
     {"palettes.swatches"},
-    {"io", "samples", "points", "columns", "color", "dithering", "frames"},
+    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight", "frames"},
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     {"tables"},
@@ -42,7 +42,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands.quantize", "commands.cluster", "commands.info", "commands.palette"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

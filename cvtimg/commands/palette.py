@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, find, run
 from cvtimg.commands import _options as options
 
 if TYPE_CHECKING:
@@ -96,7 +96,12 @@ def _palette(task: Task, n_colors: int | None, overwrite: bool) -> Row:
 def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
     channels = {1: [0, 0, 0], 2: [0, 0, 0, 1]}.get(palette.shape[1], slice(None))
     return [
-        {"hex": f"#{color.tobytes().hex()}", "rgb": color[:3].tolist(), "share": count / counts.sum(), "pixels": int(count)}
+        {
+            "hex": f"#{color.tobytes().hex()}",
+            "rgb": color[:3].tolist(),
+            "share": count / counts.sum(),
+            "pixels": int(count),
+        }
         for color, count in zip(palette[:, channels], counts, strict=True)
     ]
 

@@ -69,7 +69,7 @@ Depth = Annotated[
 ]
 SavePalette = Annotated[
     Path | None,
-    Option(metavar="FILE", help="Write the colors, .gpl, .json, .hex, .act, .ase, .css or .png; for one input."),
+    Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}; for one input."),
 ]
 
 
@@ -83,7 +83,7 @@ class _How:
         For `quantize`.
     colors : dict
         Options of `quantize` that are 8-bit colors, to be brought to the depth of the picture.
-    depth : int or None
+    depth : {"8", "16"} or None
         Bits a sample to work with.
     max_bytes : int or None
         Size of the file.
@@ -161,7 +161,7 @@ def quantize(
 
 def _check_aims(aims: Mapping[str, Any], palette: Path | None) -> None:
     """Refuse aims that exclude each other, and none at all."""
-    given = [option for option, value in aims.items() if value]
+    given = [option for option, value in aims.items() if value not in (None, [])]
     if palette and given:
         raise WrongUsageError(f"--palette and {given[0]} exclude each other")
     if "--psnr" in given and "--max-bytes" in given:
