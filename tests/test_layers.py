@@ -41,7 +41,7 @@ LAYERS: list[set[str]] = [
     {"plot"},
     {"batch"},
     {"commands"},
-    {"commands._options"},
+    {"commands._options", "commands._animations"},
     {"commands.quantize", "commands.cluster", "commands.info", "commands.palette"},
     {"cli"},
 ]

@@ -76,7 +76,10 @@ def _palette(task: Task, n_colors: int | None, overwrite: bool) -> Row:
     from cvtimg import color_samples, quantize, read_image, write_palette
     from cvtimg.color import to_depth
 
-    image = to_depth(read_image(task.source), np.dtype(np.uint8))
+    image = read_image(task.source)
+    if image.ndim == 3 and image.shape[2] not in (3, 4):
+        raise ValueError(f"has {image.shape[2]} bands, which are no colors")
+    image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
     wanted = n_colors or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
     result = quantize(image, wanted)
