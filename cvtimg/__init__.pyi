@@ -2,6 +2,8 @@ from .animation import QuantizedFrames, quantize_frames
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
 from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
@@ -19,15 +21,18 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RULES",
     "SEEDINGS",
     "SPACES",
     "ColorSamples",
     "Frames",
+    "EnergyCurve",
     "Palette",
     "Quantized",
     "QuantizedFrames",
     "Tessellation",
     "color_samples",
+    "energy_curve",
     "find_images",
     "find_palette",
     "image_info",

@@ -33,8 +33,10 @@ LAYERS: list[set[str]] = [
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
     {"methods.macqueen"},
     {"methods"},
-    {"search"},
+    {"search", "elbow_rules", "chain"},
+    {"elbow"},
     {"cvt"},
+    {"elbow_plot"},
     {"remapping", "estimator"},
     {"palette_search"},
     {"quantization", "animation"},
@@ -42,7 +44,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options", "commands._animations"},
-    {"commands.quantize", "commands.cluster", "commands.info", "commands.palette"},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
