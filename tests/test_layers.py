@@ -16,8 +16,9 @@ LAYERS: list[set[str]] = [
     {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
-    {"images.arrays", "images.metadata"},
+    {"images.arrays"},
     {"images.png", "images.tiff"},
+    {"images.metadata"},
     {"images.decoding", "images.encoding"},
     {"images.header", "images.animated"},
     {"palettes"},
@@ -42,8 +43,8 @@ LAYERS: list[set[str]] = [
     {"plot"},
     {"batch"},
     {"commands"},
-    {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.elbow", "commands.info"},
+    {"commands._options", "commands._animations"},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
