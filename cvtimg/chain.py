@@ -27,6 +27,8 @@ _LINK = Stopping(tolerance=1e-3, max_iterations=20)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, where fewer have shown the way.
 _LAST = Stopping(tolerance=0, max_iterations=2)
+#: Energies below this part of that about the origin are summed point by point.
+_SMALL = 1e-7
 #: Shares of the generators that come and go at first and at last, where a search begins from scratch.
 _BREATHS = (1 / 6, 1 / 16)
 
@@ -34,7 +36,7 @@ _BREATHS = (1 / 6, 1 / 16)
 def chain(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
 
-    The energies of an end are those of its cells, summed point by point: the last one never rises from end to end.
+    The last energy of each end never rises from one to the next.
     """
     ends: list[Iteration] = []
     for found in _over_fewer(points, n_max, method, conditions):
@@ -99,7 +101,9 @@ def _fresh(points: Points, n_generators: int, method: Method, conditions: Condit
 
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
-    """Sum the energy of the cells point by point, which is exact where it is small."""
+    """Sum the energy of the cells point by point where it is small, and the moments of the cells lose digits."""
+    if end.energies and end.energies[-1] > _SMALL * points.spread:
+        return end
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, len(end.generators))
     parts = cell_energies(points, end.generators, labels)
