@@ -14,6 +14,7 @@ import numpy as np
 
 from cvtimg.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.methods.breathing import add, breathe, remove
+from cvtimg.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.methods.transfer import weighted_energy
 from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, thin
 from cvtimg.seeding import TooFewSamplesError, divide_worst, split
@@ -51,6 +52,8 @@ def chain(points: Points, n_max: int, method: Method, conditions: Conditions) ->
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     fewer = _fewer(points, n_max, conditions.rng)
+    if method is lloyd:
+        method = lloyd_in_rounds
     links = _links(fewer, n_max, method, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
