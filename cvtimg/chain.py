@@ -24,10 +24,10 @@ _COARSER = (32, 16, 8, 4, 2)
 _POINTS_PER_GENERATOR = 36
 _ENOUGH_POINTS = 1 << 11
 #: From one number of generators to the next little moves.
-_LINK = Stopping(tolerance=1e-3, max_iterations=20)
+_LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, where fewer have shown the way.
-_LAST = Stopping(tolerance=0, max_iterations=2)
+_LAST = Stopping(tolerance=0, max_iterations=1)
 #: Energies below this part of that about the origin are summed point by point.
 _SMALL = 1e-7
 #: Shares of the generators that come and go at first and at last, where a search begins from scratch.
