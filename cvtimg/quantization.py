@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
 from cvtimg.color import peak
+from cvtimg.dithering import STRENGTH
 from cvtimg.elbow import EnergyCurve, auto_count
 from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
 from cvtimg.places import has_alpha, with_alpha
@@ -33,7 +34,7 @@ def quantize(
     locked: ArrayLike | None = None,
     psnr: float | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -62,7 +63,7 @@ def quantize(
     dither : {"floyd-steinberg", "blue-noise"}, optional
         How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
     dither_strength : float
-        In 0..1: how much of that is done.
+        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
     weights : (H, W) array, optional
         How much each pixel counts when the palette is sought, >= 0; by default all count alike.
     method, init, effort, volume_power, rng
@@ -119,7 +120,7 @@ def quantize_to_size(
     space: str = "rgb",
     locked: ArrayLike | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:

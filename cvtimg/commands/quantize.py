@@ -185,7 +185,7 @@ def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
         raise WrongUsageError("--dither-strength needs --dither")
     if dither == "none":
         return {"space": space}
-    return {"space": space, "dither": dither, "dither_strength": 1.0 if strength is None else strength}
+    return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
 
 
 def _locked(colors: list[str]) -> NDArray[np.uint8]:
