@@ -2,6 +2,7 @@ from .cvt import Tessellation, tessellate
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .quantization import Quantized, quantize
 from .samples import ColorSamples, color_samples
 from .search import EFFORTS
@@ -16,6 +17,7 @@ __all__ = [
     "Quantized",
     "Tessellation",
     "color_samples",
+    "estimate_noise",
     "find_images",
     "image_info",
     "quantize",

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from cvtimg import _label_kernels
 from cvtimg._threads import in_parts
 
-#: A sweep that transfers no more than this share of the pixels has transferred almost none.
-_ALMOST_NONE = 5e-4
+#: A sweep that transfers no more than this share of the boundary pixels has transferred almost none.
+_ALMOST_NONE = 1e-3
 _MAX_SWEEPS = 1000
 
 
@@ -107,7 +107,7 @@ def descend(
     while not converged and len(energies) <= max_sweeps:
         moved = state.sweep(edge_weight, volume_power, connected, backward=len(energies) % 2 == 0)
         energies.append(state.energy(edge_weight, volume_power))
-        at_rest = moved <= _ALMOST_NONE * labels.size
+        at_rest = moved <= _ALMOST_NONE * int(np.count_nonzero(state.others))
         # Generators have moved a little since some pixels were looked at: all are, before it is over.
         converged = at_rest and all_visited
         all_visited = at_rest

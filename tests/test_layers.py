@@ -14,7 +14,7 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_label_kernels", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color", "edge_weight"},
+    {"io", "samples", "points", "palette", "columns", "color", "edge_weight", "noise"},
     {"tables"},
     {"seeding"},
     {"methods._iteration"},
