@@ -14,8 +14,8 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_label_kernels", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color", "edge_weight", "noise"},
-    {"tables"},
+    {"io", "samples", "points", "palette", "columns", "color", "edge_weight", "noise", "levels", "components"},
+    {"averaging", "tables", "values"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
@@ -23,8 +23,8 @@ LAYERS: list[set[str]] = [
     {"methods"},
     {"search"},
     {"cvt"},
-    {"quantization", "estimator"},
-    {"plot"},
+    {"quantization", "estimator", "segmentation"},
+    {"plot", "superpixels"},
     {"batch"},
     {"commands"},
     {"commands._options"},
