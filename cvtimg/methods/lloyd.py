@@ -13,7 +13,6 @@ from cvtimg.methods._iteration import Conditions, Iteration
 from cvtimg.points import Points, assign, cell_moments, energy
 from cvtimg.seeding import refill
 
-
 #: Moves in a round of `lloyd_in_rounds`.
 _MOVES = 4
 
