@@ -1,10 +1,16 @@
+from .animation import QuantizedFrames, quantize_frames
+from .averaging import Averaging
 from .blocks import quantize_blocks
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
-from .io import find_images, image_info, read_image, write_image
+from .frames import Frames, read_frames, write_frames
+from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
@@ -12,7 +18,9 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .segmentation import Segmentation, segment
 from .sharing import shared_palette
+from .superpixels import superpixels
 from .tiled_quantization import QuantizedFile, quantize_file
 
 __all__ = [
@@ -20,14 +28,22 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RULES",
     "SEEDINGS",
     "SPACES",
+    "Averaging",
     "ColorSamples",
+    "EnergyCurve",
+    "Frames",
     "Palette",
     "Quantized",
     "QuantizedFile",
+    "QuantizedFrames",
+    "Segmentation",
     "Tessellation",
     "color_samples",
+    "energy_curve",
+    "estimate_noise",
     "find_images",
     "find_palette",
     "image_info",
@@ -36,11 +52,17 @@ __all__ = [
     "quantize",
     "quantize_blocks",
     "quantize_file",
+    "quantize_frames",
     "quantize_to_size",
+    "read_frames",
     "read_image",
+    "read_metadata",
     "read_palette",
+    "segment",
     "shared_palette",
+    "superpixels",
     "tessellate",
+    "write_frames",
     "write_image",
     "write_palette",
 ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 from numpy.typing import ArrayLike
 
 from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
-from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
+from cvtimg.dithering import STRENGTH
+from cvtimg.elbow import EnergyCurve, auto_count
+from cvtimg.palette_search import EngineOptions, check_room, find_palette, fixed_colors
 from cvtimg.places import has_alpha, with_alpha, without_idle_alpha
 from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
 from cvtimg.samples import color_samples
@@ -23,14 +25,14 @@ _BYTES_A_PIXEL = 0.05
 
 def quantize(
     image: Any,
-    n_colors: int | None = None,
+    n_colors: int | Literal["auto"] | None = None,
     *,
     space: str = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     psnr: float | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -46,7 +48,8 @@ def quantize(
         seen, opaque pixels stay opaque, and what is fully transparent stays so.
     n_colors : int
         Size of the palette, in 1..65536, with the locked colors and, if there are such pixels, with full transparency.
-        With `psnr` the largest size, and not needed; not to be given with `palette`.
+        With `psnr` the largest size, and not needed; not to be given with `palette`. "auto" takes the elbow of the
+        energy curve, which the result then has; see `EnergyCurve.elbow`.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured, and means are taken. All but "rgb" are for grey and RGB, with alpha or without.
     palette : (K, C) array, optional
@@ -58,7 +61,7 @@ def quantize(
     dither : {"floyd-steinberg", "blue-noise"}, optional
         How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
     dither_strength : float
-        In 0..1: how much of that is done.
+        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
     weights : (H, W) array, optional
         How much each pixel counts when the palette is sought, >= 0; by default all count alike.
     method, init, effort, volume_power, rng
@@ -92,9 +95,15 @@ def quantize(
     if psnr is None:
         if n_colors is None:
             raise TypeError("n_colors, psnr or palette must be given")
+        if n_colors == "auto":
+            n_colors, curve = source.elbow(engine)
+            return replace(source.quantized(n_colors, engine), curve=curve)
         return source.quantized(n_colors, engine)
     quality = check_non_negative("psnr", psnr)
-    results = source.first_reaching(lambda result: result.psnr, quality, n_colors, _DECIBEL, engine)
+    if n_colors == "auto":
+        raise ValueError("n_colors='auto' and psnr exclude each other")
+    most = MAX_COLORS if n_colors is None else n_colors
+    results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
     if True not in results:
         best = results[False]
         raise ValueError(f"psnr={psnr} is not reached by {len(best.palette)} colors, only {best.psnr:.2f} dB")
@@ -103,14 +112,14 @@ def quantize(
 
 def quantize_to_size(
     image: Any,
-    n_bytes: int,
+    max_bytes: int,
     size: Callable[[Quantized], int],
-    n_colors: int | None = None,
+    n_colors: int = 256,
     *,
     space: str = "rgb",
     locked: ArrayLike | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -120,12 +129,12 @@ def quantize_to_size(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         As in `quantize`.
-    n_bytes : int
+    max_bytes : int
         The largest size, >= 1.
     size : callable
         Tells how many bytes a file of the result would have.
-    n_colors : int, optional
-        The most colors to take.
+    n_colors : int
+        The most colors to take; by default as many as an indexed file holds.
     space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
         As in `quantize`.
 
@@ -147,12 +156,14 @@ def quantize_to_size(
     >>> len(result.palette)
     48
     """
-    check_count("n_bytes", n_bytes, 1 << 62, "the size of a file")
+    check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
     source = _Source(image, locked, weights, space, dither, dither_strength)
-    results = source.first_reaching(size, n_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
+    results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]
-        raise ValueError(f"n_bytes={n_bytes} is too few: {len(fewest.palette)} colors need {size(fewest)}")
+        raise ValueError(
+            f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
+        )
     return results[False]
 
 
@@ -187,6 +198,12 @@ class _Source:
         found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
         return replace(self.mapped(found.colors), tessellation=found.tessellation)
 
+    def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
+        """Pick the number of colors by the elbow of their energies."""
+        options: dict[str, Any] = {name: value for name, value in engine.items() if name in ("volume_power", "rng")}
+        n_colors, curve = auto_count(self._counted, space=self._space, **options)
+        return max(n_colors, self.least), curve
+
     def mapped(self, palette: ArrayLike) -> Quantized:
         """Map the picture to a palette."""
         result = map_to_palette(
@@ -202,7 +219,7 @@ class _Source:
         self,
         value: Callable[[Quantized], float],
         target: float,
-        n_colors: int | None,
+        n_colors: int,
         per_octave: float,
         engine: EngineOptions,
     ) -> dict[bool, Quantized]:
@@ -213,7 +230,8 @@ class _Source:
         Low effort tells where to look. Each trial is a search of its own, so that its result is what `quantize` gives
         for its size: from the generators of another trial it would end at more energy.
         """
-        most = check_count("n_colors", MAX_COLORS if n_colors is None else n_colors, MAX_COLORS, "the largest palette")
+        least = self.least
+        check_room(n_colors, least)
         n = _FIRST_TRIAL
         for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
             results: dict[bool, Quantized] = {}
@@ -224,5 +242,5 @@ class _Source:
                 results[reached >= target] = result
                 return reached
 
-            n = first_reaching(measure, target, self.least, most, first=n, per_octave=per_octave)
+            n = first_reaching(measure, target, least, n_colors, first=n, per_octave=per_octave)
         return results

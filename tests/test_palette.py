@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
-from skimage.color import rgb2lab
+from PIL import Image, ImageCms
 
 from cvtimg.io import write_image
 from cvtimg.palette import PALETTE_FORMATS, read_palette, write_palette
@@ -171,12 +170,18 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
         (b"CMYK", (1.0, 0.0, 0.5, 0.2)),
         (b"Gray", (0.2,)),
         (b"LAB ", (0.5, 20.0, -30.0)),
+        (b"LAB ", (1.0, 0.0, 0.0)),
     ]
     (tmp_path / "a.ase").write_bytes(ase(*colors))
     palette = read_palette(tmp_path / "a.ase")
     np.testing.assert_array_equal(palette[:3], [[255, 128, 0], [0, 204, 102], [51, 51, 51]])
-    # Scikit-image works under D65; a color and its adaptation to D50 differ by a few units of Lab.
-    assert np.abs(rgb2lab(palette[3] / 255) - (50, 20, -30)).max() < 4
+    # LittleCMS, through Pillow, works under D50, in whole steps of a and b.
+    lab = np.array([round(50 * 2.55), 20, -30 & 255], np.uint8)
+    profiles = [ImageCms.createProfile(name) for name in ("LAB", "sRGB")]
+    convert = ImageCms.buildTransform(profiles[0], profiles[1], "LAB", "RGB")
+    pixel = ImageCms.applyTransform(Image.frombytes("LAB", (1, 1), lab.tobytes()), convert)
+    assert np.abs(np.asarray(pixel)[0, 0] - palette[3].astype(int)).max() <= 2
+    assert palette[4].tolist() == [255, 255, 255]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ Nothing here knows what is done to an input: a command hands over the work, and 
 """
 
 from cvtimg.batch.report import Report, complain, reason
-from cvtimg.batch.runner import Running, fold, run
+from cvtimg.batch.runner import Running, check_can_be_written, fold, run
 from cvtimg.batch.tasks import (
     Missing,
     Row,
@@ -25,6 +25,7 @@ __all__ = [
     "Task",
     "Work",
     "WrongUsageError",
+    "check_can_be_written",
     "check_choice",
     "check_no_clash",
     "check_outputs",

@@ -13,7 +13,7 @@ from cvtimg.batch.tasks import Row, Task, WrongUsageError
 __all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
 #: Columns that are set flush left.
-TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc")
+TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
 #: What a file of rows can end in.
 FILE_SUFFIXES = (".csv", ".jsonl")
 
@@ -137,6 +137,8 @@ def _cell(column: str, value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, tuple):
         return ",".join(value) if len(value) <= 4 else f"{value[0]}..{value[-1]}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
     return text.encode(errors="replace").decode()  # names of files need not be text
 

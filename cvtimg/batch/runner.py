@@ -16,7 +16,7 @@ from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
 from cvtimg.batch.tasks import Missing, Row, Task, Work, check_choice, check_no_clash
 from cvtimg.batch.workers import Attempt, Outcome, in_workers
 
-__all__ = ["Running", "fold", "run"]
+__all__ = ["Running", "check_can_be_written", "fold", "run"]
 
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
@@ -77,7 +77,7 @@ def run(
     overwrite : bool
         Whether outputs may replace files.
     running : Running, optional
-        How many at a time, and what is left out.
+        How many at a time, and what is left out; by default all one after the other in this process.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def run(
     WrongUsageError
         If an output would replace an input or another output; nothing is done then.
     """
-    how = running or Running()
+    how = running or Running(jobs=1)
     if how.file:
         check_choice("--report", how.file.suffix.lower(), FILE_SUFFIXES)
     check_no_clash(tasks, how.file)
@@ -138,7 +138,7 @@ def fold(
     total, dict of Path to str
         The sum of the inputs that did not fail, None of none; and why others failed.
     """
-    how = running or Running()
+    how = running or Running(jobs=1)
     attempt = partial(_call, work=work, max_pixels=how.max_pixels)
     if how.dask:
         from cvtimg.batch.on_dask import sum_on_dask
@@ -186,7 +186,7 @@ def _attempt(task: Task, *, work: Work, overwrite: bool, how: Running) -> Outcom
         for path in task.outputs.values():
             if how.skip_existing and not overwrite:
                 _remove(path)  # a run was stopped between the outputs of this task
-            _check_can_be_written(path, overwrite)
+            check_can_be_written(path, overwrite)
         return work(task)
 
     return _call(task, work=checked, max_pixels=how.max_pixels)
@@ -236,7 +236,7 @@ def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[O
                 place += 1
 
 
-def _check_can_be_written(path: Path, overwrite: bool) -> None:
+def check_can_be_written(path: Path, overwrite: bool) -> None:
     """Fail now rather than after the work: begin to write, and do not go through with it."""
     from cvtimg.files import whole_file, whole_folder
 
@@ -276,7 +276,7 @@ def _rows_written(report: Report, how: Running, overwrite: bool) -> Iterator[Non
         yield
         return
     replace = overwrite or how.skip_existing
-    _check_can_be_written(how.file, replace)
+    check_can_be_written(how.file, replace)
     try:
         yield
     finally:

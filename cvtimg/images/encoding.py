@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg.images.png import encode_deep_png
+from cvtimg.images.metadata import Metadata
+from cvtimg.images.png import encode_deep_png, encode_indexed_png, optimized
 from cvtimg.images.tiff import encode_tiff
 
-__all__ = ["encode_image", "encoder", "lossless_suffixes"]
+__all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
 
 _Picture: TypeAlias = Image.Image | NDArray[Any]
 
 # Beside Pillow's modes, those that it has no picture for: 16-bit color, and whatever else an array holds.
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"
+_ALL = ("icc_profile", "dpi", "exif")
 _PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
 
 
@@ -28,26 +30,24 @@ class _Format(NamedTuple):
     modes: tuple[str, ...]
     lossless: bool
     options: dict[str, Any]
+    keeps: tuple[str, ...] = ()  # of Metadata, in the words of Pillow
 
 
-# Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph, one core of two:
-#   256 colours: level 1 170 ms 4.7 MB, 3 190 ms 4.3 MB, 6 (Pillow's own choice) 490 ms 4.0 MB
-#   16 colours:  level 1 125 ms 1.7 MB, 3 175 ms 1.6 MB, 6 460 ms 1.5 MB
-#   24-bit RGB:  level 1 0.7 s 12.3 MB, 3 1.0 s 11.4 MB, 6 3.2 s 10.5 MB
-# Run-length coding alone makes 16 colours smaller (1.4 MB, 100 ms), but doubles a page of text.
-_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3})
-_TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"})
+# Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph in 24-bit RGB, one core of two: level 1 0.7 s 12.3 MB,
+# 3 1.0 s 11.4 MB, 6 (Pillow's own choice) 3.2 s 10.5 MB.
+_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3}, _ALL)
+_TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
-_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0})
+_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
 _FORMATS = {
     ".png": _PNG,
     ".tif": _TIFF,
     ".tiff": _TIFF,
     # exact: WebP otherwise rewrites the colours under full transparency.
-    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}),
+    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}, ("icc_profile", "exif")),
     # optimize would renumber the palette.
     ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False}),
-    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}),
+    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}, ("dpi",)),
     ".ppm": _Format("PPM", ("RGB",), True, {}),
     ".pgm": _Format("PPM", ("L", "I;16"), True, {}),
     ".jpg": _JPEG,
@@ -67,14 +67,21 @@ _CONTENT = {
 }
 
 
-def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8] | None = None) -> bytes:
+def encode_image(
+    suffix: str,
+    image: NDArray[Any],
+    *,
+    palette: NDArray[np.uint8] | None = None,
+    metadata: Metadata | None = None,
+    optimize: bool = False,
+) -> bytes:
     """Give what `write_image` would write into a file of this suffix.
 
     Parameters
     ----------
     suffix : str
         Such as ``".png"``, of those that `write_image` knows.
-    image, palette
+    image, palette, metadata, optimize
         As in `write_image`.
 
     Returns
@@ -93,11 +100,17 @@ def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8]
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette)(buffer)
+    encoder(suffix, image, palette, metadata, optimize)(buffer)
     return buffer.getvalue()
 
 
-def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None) -> Callable[[BinaryIO], None]:
+def encoder(
+    suffix: str,
+    image: NDArray[Any],
+    palette: NDArray[np.uint8] | None,
+    metadata: Metadata | None,
+    optimize: bool,
+) -> Callable[[BinaryIO], None]:
     """Check that a picture fits a format, and give the function that writes it into a file."""
     suffix = suffix.lower()
     if suffix not in _FORMATS:
@@ -113,7 +126,18 @@ def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None)
     if mode not in form.modes:
         able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
-    return lambda file: _write(file, picture, form)
+    if optimize and form.name != "PNG":
+        raise ValueError(f"optimize is for .png, and not for {suffix}")
+
+    def write(file: BinaryIO) -> None:
+        _write(file, picture, form, metadata or Metadata())
+
+    def write_optimized(file: BinaryIO) -> None:
+        buffer = BytesIO()
+        write(buffer)
+        file.write(optimized(buffer.getvalue()))
+
+    return write_optimized if optimize else write
 
 
 def lossless_suffixes() -> list[str]:
@@ -121,15 +145,18 @@ def lossless_suffixes() -> list[str]:
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
-def _write(file: BinaryIO, picture: _Picture, form: _Format) -> None:
+def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
+    mode = _mode(picture)
     if form.name == "NPY":
         np.save(file, np.asarray(picture), allow_pickle=False)
+    elif form.name == "PNG" and mode == "P":
+        encode_indexed_png(file, *_parts(picture), metadata.png_chunks(mode))
     elif isinstance(picture, Image.Image):
-        picture.save(file, form.name, **form.options)
+        picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
     elif form.name == "PNG":
-        encode_deep_png(file, picture)
+        encode_deep_png(file, picture, metadata.png_chunks(mode))
     else:
-        encode_tiff(file, picture)
+        encode_tiff(file, picture, **metadata.options(form.name, mode, ("icc_profile", "dpi")))
 
 
 def _direct(image: NDArray[Any]) -> _Picture:
@@ -156,7 +183,7 @@ def _mode(picture: _Picture) -> str:
 
 def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
     indices, palette = np.asarray(indices), np.asarray(palette)
-    _check_indexed(indices, palette)
+    check_indexed(indices, palette)
     alpha = palette[:, 3] if palette.shape[1] == 4 else np.full(len(palette), 255, np.uint8)
     clear = np.flatnonzero(alpha < 255)
     # GIF has one index that is transparent, and no half transparency.
@@ -170,7 +197,16 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
     return picture
 
 
-def _check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
+def _parts(picture: _Picture) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Give indices, (K, 3) colors and (K,) alpha of an indexed picture."""
+    assert isinstance(picture, Image.Image)
+    colors = np.frombuffer(bytes(picture.getpalette() or []), np.uint8).reshape(-1, 3)
+    alpha = picture.info.get("transparency", b"\xff" * len(colors))
+    return np.asarray(picture), colors, np.frombuffer(alpha, np.uint8)
+
+
+def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
+    """Check that all indices are into a palette that a file can have."""
     shape = palette.shape
     if palette.dtype != np.uint8 or palette.ndim != 2 or shape[1] not in (3, 4):
         raise ValueError(f"palette with shape={shape} and dtype={palette.dtype} must be (K, 3) or (K, 4) uint8")

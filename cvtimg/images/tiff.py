@@ -172,7 +172,12 @@ def is_turned(tags: Tags) -> bool:
     return _first(tags.get(_ORIENTATION, 1)) in (5, 6, 7, 8)
 
 
-def encode_tiff(file: BinaryIO, values: NDArray[Any]) -> None:
+def encode_tiff(
+    file: BinaryIO,
+    values: NDArray[Any],
+    icc_profile: bytes | None = None,
+    dpi: tuple[float, float] | None = None,
+) -> None:
     """Write an array (H, W) or (H, W, C): three bands are RGB, four RGB and alpha, others have no meaning."""
     import tifffile
 
@@ -187,6 +192,9 @@ def encode_tiff(file: BinaryIO, values: NDArray[Any]) -> None:
         extrasamples=["unassalpha"] if n_bands == 4 else None if color else ["unspecified"] * (n_bands - 1),
         compression="adobe_deflate",
         predictor=values.dtype.itemsize < 8,
+        iccprofile=icc_profile,
+        resolution=dpi,
+        resolutionunit="inch" if dpi else None,
         metadata=None,
         software=False,
         maxworkers=n_threads(),

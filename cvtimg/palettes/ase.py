@@ -16,6 +16,14 @@ _BLOCK = struct.Struct(">HI")
 _MAGIC = b"ASEF"
 _COLOR, _GROUP, _GROUP_END = 0x0001, 0xC001, 0xC002
 _NORMAL = 2  # neither global nor a spot color
+#: Bradford's adaptation of colors in XYZ to the white of sRGB.
+_D50_TO_D65 = np.array(
+    [
+        [0.9555766, -0.0282895, 0.0122982],
+        [-0.0230393, 1.0099416, -0.0204830],
+        [0.0631636, 0.0210077, 1.3299098],
+    ]
+)
 _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 
@@ -55,10 +63,11 @@ def _color(block: bytes) -> tuple[tuple[int, ...], str]:
 
 def _to_srgb(model: bytes, values: NDArray[np.float64]) -> NDArray[np.uint8]:
     if model == b"LAB ":
-        from cvtimg.profiles import lab_to_srgb
+        from skimage.color import lab2xyz, xyz2rgb
 
-        return lab_to_srgb(values * (100, 1, 1))
-    rgb = (1 - values[:3]) * (1 - values[3]) if model == b"CMYK" else np.broadcast_to(values, 3)
+        rgb = xyz2rgb(lab2xyz(values * (100, 1, 1), illuminant="D50") @ _D50_TO_D65)
+    else:
+        rgb = (1 - values[:3]) * (1 - values[3]) if model == b"CMYK" else np.broadcast_to(values, 3)
     levels: NDArray[np.uint8] = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
     return levels
 

@@ -17,7 +17,6 @@ from cvtimg.samples import color_samples
 
 #: Most colors that a picture without a palette may have.
 MAX_COLORS = 1 << 16
-_COLUMNS = 16
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
@@ -60,9 +59,10 @@ def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write a PNG with a field for each color, in rows of 16 or, for many, in a square."""
+    """Write a PNG with a field for each color; what the last row has to spare shows the last color."""
     n_colors = len(swatches.colors)
-    n_columns = min(n_colors, max(_COLUMNS, int(np.ceil(np.sqrt(n_colors)))))
+    widest = min(n_colors, max(16, int(np.ceil(np.sqrt(n_colors)))))
+    n_columns = min(range(widest, widest // 2, -1), key=lambda number: -n_colors % number)
     n_rows = -(-n_colors // n_columns)
     side = 32 if n_colors <= 256 else 8
     fields = np.minimum(np.arange(n_rows * n_columns), n_colors - 1).reshape(n_rows, n_columns)
