@@ -1,4 +1,5 @@
 from .animation import QuantizedFrames, quantize_frames
+from .averaging import Averaging
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
@@ -8,6 +9,7 @@ from .estimator import CVT
 from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
@@ -15,6 +17,8 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .segmentation import Segmentation, segment
+from .superpixels import superpixels
 
 __all__ = [
     "CVT",
@@ -24,15 +28,18 @@ __all__ = [
     "RULES",
     "SEEDINGS",
     "SPACES",
+    "Averaging",
     "ColorSamples",
     "EnergyCurve",
     "Frames",
     "Palette",
     "Quantized",
     "QuantizedFrames",
+    "Segmentation",
     "Tessellation",
     "color_samples",
     "energy_curve",
+    "estimate_noise",
     "find_images",
     "find_palette",
     "image_info",
@@ -45,6 +52,8 @@ __all__ = [
     "read_image",
     "read_metadata",
     "read_palette",
+    "segment",
+    "superpixels",
     "tessellate",
     "write_frames",
     "write_image",
