@@ -27,6 +27,7 @@ def diffuse(
     bounds: NDArray[np.int32],
     candidates: NDArray[np.uint16],
     strengths: NDArray[np.float32],
+    most: float,
     rows: NDArray[np.float32],
     row_kinds: NDArray[np.uint8],
     labels: NDArray[np.int32],
@@ -41,6 +42,7 @@ def mix(
     bounds: NDArray[np.int32],
     candidates: NDArray[np.uint16],
     strengths: NDArray[np.float32],
+    most: float,
     ranks: NDArray[np.uint16],
     mixtures: NDArray[np.uint16],
 ) -> None: ...

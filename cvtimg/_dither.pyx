@@ -4,7 +4,7 @@
 Places have four coordinates here, of which the last may be 0 everywhere: one loop serves grey, color and alpha, and
 four floats are what a processor adds at once. Each argument is marked IN, OUT or INOUT.
 """
-from libc.math cimport fmaxf, fminf
+from libc.math cimport fmaxf, fminf, sqrtf
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memset
 
@@ -159,6 +159,16 @@ cdef Grid grid_of(
     return grid
 
 
+cdef inline void miss(
+    const float *place, const float *entry, float strength, float most, float *missed
+) noexcept nogil:
+    """What is handed on: the part `strength` of the step from an entry to a place, of a length of at most `most`."""
+    cdef float length = sqrtf(squared_distance(place, entry))
+    cdef float part = strength * most / length if length > most else strength
+    for d in range(WIDTH):
+        missed[d] = (place[d] - entry[d]) * part
+
+
 def diffuse(
     const float[:, ::1] places,       # IN (M, 4): of the colors
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
@@ -170,6 +180,7 @@ def diffuse(
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
     const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
     float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; what is handed to this row and the next, from column 1
     uint8_t[::1] row_kinds,           # OUT (W,): scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
@@ -179,7 +190,7 @@ def diffuse(
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
-    cdef float missed, strength
+    cdef float missed[WIDTH]
     cdef float *here
     cdef float *below
     with nogil:
@@ -197,15 +208,14 @@ def diffuse(
             for i in range(width):
                 for d in range(WIDTH):
                     place[d] = fminf(fmaxf(here[WIDTH * x + d] + ahead[d], grid.low[d]), grid.high[d])
-                strength = strengths[row_kinds[x]]
                 label = look_up(&grid, place, row_kinds[x])
                 labels[y, x] = <int32_t>label
+                miss(place, grid.palette + WIDTH * label, strengths[row_kinds[x]], most, missed)
                 for d in range(WIDTH):
-                    missed = (place[d] - grid.palette[WIDTH * label + d]) * strength
-                    ahead[d] = missed * <float>(7. / 16)
-                    below[WIDTH * (x - step) + d] += missed * <float>(3. / 16)
-                    below[WIDTH * x + d] += missed * <float>(5. / 16)
-                    below[WIDTH * (x + step) + d] += missed * <float>(1. / 16)
+                    ahead[d] = missed[d] * <float>(7. / 16)
+                    below[WIDTH * (x - step) + d] += missed[d] * <float>(3. / 16)
+                    below[WIDTH * x + d] += missed[d] * <float>(5. / 16)
+                    below[WIDTH * (x + step) + d] += missed[d] * <float>(1. / 16)
                 x += step
 
 
@@ -219,6 +229,7 @@ def mix(
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
     const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
     const uint16_t[::1] ranks,        # IN (K,): where an entry stands among all
     uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
 ):
@@ -236,8 +247,7 @@ def mix(
                 for d in range(WIDTH):
                     place[d] = fminf(fmaxf(places[color, d] + missed[d], grid.low[d]), grid.high[d])
                 entry = look_up(&grid, place, kinds[color])
-                for d in range(WIDTH):
-                    missed[d] = (place[d] - palette[entry, d]) * strengths[kinds[color]]
+                miss(place, grid.palette + WIDTH * entry, strengths[kinds[color]], most, missed)
                 at = i
                 while at > 0 and ranks[mixture[at - 1]] > ranks[entry]:
                     mixture[at] = mixture[at - 1]

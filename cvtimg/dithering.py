@@ -20,6 +20,11 @@ from cvtimg._threads import in_parts
 
 #: The part of the error that is handed on by default: nearly all, since the last of it costs most of the grain.
 STRENGTH = 0.9
+#: Errors longer than so many times the usual one come from colors that no mixture of the palette reaches. They would
+#: add up, to end in spots of far colors: only so much of them is handed on.
+_MOST_MISSED = 3.0
+#: The usual error is taken from about so many rows.
+_SOME_ROWS = 256
 #: Most coordinates of a place.
 MAX_DIMS = _dither.DIMS
 #: Cells for each entry of the palette: with fewer a cell has more candidates, with more listing them takes longer.
@@ -114,7 +119,9 @@ def dither(
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
     wide = _widened(places)
-    return chosen(wide, kinds, inverse, _grid(wide, _widened(palette), allowed), strengths)
+    grid = _grid(wide, _widened(palette), allowed)
+    most = _MOST_MISSED * _usual_miss(wide, kinds, inverse, grid, strengths)
+    return chosen(wide, kinds, inverse, grid, strengths, most)
 
 
 def energy_of(
@@ -137,12 +144,13 @@ def _floyd_steinberg(
     inverse: NDArray[np.int32],
     grid: Grid,
     strengths: NDArray[np.float32],
+    most: float,
 ) -> NDArray[np.int32]:
     """Hand on what a pixel misses to those that come after it: 7/16 ahead, 3/16, 5/16 and 1/16 to the next row."""
     labels = np.empty(inverse.shape, np.int32)
     width = inverse.shape[1]
     rows, row_kinds = np.zeros((2, width + 2, MAX_DIMS), np.float32), np.empty(width, np.uint8)
-    _dither.diffuse(places, kinds, inverse, *grid, strengths, rows, row_kinds, labels)
+    _dither.diffuse(places, kinds, inverse, *grid, strengths, most, rows, row_kinds, labels)
     return labels
 
 
@@ -152,19 +160,15 @@ def _blue_noise(
     inverse: NDArray[np.int32],
     grid: Grid,
     strengths: NDArray[np.float32],
+    most: float,
 ) -> NDArray[np.int32]:
     """Mix entries for each color, and let a mask choose among them: the same choice wherever the color is there."""
-    mixtures = np.empty((len(places), _N_MIXED), np.uint16)
-    labels = np.empty(inverse.shape, np.int32)
-    ranks, levels = _ranks(grid.palette), _levels()
-
-    def mix_part(start: int, stop: int) -> None:
-        _dither.mix(places[start:stop], kinds[start:stop], *grid, strengths, ranks, mixtures[start:stop])
+    mixtures = _mixtures(places, kinds, grid, strengths, most, _N_MIXED)
+    labels, levels = np.empty(inverse.shape, np.int32), _levels()
 
     def arrange_part(start: int, stop: int) -> None:
         _dither.arrange(mixtures, inverse[start:stop], levels, start, labels[start:stop])
 
-    in_parts(mix_part, len(places), work=32 * mixtures.size)
     in_parts(arrange_part, len(inverse), work=inverse.size)
     return labels
 
@@ -174,6 +178,41 @@ DITHERS: dict[str, Callable[..., NDArray[np.int32]]] = {
     "floyd-steinberg": _floyd_steinberg,
     "blue-noise": _blue_noise,
 }
+
+
+def _mixtures(
+    places: NDArray[np.float32],
+    kinds: NDArray[np.uint8],
+    grid: Grid,
+    strengths: NDArray[np.float32],
+    most: float,
+    n_mixed: int,
+) -> NDArray[np.uint16]:
+    """(M, n_mixed) entries whose mean is the color, each the nearest to it and to what those before it missed."""
+    mixtures = np.empty((len(places), n_mixed), np.uint16)
+    ranks = _ranks(grid.palette)
+
+    def mix(start: int, stop: int) -> None:
+        _dither.mix(places[start:stop], kinds[start:stop], *grid, strengths, most, ranks, mixtures[start:stop])
+
+    in_parts(mix, len(places), work=32 * mixtures.size)
+    return mixtures
+
+
+def _usual_miss(
+    places: NDArray[np.float32],
+    kinds: NDArray[np.uint8],
+    inverse: NDArray[np.int32],
+    grid: Grid,
+    strengths: NDArray[np.float32],
+) -> float:
+    """Root of the mean squared distance from pixels to their nearest entries, of those that have a distance."""
+    nearest = _mixtures(places, kinds, grid, strengths, 0, 1).astype(np.int32)
+    energies = np.empty(len(places))
+    _dither.measure(places, grid.palette, np.arange(len(places), dtype=np.int32)[:, None], nearest, energies)
+    energies[strengths[kinds] == 0] = 0
+    missed = energies[inverse[:: max(1, len(inverse) // _SOME_ROWS)]]
+    return float(np.sqrt(missed.sum() / max(np.count_nonzero(missed), 1)))
 
 
 def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:
