@@ -1,7 +1,11 @@
+from .animation import QuantizedFrames, quantize_frames
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
+from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .palette import read_palette, write_palette
@@ -17,24 +21,32 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RULES",
     "SEEDINGS",
     "SPACES",
     "ColorSamples",
+    "Frames",
+    "EnergyCurve",
     "Palette",
     "Quantized",
+    "QuantizedFrames",
     "Tessellation",
     "color_samples",
+    "energy_curve",
     "find_images",
     "find_palette",
     "image_info",
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_frames",
     "quantize_to_size",
+    "read_frames",
     "read_image",
     "read_metadata",
     "read_palette",
     "tessellate",
+    "write_frames",
     "write_image",
     "write_palette",
 ]

@@ -12,6 +12,7 @@ from cvtimg import dithering
 from cvtimg._checks import check_colors
 from cvtimg.color import peak
 from cvtimg.cvt import Tessellation
+from cvtimg.elbow import EnergyCurve
 from cvtimg.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
 from cvtimg.points import Points, assign, cell_energies, pack
 from cvtimg.samples import ColorSamples, color_samples
@@ -42,6 +43,8 @@ class Quantized:
         or the picture had at most as many colors as were asked for.
     n_distinct : int
         Distinct colors of the picture before.
+    curve : EnergyCurve or None
+        What picked the number of colors, where it was "auto".
     """
 
     palette: NDArray[Any]
@@ -50,6 +53,7 @@ class Quantized:
     energy: float
     tessellation: Tessellation | None
     n_distinct: int
+    curve: EnergyCurve | None = None
 
     def __post_init__(self) -> None:
         for array in (self.palette, self.indices):
