@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 #: Sample types that the kernels read as they are.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
+#: Pillow's modes whose samples are grey or RGB, perhaps with alpha: others have indices, ink or other coordinates.
+_PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
 
 
 def check_choice(name: str, value: str, choices: Collection[str]) -> str:
@@ -63,6 +65,8 @@ def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
     """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
+    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
+        image = image.convert("RGBA" if image.has_transparency_data else "RGB")
     array = np.asarray(image)
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")

@@ -100,10 +100,8 @@ def find_palette(
     >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
     [11, 201]
     """
-    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
     samples, fixed, least = fixed_colors(samples, locked)
-    if n_colors < least:
-        raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
+    check_room(n_colors, least)
     kinds = kinds_of(samples.colors)
     samples = _visible(samples, kinds)
     if samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all() and has_alpha(fixed.shape[1]):
@@ -125,6 +123,13 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     if CLEAR in needed - there:
         fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
+
+
+def check_room(n_colors: int, least: int) -> None:
+    """Refuse a size that no palette has, or too small a one."""
+    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
+    if n_colors < least:
+        raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
 
 
 def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:

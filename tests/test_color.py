@@ -56,12 +56,12 @@ def test_oklab_and_lab_agree_with_perceived_difference_better_than_rgb() -> None
         return float(np.corrcoef(np.linalg.norm(first - second, axis=1), seen)[0, 1])
 
     assert agreement("lab") > agreement("rgb") + 0.05
-    assert agreement("oklab") > agreement("rgb") + 0.05
+    assert agreement("oklab") > agreement("rgb") + 0.1
 
 
 def test_known_colors_have_the_coordinates_of_the_literature() -> None:
     red = np.array([[255, 0, 0]], np.uint8)
-    np.testing.assert_allclose(to_space(red, "oklab")[0], [0.6279, 0.2249, 0.1258], atol=2e-4)
+    np.testing.assert_allclose(to_space(red, "oklab")[0] / [1, 2, 2], [0.6279, 0.2249, 0.1258], atol=2e-4)
     np.testing.assert_allclose(to_space(red, "lab")[0], [53.24, 80.09, 67.20], atol=0.02)
     np.testing.assert_allclose(to_space(np.array([[188]], np.uint8), "linear")[0], [0.5029], atol=1e-4)
 

@@ -47,7 +47,7 @@ MaxBytes = Annotated[
     Option(
         metavar="N",
         parser=options.whole_number(1, 1 << 62),
-        help="Keep the most colors whose file has no more bytes.",
+        help="Keep the most colors, up to 256 or -k, whose file has no more bytes.",
     ),
 ]
 PaletteFile = Annotated[
@@ -259,7 +259,7 @@ def _result(image: NDArray[Any], how: _How, suffix: str) -> Quantized:
         pixels, palette = result.content
         return len(encode_image(suffix, pixels, palette=palette))
 
-    sought = {name: value for name, value in how.options.items() if name != "psnr"}
+    sought = {name: value for name, value in how.options.items() if value is not None}
     return quantize_to_size(image, how.max_bytes, size, **sought, **given)
 
 
