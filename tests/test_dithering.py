@@ -32,30 +32,29 @@ def nearest_of(place: NDArray[np.float32], entries: NDArray[np.float32]) -> tupl
     return int(distances.argmin()), distances.min()
 
 
-def longest_handed_on(image: NDArray[np.float32], entries: NDArray[np.float32]) -> np.float32:
-    """Three times the root of the mean squared distance of the pixels that have one."""
-    steps = np.array([place - entries[nearest_of(place, entries)[0]] for place in image.reshape(-1, 4)])
-    missed = (steps.astype(np.float64) ** 2).sum(axis=1)
-    return np.float32(3 * np.sqrt(missed.sum() / max(np.count_nonzero(missed), 1)))
+def usual_step(palette: NDArray[np.float32]) -> np.float32:
+    """Root of the mean squared distance from an entry to the nearest other one."""
+    squares = ((palette[:, None].astype(np.float64) - palette) ** 2).sum(axis=2)
+    np.fill_diagonal(squares, np.inf)
+    return np.float32(np.sqrt(squares.min(axis=1).mean()) if len(palette) > 1 else 0)
 
 
 def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength: float) -> Entries:
     """Floyd and Steinberg's method, pixel by pixel, in the float32 of the kernel."""
     height, width, _ = image.shape
     errors = np.zeros((height + 1, width + 2, 4), np.float32)
+    low = np.minimum(image.min(axis=(0, 1)), palette.min(axis=0)).astype(np.float64)
     wide = np.zeros((height, width, 4), np.float32)
-    wide[..., : image.shape[2]] = image
+    wide[..., : image.shape[2]] = image - low
     entries = np.zeros((len(palette), 4), np.float32)
-    entries[:, : palette.shape[1]] = palette
-    all_places = np.concatenate([wide.reshape(-1, 4), entries])
-    low, high = all_places.min(axis=0), all_places.max(axis=0)
+    entries[:, : palette.shape[1]] = palette - low
     labels = np.empty((height, width), np.int32)
-    most = longest_handed_on(wide, entries)
+    most = usual_step(entries)
     part = np.float32([7 / 16, 3 / 16, 5 / 16, 1 / 16])
     for y in range(height):
         step, ahead = (1 if y % 2 == 0 else -1), np.zeros(4, np.float32)
         for x in range(width)[::step]:
-            place = np.clip((wide[y, x] + errors[y, x + 1]) + ahead, low, high)
+            place = (wide[y, x] + errors[y, x + 1]) + ahead
             labels[y, x], squared = nearest_of(place, entries)
             length, share = np.sqrt(squared), np.float32(strength)
             missed = (place - entries[labels[y, x]]) * (share * most / length if length > most else share)
@@ -250,6 +249,17 @@ def test_the_energy_is_that_of_the_pixels() -> None:
     inverse, labels = (rng.integers(0, n, (11, 13)).astype(np.int32) for n in (50, 9))
     energy = energy_of(places, inverse, palette, labels)
     assert energy == np.square(places[inverse] - palette[labels]).sum()
+
+
+@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_unit_does_not_matter(method: str, scale: float) -> None:
+    rng = np.random.default_rng(0)
+    image, palette = rng.random((20, 20, 3)), rng.random((9, 3))
+    image[0, 0], image[0, 1] = 0, 1
+    power = 2.0 ** np.round(np.log2(scale))
+    labels = of_image(image, palette, method=method)
+    assert np.array_equal(of_image(image * power, palette * power, method=method), labels)
 
 
 def test_the_input_is_unchanged() -> None:
