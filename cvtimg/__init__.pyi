@@ -1,4 +1,6 @@
+from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
+from .edges import find_edges
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
@@ -13,9 +15,13 @@ __all__ = [
     "METHODS",
     "SEEDINGS",
     "ColorSamples",
+    "Contours",
+    "Polygon",
     "Quantized",
     "Tessellation",
     "color_samples",
+    "find_contours",
+    "find_edges",
     "find_images",
     "image_info",
     "quantize",

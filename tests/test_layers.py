@@ -13,8 +13,9 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color"},
+    {"_kernels", "_cracks", "_checks", "_threads", "files", "profiles"},
+    {"io", "samples", "points", "palette", "columns", "color", "edges", "regions", "cracks"},
+    {"contours"},
     {"tables"},
     {"seeding"},
     {"methods._iteration"},
