@@ -5,6 +5,7 @@ from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
 from .quantization import Quantized, quantize
+from .regions import region_table
 from .samples import ColorSamples, color_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
@@ -26,6 +27,7 @@ __all__ = [
     "image_info",
     "quantize",
     "read_image",
+    "region_table",
     "tessellate",
     "write_image",
 ]

@@ -16,6 +16,7 @@ LAYERS: list[set[str]] = [
     {"_kernels", "_cracks", "_checks", "_threads", "files", "profiles"},
     {"io", "samples", "points", "palette", "columns", "color", "edges", "regions", "cracks"},
     {"contours"},
+    {"segment_files"},
     {"tables"},
     {"seeding"},
     {"methods._iteration"},
