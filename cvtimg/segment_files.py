@@ -49,18 +49,9 @@ def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -
     numbers = check_labels("labels", labels)
     suffix = check_choice("suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     n_bytes = next(size for size in (1, 2, 4) if numbers.max() < 256**size)
-    if suffix == ".npy":
-        with whole_file(path, overwrite=overwrite) as file:
-            np.save(file, numbers)
-    elif n_bytes < 4:
-        write_image(path, numbers.astype(f"u{n_bytes}"), overwrite=overwrite)
-    elif suffix == ".png":
+    if suffix == ".png" and n_bytes == 4:
         raise ValueError(f"{path}: has labels up to {numbers.max()}, and .png holds 65535; use .tif or .npy")
-    else:
-        import tifffile
-
-        with whole_file(path, overwrite=overwrite) as file:
-            tifffile.imwrite(file, numbers.astype(np.uint32), compression="zlib", photometric="minisblack")
+    write_image(path, numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}"), overwrite=overwrite)
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:

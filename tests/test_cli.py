@@ -262,6 +262,9 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
         "bits": 8,
         "frames": 1,
         "icc": None,
+        "geo_transform": None,
+        "epsg": None,
+        "nodata": None,
         "alpha": True,
         "distinct_colors": n_distinct(RGBA),
     }

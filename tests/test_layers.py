@@ -14,6 +14,12 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_cracks", "_checks", "_threads", "files", "profiles"},
+    {"images"},
+    {"images.opening"},
+    {"images.arrays"},
+    {"images.png", "images.tiff"},
+    {"images.decoding", "images.encoding"},
+    {"images.header"},
     {"io", "samples", "points", "palette", "columns", "color", "edges", "regions", "cracks"},
     {"contours"},
     {"segment_files"},

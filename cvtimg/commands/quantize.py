@@ -51,7 +51,7 @@ def quantize(
 
     Without -o and --out-dir, one input gives NAME-quantized.png beside it. Up to 256 colors make an indexed PNG
     of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end in
-    .tif, .webp, .gif, .bmp, .ppm or .pgm. The same seed gives the same file.
+    .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
     """
     from cvtimg import EFFORTS, METHODS, SEEDINGS, find_images
     from cvtimg.io import lossless_suffixes
