@@ -4,9 +4,11 @@ from .edges import find_edges
 from .estimator import CVT
 from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
-from .quantization import Quantized, quantize
+from .palette_search import Palette, find_palette
+from .quantization import quantize
 from .regions import region_table
-from .samples import ColorSamples, color_samples
+from .remapping import Quantized, map_to_palette
+from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
 
@@ -17,6 +19,7 @@ __all__ = [
     "SEEDINGS",
     "ColorSamples",
     "Contours",
+    "Palette",
     "Polygon",
     "Quantized",
     "Tessellation",
@@ -24,7 +27,10 @@ __all__ = [
     "find_contours",
     "find_edges",
     "find_images",
+    "find_palette",
     "image_info",
+    "map_to_palette",
+    "merge_samples",
     "quantize",
     "read_image",
     "region_table",
