@@ -174,25 +174,32 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
 
 
 def draw_edges(
-    image: Any, labels: ArrayLike, *, color: Sequence[int] = YELLOW, thickness: int = 1
+    image: Any,
+    labels: ArrayLike,
+    *,
+    color: Sequence[int] = YELLOW,
+    thickness: int = 1,
+    ignore: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draw the edges of segments over the picture that they are of.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        As in `Panel`; masked pixels may be NaN.
+        As in `Panel`; pixels of label 0 may be NaN.
     labels : (H, W) integer array
-        Segment of each pixel; 0 is what is masked, whose border is no edge.
+        Segment of each pixel.
     color : sequence of three int
         In 0..255.
     thickness : int
         Width of the edges in pixels. An odd one is centered on inner edges, an even one on the border.
+    ignore : int, optional
+        A label whose borders are no edges, as in `find_edges`.
 
     Returns
     -------
     (H, W, 3) uint8 array
-        A picture that is not 8-bit is stretched from the least to the greatest value that is not masked.
+        A picture that is not 8-bit is stretched from the least to the greatest value outside of `ignore`.
 
     Raises
     ------
@@ -210,8 +217,8 @@ def draw_edges(
     segments = check_labels("labels", labels)
     check_count("thickness", thickness, LONGEST, "the longest side")
     values = check_labeled_image("image", image, segments)
-    drawn = np.array(_over_checkers(Image.fromarray(_as_bytes(values, _limits([values[segments > 0]])))))
-    edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=0)
+    drawn = np.array(_over_checkers(Image.fromarray(_as_bytes(values, _limits([values[segments != ignore]])))))
+    edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
     radius = (thickness - 1) // 2
     if radius and edges.any():
         edges = isotropic_dilation(edges, radius)  # type: ignore[no-untyped-call]
@@ -219,14 +226,14 @@ def draw_edges(
     return drawn
 
 
-def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike) -> NDArray[np.uint8]:
-    """Give colors as they look where `draw_edges` draws them: (K, C) in the units of the image to (K, 3) uint8."""
+def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: int | None = None) -> NDArray[np.uint8]:
+    """Give colors as they look where `draw_edges` draws: (K, C) in the units of the image to (K, 3) uint8."""
     segments = check_labels("labels", labels)
     values = check_labeled_image("image", image, segments)
     rows = np.asarray(colors)
     if values.dtype == np.uint8:
         rows = np.rint(rows).astype(np.uint8)
-    return _as_bytes(rows, _limits([values[segments > 0]]))[:, :3]
+    return _as_bytes(rows, _limits([values[segments != ignore]]))[:, :3]
 
 
 def _draw_title(title: str, width: int) -> Image.Image:

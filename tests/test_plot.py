@@ -284,10 +284,11 @@ def test_edges_are_as_thick_as_asked_and_nothing_else_changes(thickness: int) ->
     np.testing.assert_array_equal(drawn[~is_line], image[~is_line])
 
 
-def test_the_border_of_a_mask_is_no_edge() -> None:
+def test_the_border_of_a_label_to_ignore_is_no_edge() -> None:
     labels = np.where(np.arange(12) < 4, 0, HALVES)
-    drawn = draw_edges(np.zeros((5, 12), np.uint8), labels)
-    assert (drawn[0, :, 0] > 0).nonzero()[0].tolist() == [6]
+    for ignore, where in ((None, [4, 6]), (0, [6]), (1, []), (2, [4])):
+        drawn = draw_edges(np.zeros((5, 12), np.uint8), labels, ignore=ignore)
+        assert (drawn[0, :, 0] > 0).nonzero()[0].tolist() == where
     np.testing.assert_array_equal(draw_edges(noise(5, 12, 3), np.ones((5, 12), int)), noise(5, 12, 3))
 
 
@@ -295,7 +296,7 @@ def test_edges_are_drawn_over_grey_deep_transparent_and_many_bands() -> None:
     levels = np.where(HALVES == 1, 1000.0, 3000.0)
     levels[0, 0] = np.nan
     labels = np.where(np.isnan(levels), 0, HALVES)
-    drawn = draw_edges(levels, labels)
+    drawn = draw_edges(levels, labels, ignore=0)
     assert drawn[1, 0].tolist() == [0] * 3
     assert drawn[1, -1].tolist() == [255] * 3
     assert draw_edges(noise(5, 12, 7), HALVES)[0, 0].tolist() == noise(5, 12, 7)[0, 0, :3].tolist()
