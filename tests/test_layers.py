@@ -38,8 +38,8 @@ LAYERS: list[set[str]] = [
     {"plot"},
     {"batch"},
     {"commands"},
-    {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands._options", "commands._segment_files"},
+    {"commands.quantize", "commands.segment", "commands.cluster", "commands.info"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

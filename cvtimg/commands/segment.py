@@ -1,0 +1,249 @@
+"""``cvtimg segment``: pictures to segments, and the edges, contours and tables of these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Option
+
+from cvtimg.batch import Report, Row, Task, check_choice, check_outputs, find, run
+from cvtimg.commands import _options as options
+from cvtimg.commands._segment_files import KIND_NAMES, Style, Subject, file_names, parse_color
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cvtimg.io import ImageInfo
+
+EXAMPLES = """Examples:
+
+\b
+  cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
+  cvtimg segment cells.tif -k 2 --edge-weight auto --components --min-size 30 --table cells.csv --coco cells.json
+  cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
+  cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
+  cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
+  cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
+"""
+#: Columns of the table, in the words of --json; they fit into 80 characters.
+COLUMNS = ("input", "k", "regions", "energy", "seconds", "output")
+
+# The names stand here as text, as in _options.py.
+SPACE_NAMES = "rgb, linear, lab or oklab"
+AVERAGING_NAMES = ("none", "before", "after")
+
+_COUNT = options.whole_number(1, options.MAX_COLORS)
+_SIZE = options.whole_number(0, 2**31 - 1)
+_WIDTH = options.whole_number(1, 1000)
+
+
+def _weight(text: str | float) -> float | str:
+    return "auto" if text == "auto" else options.power(text)
+
+
+Number = Annotated[int, Option("-k", metavar="N", parser=_COUNT, help="Number of segments.")]
+Labels = Annotated[
+    Path | None,
+    Option("--output", "-o", metavar="FILE", help="Labels of the pixels, .png, .tif or .npy; for one input."),
+]
+OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.png and so on.")]
+Write = Annotated[
+    str,
+    Option(metavar="KIND,...", help=f"What to write by the names of the inputs: {KIND_NAMES}; or KIND.SUFFIX."),
+]
+Mean = Annotated[Path | None, Option(metavar="FILE", help="Picture in the mean color of each segment.")]
+Edges = Annotated[Path | None, Option(metavar="FILE", help="Edges, white on black.")]
+Overlay = Annotated[Path | None, Option(metavar="FILE", help="Edges over the picture.")]
+ContourFile = Annotated[Path | None, Option("--contours", metavar="FILE", help="Polygons, .svg or .geojson.")]
+Table = Annotated[Path | None, Option(metavar="FILE", help="Figures of each segment, .csv.")]
+Coco = Annotated[Path | None, Option(metavar="FILE", help="Masks of the segments as COCO has them, .json.")]
+EdgeMode = Annotated[str, Option(metavar="NAME", help="Side that --edges are on: inner (bright), outer or thick.")]
+LineColor = Annotated[str, Option(metavar="COLOR", help="Color of --overlay, as in CSS.")]
+LineWidth = Annotated[int, Option(metavar="PIXELS", parser=_WIDTH, help="Width of the lines of --overlay.")]
+Subpixel = Annotated[bool, Option("--subpixel", help="Let --contours run between pixels, as the picture tells.")]
+Simplify = Annotated[
+    float, Option(metavar="PIXELS", parser=options.power, help="How far --contours may be off, to be shorter.")
+]
+AveragingName = Annotated[
+    str, Option("--averaging", metavar="WHEN", help="Average near pixels, for noise: none, before or after.")
+]
+Kernel = Annotated[str, Option(metavar="NAME", help="Weights of --averaging: gaussian or box.")]
+Radius = Annotated[float, Option(metavar="PIXELS", parser=options.power, help="Radius of --averaging.")]
+EdgeWeight = Annotated[
+    Any, Option(metavar="L", parser=_weight, help="What edges cost, >= 0, so that they are few; auto: by the noise.")
+]
+EdgeRadius = Annotated[
+    int, Option(metavar="PIXELS", parser=options.whole_number(1, 15), help="How far --edge-weight looks.")
+]
+Components = Annotated[bool, Option("--components", help="Make each connected piece a segment of its own.")]
+MinSize = Annotated[
+    int, Option(metavar="PIXELS", parser=_SIZE, help="Let neighbors take pieces that are smaller than this.")
+]
+Mask = Annotated[Path | None, Option(metavar="FILE", help="Picture of what to leave out: black there.")]
+NoData = Annotated[
+    float | None, Option("--nodata", metavar="V", help="Leave out pixels with V in all bands; a GeoTIFF tells its own.")
+]
+Superpixels = Annotated[bool, Option("--superpixels", help="Divide into about N connected cells of like size.")]
+Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {SPACE_NAMES}.")]
+Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
+Compactness = Annotated[
+    float | None, Option(metavar="C", parser=options.power, help="How round the cells of --superpixels are.")
+]
+
+
+def segment(
+    inputs: options.Pictures,
+    number: Number,
+    output: Labels = None,
+    out_dir: OutDir = None,
+    write: Write = "",
+    mean: Mean = None,
+    edges: Edges = None,
+    overlay: Overlay = None,
+    contours: ContourFile = None,
+    table: Table = None,
+    coco: Coco = None,
+    edge_mode: EdgeMode = "inner",
+    line_color: LineColor = "yellow",
+    line_width: LineWidth = 1,
+    subpixel: Subpixel = False,
+    simplify: Simplify = 0,
+    space: Space = "rgb",
+    averaging: AveragingName = "none",
+    kernel: Kernel = "gaussian",
+    radius: Radius = 2,
+    edge_weight: EdgeWeight = 0,
+    edge_radius: EdgeRadius = 3,
+    components: Components = False,
+    min_size: MinSize = 0,
+    superpixels: Superpixels = False,
+    compactness: Compactness = None,
+    mask: Mask = None,
+    nodata: NoData = None,
+    volume_power: options.VolumePower = 0,
+    effort: options.Effort = "balanced",
+    seed: Seed = 0,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Divide pictures into N segments, each of the pixels that are nearest to its mean color.
+
+    Labels count from 1, dark to bright; 0 is what is left out: what --mask and --nodata say, and transparent pixels.
+    Without any output named, one input gives NAME-labels.png beside it; with --write all inputs give the files that
+    it lists. Contours are in pixels from the upper left corner, or where a GeoTIFF lies, in its coordinates.
+    """
+    from cvtimg import EFFORTS, find_images
+    from cvtimg.averaging import KERNELS, Averaging
+    from cvtimg.color import SPACES
+    from cvtimg.edges import EDGE_MODES
+
+    for option, value, allowed in (
+        ("--space", space, SPACES),
+        ("--effort", effort, EFFORTS),
+        ("--averaging", averaging, AVERAGING_NAMES),
+        ("--kernel", kernel, KERNELS),
+        ("--edge-mode", edge_mode, EDGE_MODES),
+    ):
+        check_choice(option, value, allowed)
+    how = {
+        "space": space,
+        "averaging": None if averaging == "none" else Averaging(averaging, kernel, radius),
+        "edge_weight": edge_weight,
+        "edge_radius": edge_radius,
+        "volume_power": volume_power,
+        "components": components,
+        "min_size": min_size,
+        "effort": effort,
+        "rng": seed,
+    }
+    style = Style(edge_mode, parse_color(line_color), line_width, subpixel, simplify)
+    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    sources, missing = find(inputs, find_images, out_dir)
+    files = {"labels": output, "mean": mean, "edges": edges, "overlay": overlay, "contours": contours}
+    files |= {"table": table, "coco": coco}
+    flags = {"-o" if kind == "labels" else f"--{kind}": path for kind, path in files.items()}
+    check_outputs(len(sources) + len(missing), out_dir, flags)
+    names = file_names(write, files)
+    tasks = [Task(source, _outputs(names, source, out_dir or source.parent)) for source in sources]
+    work = partial(_segment, number=number, how=how, style=style, mask=mask, nodata=nodata, overwrite=overwrite)
+    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite))
+
+
+def _outputs(names: Mapping[str, Path | str], source: Path, folder: Path) -> dict[str, Path]:
+    """Name the files that shall come of an input."""
+    return {kind: name if isinstance(name, Path) else folder / f"{source.stem}{name}" for kind, name in names.items()}
+
+
+def _segment(
+    task: Task,
+    *,
+    number: int,
+    how: Mapping[str, Any],
+    style: Style,
+    mask: Path | None,
+    nodata: float | None,
+    overwrite: bool,
+) -> Row:
+    from cvtimg import image_info, read_image
+    from cvtimg.segmentation import segment
+
+    start = perf_counter()
+    header = image_info(task.source)
+    image, known = _known(read_image(task.source), header, nodata)
+    if mask:
+        known = known & _read_mask(mask, known.shape)
+    read = perf_counter()
+    result = segment(image, number, mask=known, **how)
+    clustered = perf_counter()
+    Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
+    written = perf_counter()
+    return {
+        "input": str(task.source),
+        "output": str(next(iter(task.outputs.values()))),
+        "width": image.shape[1],
+        "height": image.shape[0],
+        "channels": image.shape[2] if image.ndim == 3 else 1,
+        "left_out": int((result.labels == 0).sum()),
+        "k": len(result.generators),
+        "regions": int(result.labels.max()),
+        "energy": result.energy,
+        "n_iter": result.n_iter,
+        "converged": result.converged,
+        "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
+    }
+
+
+def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Split a picture into the bands to segment and where they are known: not NaN, not transparent, and not nodata."""
+    import numpy as np
+
+    known = np.ones(image.shape[:2], np.bool_)
+    if header.has_alpha and image.shape[2:] == (4,):
+        image, known = image[:, :, :3], image[:, :, 3] > 0
+    bands = image.reshape(*known.shape, -1)
+    if bands.dtype.kind == "f":
+        known = known & np.isfinite(bands).all(axis=2)
+    missing = header.nodata if nodata is None else nodata
+    if missing is not None:
+        known = known & (bands != missing).any(axis=2)
+    return image, known
+
+
+def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Read which pixels are not black."""
+    from cvtimg import read_image
+
+    picture = read_image(path)
+    if picture.shape[:2] != shape:
+        raise ValueError(
+            f"has {shape[1]} x {shape[0]} pixels, and the mask {path} {picture.shape[1]} x {picture.shape[0]}"
+        )
+    kept: NDArray[np.bool_] = picture.reshape(*shape, -1)[:, :, :3].any(axis=2)
+    return kept
