@@ -6,7 +6,7 @@ from .io import find_images, image_info, read_image, write_image
 from .methods import METHODS
 from .palette_search import Palette, find_palette
 from .quantization import quantize
-from .regions import region_table
+from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
@@ -33,6 +33,7 @@ __all__ = [
     "merge_samples",
     "quantize",
     "read_image",
+    "region_means",
     "region_table",
     "tessellate",
     "write_image",

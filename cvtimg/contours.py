@@ -16,9 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg.cracks import OUTSIDE, Pieces, Walk, cut_at_junctions, pixels_beside, walk_cracks
 from cvtimg.regions import region_means
+from cvtimg.simplification import simplify
 
 #: How near to the center of a pixel a border may come, in pixels: at 0 a region of one pixel could lose its area.
 CLEARANCE = 1 / 256
+
+#: A ring of less area, in squared pixels, has none but for rounding.
+_NO_AREA = 1e-6
 
 _Points = NDArray[np.float64]
 
@@ -86,8 +90,8 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
         under noise, and beside masked pixels, the border is half way. Without a picture borders run along the sides
         of pixels, and the areas of polygons are exact.
     tolerance : float
-        Leave out places of lines that are no farther than this from what remains, in pixels. Junctions stay, and so
-        does a border without which a polygon would vanish. Thin segments may come to touch or cross each other.
+        Leave out places of lines that are no farther than this from what remains, in pixels. Junctions stay, no
+        polygon vanishes, and no line crosses another: near to others a line may keep more of its places.
 
     Returns
     -------
@@ -107,6 +111,8 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     ----------
     D. H. Douglas, T. K. Peucker, Algorithms for the reduction of the number of points required to represent a
     digitized line or its caricature, Cartographica 10 (1973) 112-122, doi 10.3138/FM57-6770-U75U-7727.
+    A. Saalfeld, Topologically consistent line simplification with the Douglas-Peucker algorithm, Cartography and
+    Geographic Information Science 26 (1999) 7-18, doi 10.1559/152304099782424901.
 
     Examples
     --------
@@ -128,7 +134,14 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     else:
         lines = _between_centers(walk, pieces, _crossings(walk, segments, picture))
     if tolerance:
-        lines = _simplify(lines, pieces, tolerance)
+        areas = _ring_areas(lines, pieces)
+
+        def spoiled(simple: Sequence[_Points]) -> NDArray[np.intp]:
+            """Find the lines of rings that have vanished or turned over."""
+            lost = np.sign(areas) * _ring_areas(simple, pieces) < _NO_AREA
+            return np.unique(pieces.lines[lost[pieces.rings]])
+
+        lines = simplify(lines, tolerance, spoiled)
     sides = walk.sides[pieces.starts[pieces.is_line]]
     return Contours(tuple(lines), sides, _polygons(lines, walk, pieces))
 
@@ -211,26 +224,6 @@ def _moment(line: _Points) -> float:
     """Compute what a line adds to the area of a ring that it is part of."""
     x, y = line.T
     return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
-
-
-def _simplify(lines: list[_Points], pieces: Pieces, tolerance: float) -> list[_Points]:
-    """Leave out places of lines, but of no line without which a ring would vanish or turn over."""
-    from skimage.measure import approximate_polygon
-
-    def simplify(line: _Points) -> _Points:
-        shorter: _Points = approximate_polygon(line, tolerance)  # type: ignore[no-untyped-call]
-        return shorter
-
-    simple = [simplify(line) if len(line) > 2 else line for line in lines]
-    areas = _ring_areas(lines, pieces)
-    while True:
-        lost = areas * _ring_areas(simple, pieces) <= 0
-        kept = np.unique(pieces.lines[lost[pieces.rings]])
-        again = [number for number in kept if len(simple[number]) < len(lines[number])]
-        if not again:
-            return simple
-        for number in again:
-            simple[number] = lines[number]
 
 
 def _ring_areas(lines: Sequence[_Points], pieces: Pieces) -> NDArray[np.float64]:

@@ -31,7 +31,7 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     Examples
     --------
     >>> import numpy as np
-    >>> from cvtimg.regions import region_means
+    >>> from cvtimg import region_means
     >>> region_means(np.array([[1, 2, 2]]), np.array([[10, 20, 40]], np.uint8)).ravel().tolist()
     [nan, 10.0, 30.0]
     """

@@ -201,6 +201,55 @@ def test_simplified_neighbours_still_share_their_border_and_stay_near_it() -> No
             assert np.hypot(*(start + along[:, None] * step - place).T).min() <= 1.5 + 1e-9
 
 
+def crossings(contours: Contours) -> list[Any]:
+    """List pairs of steps that meet elsewhere than at a place of both."""
+    steps = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in contours.lines])
+    found = []
+    for number, (start, end) in enumerate(steps):
+        others = steps[number + 1 :]
+
+        def turn(a: Any, b: Any, c: Any) -> Any:
+            cross = (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
+            return np.sign(np.where(abs(cross) < 1e-9, 0, cross))
+
+        apart = (np.max(others, axis=1) < np.minimum(start, end)).any(axis=1)
+        apart |= (np.min(others, axis=1) > np.maximum(start, end)).any(axis=1)
+        share = (others == start).all(axis=2).any(axis=1) | (others == end).all(axis=2).any(axis=1)
+        meets = turn(start, end, others[:, 0]) * turn(start, end, others[:, 1]) <= 0
+        meets &= turn(others[:, 0], others[:, 1], start) * turn(others[:, 0], others[:, 1], end) <= 0
+        found += [(steps[number].tolist(), other.tolist()) for other in others[meets & ~apart & ~share]]
+    return found
+
+
+@pytest.mark.parametrize("tolerance", [0.7, 1.5, 5, 100])
+@pytest.mark.parametrize("between_centers", [False, True])
+def test_simplified_borders_cross_no_other_and_nothing_comes_to_lie_beyond_them(
+    tolerance: float, between_centers: bool
+) -> None:
+    fields = smooth_fields(3, 50, 1.2)
+    labels = fields.argmax(axis=2) + 1
+    contours = find_contours(labels, fields if between_centers else None, tolerance=tolerance)
+    assert crossings(contours) == []
+    assert_rings_are_simple(contours)
+    for polygon in contours.polygons:
+        for hole in polygon.rings[1:]:
+            assert Path(polygon.rings[0]).contains_points(hole[:-1], radius=1e-9).mean() > 0.5
+    assert sum(polygon.area for polygon in contours.polygons) == pytest.approx(labels.size)
+
+
+def test_a_simplified_border_does_not_pass_over_an_island() -> None:
+    labels = np.ones((12, 20), int)
+    labels[4:, :] = 2
+    labels[3, 8:12] = 2  # without this bump the border would pass over the island in it
+    labels[2:4, 7:13] = 2
+    labels[3, 10] = 3
+    polygons = find_contours(labels, tolerance=3).polygons
+    island = next(polygon for polygon in polygons if polygon.label == 3)
+    around = next(polygon for polygon in polygons if polygon.label == 2)
+    assert Path(around.rings[0]).contains_points(island.rings[0].mean(axis=0)[None]).all()
+    assert len(around.rings) == 2
+
+
 def test_no_region_vanishes_however_great_the_tolerance() -> None:
     labels = RNG.integers(1, 4, (12, 12))
     exact, simple = find_contours(labels), find_contours(labels, tolerance=100)

@@ -123,7 +123,8 @@ def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
 
     means = np.nan_to_num(region_means(labels, image))
     colors = (np.rint(means) if image.dtype.kind == "u" else means).astype(image.dtype)
-    return colors[labels].reshape(image.shape)
+    picture: NDArray[Any] = colors[labels].reshape(image.shape)
+    return picture
 
 
 def _write_edges(subject: Subject, path: Path) -> None:
@@ -138,8 +139,8 @@ def _write_overlay(subject: Subject, path: Path) -> None:
     from cvtimg.plot import draw_edges
 
     style = subject.style
-    look = {"color": style.line_color, "thickness": style.line_width}
-    drawn = draw_edges(subject.image, subject.labels, **look, ignore=0)
+    color, thickness = style.line_color, style.line_width
+    drawn = draw_edges(subject.image, subject.labels, color=color, thickness=thickness, ignore=0)
     write_image(path, drawn, overwrite=subject.overwrite)
 
 
