@@ -1,11 +1,14 @@
+from .color import SPACES
 from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
+from .dithering import DITHERS
 from .edges import find_edges
 from .estimator import CVT
-from .io import find_images, image_info, read_image, write_image
+from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
-from .quantization import quantize
+from .quantization import quantize, quantize_to_size
 from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
@@ -14,9 +17,11 @@ from .seeding import SEEDINGS
 
 __all__ = [
     "CVT",
+    "DITHERS",
     "EFFORTS",
     "METHODS",
     "SEEDINGS",
+    "SPACES",
     "ColorSamples",
     "Contours",
     "Palette",
@@ -32,9 +37,13 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_to_size",
     "read_image",
+    "read_metadata",
+    "read_palette",
     "region_means",
     "region_table",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

@@ -26,7 +26,27 @@ def diffuse(
     strides: NDArray[np.int32],
     bounds: NDArray[np.int32],
     candidates: NDArray[np.uint16],
-    strength: float,
+    strengths: NDArray[np.float32],
     errors: NDArray[np.float32],
+    labels: NDArray[np.int32],
+) -> None: ...
+def mix(
+    places: NDArray[np.float32],
+    kinds: NDArray[np.uint8],
+    palette: NDArray[np.float32],
+    box: NDArray[np.float32],
+    cells_a_unit: NDArray[np.float32],
+    strides: NDArray[np.int32],
+    bounds: NDArray[np.int32],
+    candidates: NDArray[np.uint16],
+    strengths: NDArray[np.float32],
+    ranks: NDArray[np.uint16],
+    mixtures: NDArray[np.uint16],
+) -> None: ...
+def arrange(
+    mixtures: NDArray[np.uint16],
+    inverse: NDArray[np.int32],
+    levels: NDArray[np.uint8],
+    first: int,
     labels: NDArray[np.int32],
 ) -> None: ...

@@ -169,7 +169,7 @@ def diffuse(
     const int32_t[::1] strides,       # IN (4,)
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
-    float strength,                   # IN: the part of the error that is handed on
+    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
     float[:, :, ::1] errors,          # INOUT (2, W + 2, 4): 0; scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
@@ -178,7 +178,7 @@ def diffuse(
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, color, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
-    cdef float missed
+    cdef float missed, strength
     cdef float *here
     cdef float *below
     cdef const int32_t *cell
@@ -194,6 +194,7 @@ def diffuse(
                 for d in range(WIDTH):
                     place[d] = places[color, d] + (here[WIDTH * (x + 1) + d] + ahead[d])
                     place[d] = fminf(fmaxf(place[d], grid.low[d]), grid.high[d])
+                strength = strengths[kinds[color]]
                 label = look_up(&grid, place, kinds[color])
                 labels[y, x] = <int32_t>label
                 for d in range(WIDTH):
@@ -203,3 +204,56 @@ def diffuse(
                     below[WIDTH * (x + 1) + d] += missed * <float>(5. / 16)
                     below[WIDTH * (x + 1 + step) + d] += missed * <float>(1. / 16)
                 x += step
+
+
+def mix(
+    const float[:, ::1] places,       # IN (M, 4): of the colors
+    const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
+    const float[:, ::1] palette,      # IN (K, 4)
+    const float[:, ::1] box,          # IN (2, 4): lowest and highest place that may be looked up
+    const float[::1] cells_a_unit,    # IN (4,)
+    const int32_t[::1] strides,       # IN (4,)
+    const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
+    const uint16_t[::1] candidates,   # IN
+    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    const uint16_t[::1] ranks,        # IN (K,): where an entry stands among all
+    uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
+):
+    """List for each color the entries to mix: each is the nearest to the color and what those before it missed."""
+    cdef Grid grid = grid_of(palette, box, cells_a_unit, strides, bounds, candidates)
+    cdef Py_ssize_t n_colors = places.shape[0], n_mixed = mixtures.shape[1], color, i, at, d, entry
+    cdef float place[WIDTH]
+    cdef float missed[WIDTH]
+    cdef uint16_t *mixture
+    with nogil:
+        for color in range(n_colors):
+            mixture = &mixtures[color, 0]
+            memset(missed, 0, sizeof(missed))
+            for i in range(n_mixed):
+                for d in range(WIDTH):
+                    place[d] = fminf(fmaxf(places[color, d] + missed[d], grid.low[d]), grid.high[d])
+                entry = look_up(&grid, place, kinds[color])
+                for d in range(WIDTH):
+                    missed[d] = (place[d] - palette[entry, d]) * strengths[kinds[color]]
+                at = i
+                while at > 0 and ranks[mixture[at - 1]] > ranks[entry]:
+                    mixture[at] = mixture[at - 1]
+                    at -= 1
+                mixture[at] = <uint16_t>entry
+
+
+def arrange(
+    const uint16_t[:, ::1] mixtures,  # IN (M, N)
+    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
+    const uint8_t[:, ::1] levels,     # IN (S, S): which of the N entries a pixel takes, again and again
+    Py_ssize_t first,                 # IN: which row of the picture the first is
+    int32_t[:, ::1] labels,           # OUT (H, W)
+):
+    """Take from the mixture of each pixel's color the entry that its place in the mask says."""
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], side = levels.shape[0], x, y
+    cdef const uint8_t *level
+    with nogil:
+        for y in range(n_rows):
+            level = &levels[(first + y) % side, 0]
+            for x in range(width):
+                labels[y, x] = mixtures[inverse[y, x], level[x % side]]

@@ -47,6 +47,12 @@ def _encode(light: _Floats) -> _Floats:
     return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
 
 
+def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
+    # Not by BLAS, whose bits depend on the number of its threads.
+    transformed: _Floats = np.einsum("cd,nd->nc", matrix, colors)
+    return transformed
+
+
 def _to_lab(rgb: _Floats) -> _Floats:
     from skimage.color import rgb2lab
 
@@ -65,12 +71,11 @@ def _from_lab(lab: _Floats) -> _Floats:
 
 
 def _to_oklab(rgb: _Floats) -> _Floats:
-    opponent: _Floats = np.cbrt(_decode(rgb) @ _TO_CONES.T) @ _TO_OPPONENT.T
-    return opponent
+    return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
 
 
 def _from_oklab(oklab: _Floats) -> _Floats:
-    return _encode((oklab @ _FROM_OPPONENT.T) ** 3 @ _FROM_CONES.T)
+    return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
 
 
 def _unchanged(rgb: _Floats) -> _Floats:
@@ -173,6 +178,21 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
 def peak(dtype: np.dtype[Any]) -> float:
     """Return the value of white: 255, 65535, or 1 for floating point."""
     return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
+
+
+def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
+    if colors.dtype == dtype:
+        return colors
+    unit: NDArray[Any] = colors / np.asarray(
+        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
+    )
+    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+        raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
+    unit *= unit.dtype.type(peak(dtype))
+    if dtype.kind == "u":
+        np.rint(unit, out=unit)
+    return unit.astype(dtype, copy=False)
 
 
 def _check_channels(n_channels: int, space: str) -> None:

@@ -16,15 +16,18 @@ from cvtimg.files import StrPath, find_images, one_line, whole_file
 from cvtimg.images.decoding import decode
 from cvtimg.images.encoding import encode_image, encoder, lossless_suffixes
 from cvtimg.images.header import ImageInfo, read_header
+from cvtimg.images.metadata import Metadata, decode_metadata
 from cvtimg.images.opening import reading
 
 __all__ = [
     "ImageInfo",
+    "Metadata",
     "encode_image",
     "find_images",
     "image_info",
     "lossless_suffixes",
     "read_image",
+    "read_metadata",
     "whole_file",
     "write_image",
 ]
@@ -102,11 +105,43 @@ def image_info(path: StrPath) -> ImageInfo:
         return read_header(file)
 
 
+def read_metadata(path: StrPath) -> Metadata:
+    """Read what can be kept of a picture file beside the pixels, for `write_image`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        As in `read_image`.
+
+    Returns
+    -------
+    Metadata
+        Color profile, pixels an inch, and EXIF without orientation; nothing of arrays and of TIFF of many bands.
+
+    Raises
+    ------
+    OSError
+        As `read_image` does, as far as the header tells.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/a.png", np.zeros((2, 3), np.uint8), metadata=Metadata(dpi=(300, 300)))
+    ...     across, down = read_metadata(f"{folder}/a.png").dpi
+    >>> round(across), round(down)
+    (300, 300)
+    """
+    with reading(path) as file:
+        return decode_metadata(file)
+
+
 def write_image(
     path: StrPath,
     image: NDArray[Any],
     *,
     palette: NDArray[np.uint8] | None = None,
+    metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write a picture whole or not at all, in the format that the suffix names.
@@ -122,6 +157,9 @@ def write_image(
         Writes an indexed picture, a PNG of the smallest of 1, 2, 4 and 8 bits that holds K
         colours. A format without palette or without its transparency gets the same colours as
         RGB or RGBA. No format that loses colours is taken.
+    metadata : Metadata, optional
+        What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
+        gets the first part of EXIF alone, and none with 16-bit color or bands.
     overwrite : bool
         Replace an existing file.
 
@@ -143,7 +181,7 @@ def write_image(
     ...     image_info(f"{folder}/a.png").bits
     1
     """
-    write = encoder(Path(path).suffix, image, palette)
+    write = encoder(Path(path).suffix, image, palette, metadata)
     with whole_file(path, overwrite=overwrite) as file:
         try:
             write(file)

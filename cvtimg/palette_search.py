@@ -192,7 +192,7 @@ def _keep_opaque(
     energies: list[float] = []
     while True:
         labels = nearest_of_kind(places, kinds[0], generators, ends)
-        energies.append(float(density @ ((places - generators[labels]) ** 2).sum(axis=1)))
+        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
         if _REST.converged(energies) or len(energies) > _REST.max_iterations:
             return generators
         masses = np.bincount(labels, density, n_generators)

@@ -337,7 +337,7 @@ def test_a_file_that_is_no_picture_is_named_with_the_reason(
 def test_a_missing_file_and_a_folder_have_their_own_errors(tmp_path: Path, reader: Any) -> None:
     with pytest.raises(FileNotFoundError, match=r"a\.png: no such file$"):
         reader(tmp_path / "a.png")
-    with pytest.raises(IsADirectoryError, match=r"is a directory, not a picture$"):
+    with pytest.raises(IsADirectoryError, match=r"is a directory, not a file$"):
         reader(str(tmp_path))
 
 

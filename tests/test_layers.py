@@ -13,19 +13,23 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_cracks", "_dither", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening"},
-    {"images.arrays"},
+    {"images.arrays", "images.metadata"},
     {"images.png", "images.tiff"},
     {"images.decoding", "images.encoding"},
     {"images.header"},
-    {"io", "samples", "points", "palette", "columns", "color", "dithering"},
+    {"palettes"},
+    {"palettes.swatches"},
+    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight"},
+    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
+    {"palette"},
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},
     {"tables"},
-    {"places"},
+    {"places", "targets"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
@@ -58,7 +62,8 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
             found |= {alias.name for alias in node.names if alias.name in RANK}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            found.add((node.module or "").removeprefix("cvtimg."))
+            module = (node.module or "").removeprefix("cvtimg.")
+            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found

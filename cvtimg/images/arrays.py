@@ -7,7 +7,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.images.opening import NotAPictureError, check_size
+from cvtimg.images.opening import UnfitContentError, check_size
 
 __all__ = ["NPY_MAGIC", "as_samples", "decode_npy", "npy_header", "upright"]
 
@@ -35,7 +35,7 @@ def as_samples(values: NDArray[Any]) -> NDArray[Any]:
         else:
             narrow = np.float32 if max(-low, high) <= _EXACT[np.float32] else np.float64
     else:
-        raise NotAPictureError(f"has samples of type {values.dtype}, which are no numbers on a line")
+        raise UnfitContentError(f"has samples of type {values.dtype}, which are no numbers on a line")
     return np.ascontiguousarray(values, narrow)
 
 
@@ -63,6 +63,6 @@ def npy_header(path: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 def _checked(values: NDArray[Any]) -> NDArray[Any]:
     if values.ndim not in (2, 3) or values.size == 0:
-        raise NotAPictureError(f"holds an array of shape {values.shape}, and a picture is (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {values.shape}, and a picture is (H, W) or (H, W, C)")
     check_size(values.shape[0] * values.shape[1])
     return values

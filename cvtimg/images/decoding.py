@@ -20,7 +20,7 @@ from cvtimg.images.png import decode_deep_png
 from cvtimg.images.tiff import TIFF_MAGICS, Layout, decode_tiff
 from cvtimg.profiles import apply_profile
 
-__all__ = ["decode", "depth", "tags_of"]
+__all__ = ["decode", "depth", "tags_of", "to_srgb"]
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -67,7 +67,7 @@ def _decode(image: ImageFile.ImageFile) -> NDArray[Any]:
     upright = image if turn is None else image.transpose(turn)
     if image.mode.startswith(("I", "F")):
         return as_samples(np.array(upright))
-    return np.array(_srgb(upright))
+    return np.array(to_srgb(upright))
 
 
 def depth(image: ImageFile.ImageFile) -> int:
@@ -90,7 +90,7 @@ def _scale_transparent_color(image: Image.Image, bits: int) -> None:
         image.info["transparency"] = color * 255 // (2**bits - 1)
 
 
-def _srgb(image: Image.Image) -> Image.Image:
+def to_srgb(image: Image.Image) -> Image.Image:
     """Bring an 8-bit picture of any mode to L, RGB or RGBA in sRGB."""
     icc = image.info.get("icc_profile")
     grey = image.mode in ("1", "L", "LA")

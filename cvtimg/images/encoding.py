@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg.images.metadata import Metadata
 from cvtimg.images.png import encode_deep_png
 from cvtimg.images.tiff import encode_tiff
 
@@ -20,6 +21,7 @@ _Picture: TypeAlias = Image.Image | NDArray[Any]
 # Beside Pillow's modes, those that it has no picture for: 16-bit color, and whatever else an array holds.
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"
+_ALL = ("icc_profile", "dpi", "exif")
 _PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
 
 
@@ -28,6 +30,7 @@ class _Format(NamedTuple):
     modes: tuple[str, ...]
     lossless: bool
     options: dict[str, Any]
+    keeps: tuple[str, ...] = ()  # of Metadata, in the words of Pillow
 
 
 # Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph, one core of two:
@@ -35,19 +38,19 @@ class _Format(NamedTuple):
 #   16 colours:  level 1 125 ms 1.7 MB, 3 175 ms 1.6 MB, 6 460 ms 1.5 MB
 #   24-bit RGB:  level 1 0.7 s 12.3 MB, 3 1.0 s 11.4 MB, 6 3.2 s 10.5 MB
 # Run-length coding alone makes 16 colours smaller (1.4 MB, 100 ms), but doubles a page of text.
-_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3})
-_TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"})
+_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3}, _ALL)
+_TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
-_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0})
+_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
 _FORMATS = {
     ".png": _PNG,
     ".tif": _TIFF,
     ".tiff": _TIFF,
     # exact: WebP otherwise rewrites the colours under full transparency.
-    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}),
+    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}, ("icc_profile", "exif")),
     # optimize would renumber the palette.
     ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False}),
-    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}),
+    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}, ("dpi",)),
     ".ppm": _Format("PPM", ("RGB",), True, {}),
     ".pgm": _Format("PPM", ("L", "I;16"), True, {}),
     ".jpg": _JPEG,
@@ -67,14 +70,20 @@ _CONTENT = {
 }
 
 
-def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8] | None = None) -> bytes:
+def encode_image(
+    suffix: str,
+    image: NDArray[Any],
+    *,
+    palette: NDArray[np.uint8] | None = None,
+    metadata: Metadata | None = None,
+) -> bytes:
     """Give what `write_image` would write into a file of this suffix.
 
     Parameters
     ----------
     suffix : str
         Such as ``".png"``, of those that `write_image` knows.
-    image, palette
+    image, palette, metadata
         As in `write_image`.
 
     Returns
@@ -93,11 +102,13 @@ def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8]
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette)(buffer)
+    encoder(suffix, image, palette, metadata)(buffer)
     return buffer.getvalue()
 
 
-def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None) -> Callable[[BinaryIO], None]:
+def encoder(
+    suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None, metadata: Metadata | None
+) -> Callable[[BinaryIO], None]:
     """Check that a picture fits a format, and give the function that writes it into a file."""
     suffix = suffix.lower()
     if suffix not in _FORMATS:
@@ -113,7 +124,7 @@ def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None)
     if mode not in form.modes:
         able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
-    return lambda file: _write(file, picture, form)
+    return lambda file: _write(file, picture, form, metadata or Metadata())
 
 
 def lossless_suffixes() -> list[str]:
@@ -121,15 +132,16 @@ def lossless_suffixes() -> list[str]:
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
-def _write(file: BinaryIO, picture: _Picture, form: _Format) -> None:
+def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
+    mode = _mode(picture)
     if form.name == "NPY":
         np.save(file, np.asarray(picture), allow_pickle=False)
     elif isinstance(picture, Image.Image):
-        picture.save(file, form.name, **form.options)
+        picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
     elif form.name == "PNG":
-        encode_deep_png(file, picture)
+        encode_deep_png(file, picture, metadata.png_chunks(mode))
     else:
-        encode_tiff(file, picture)
+        encode_tiff(file, picture, **metadata.options(form.name, mode, ("icc_profile", "dpi")))
 
 
 def _direct(image: NDArray[Any]) -> _Picture:

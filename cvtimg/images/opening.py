@@ -16,7 +16,7 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg.files import NOT_RASTER, StrPath, one_line
 
-__all__ = ["NotAPictureError", "check_size", "open_picture", "orientation", "reading"]
+__all__ = ["UnfitContentError", "check_size", "open_picture", "orientation", "reading"]
 
 # Both log some of what they also raise; without a handler that goes to stderr a second time.
 for _library in ("PIL", "tifffile"):
@@ -55,8 +55,8 @@ class _Quiet:
 _QUIET = _Quiet()
 
 
-class NotAPictureError(ValueError):
-    """A file is whole, but what it holds is no picture; the message says what it holds."""
+class UnfitContentError(ValueError):
+    """A file is not what it should be; the message says what it is, for people."""
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def reading(path: StrPath) -> Iterator[BinaryIO]:
     """Open a file to read a picture from it; whatever fails in the block is the file's fault and says so."""
     try:
         if Path(path).is_dir():  # Windows would say "permission denied"
-            raise IsADirectoryError(errno.EISDIR, "is a directory, not a picture")
+            raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
         with _QUIET, Path(path).open("rb") as file:
             yield file
     # On damaged files Pillow and tifffile raise nearly every class there is: SyntaxError, struct.error,
@@ -106,7 +106,7 @@ def _why_unread(path: StrPath, error: Exception) -> str:
     if isinstance(error, UnidentifiedImageError):
         empty = Path(path).stat().st_size == 0
         return "is empty" if empty else "is not a picture that Pillow can read"
-    if isinstance(error, NotAPictureError) or (isinstance(error, OSError) and error.errno is not None):
+    if isinstance(error, UnfitContentError) or (isinstance(error, OSError) and error.errno is not None):
         return one_line(error)
     if isinstance(error, Image.DecompressionBombError):
         return f"has over {_most_pixels()} pixels, Pillow's limit for safety"

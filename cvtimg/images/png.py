@@ -14,6 +14,8 @@ from cvtimg.profiles import convert_deep
 
 __all__ = ["decode_deep_png", "encode_deep_png"]
 
+_HEADER_SIZE = 33
+
 
 def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.uint16]:
     """Read uint16 (H, W, 3), or (H, W, 4) with transparency; `image` is the same file, opened by Pillow."""
@@ -30,8 +32,9 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.ui
     return upright(convert_deep(values, icc) if icc else values, orientation(image) if has_exif else 1)
 
 
-def encode_deep_png(file: BinaryIO, values: NDArray[Any]) -> None:
-    """Write uint16 (H, W, 3) or (H, W, 4)."""
+def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None:
+    """Write uint16 (H, W, 3) or (H, W, 4), with chunks before the pixels."""
     import imagecodecs
 
-    file.write(imagecodecs.png_encode(np.ascontiguousarray(values), 3))
+    content = imagecodecs.png_encode(np.ascontiguousarray(values), 3)
+    file.write(content[:_HEADER_SIZE] + chunks + content[_HEADER_SIZE:])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._threads import n_threads
 from cvtimg.images.arrays import as_samples, upright
-from cvtimg.images.opening import NotAPictureError, check_size
+from cvtimg.images.opening import UnfitContentError, check_size
 from cvtimg.profiles import convert_deep
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
     """Give the first page, if it is a picture."""
     page: tifffile.TiffPage = tiff.pages.first
     if not {*page.axes} <= {*"YXS"} or page.size == 0 or page.dtype is None:
-        raise NotAPictureError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
     check_size(page.imagelength * page.imagewidth)
     return page
 
@@ -172,7 +172,12 @@ def is_turned(tags: Tags) -> bool:
     return _first(tags.get(_ORIENTATION, 1)) in (5, 6, 7, 8)
 
 
-def encode_tiff(file: BinaryIO, values: NDArray[Any]) -> None:
+def encode_tiff(
+    file: BinaryIO,
+    values: NDArray[Any],
+    icc_profile: bytes | None = None,
+    dpi: tuple[float, float] | None = None,
+) -> None:
     """Write an array (H, W) or (H, W, C): three bands are RGB, four RGB and alpha, others have no meaning."""
     import tifffile
 
@@ -187,6 +192,9 @@ def encode_tiff(file: BinaryIO, values: NDArray[Any]) -> None:
         extrasamples=["unassalpha"] if n_bands == 4 else None if color else ["unspecified"] * (n_bands - 1),
         compression="adobe_deflate",
         predictor=values.dtype.itemsize < 8,
+        iccprofile=icc_profile,
+        resolution=dpi,
+        resolutionunit="inch" if dpi else None,
         metadata=None,
         software=False,
         maxworkers=n_threads(),
