@@ -33,7 +33,7 @@ def simplify(
     """
     tolerances = np.full(len(lines), float(tolerance))
     simple = [_shorter(line, tolerance) for line in lines]
-    suspects = range(len(lines))
+    suspects = list(range(len(lines)))
     while True:
         again = {*_sweeping(lines, simple, suspects), *spoiled(simple).tolist()}
         suspects = sorted(number for number in again if len(simple[number]) < len(lines[number]))

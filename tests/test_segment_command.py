@@ -24,7 +24,7 @@ RNG = np.random.default_rng(6)
 FIELDS = gaussian_filter(RNG.normal(size=(40, 50, 3)), (4, 4, 0))
 RGB = np.rint(255 * (FIELDS - FIELDS.min()) / np.ptp(FIELDS)).astype(np.uint8)
 
-KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "regions"]
+KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "edge_weight"]
 KEYS += ["energy", "n_iter", "converged", "seconds"]
 
 
@@ -61,7 +61,7 @@ def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
     (row,) = run("rgb.png", "-k", "3").rows
     assert listing() == {"rgb.png", "rgb-labels.png"}
     assert list(row) == KEYS
-    assert (row["output"], row["k"], row["regions"], row["left_out"]) == ("rgb-labels.png", 3, 3, 0)
+    assert (row["output"], row["k"], row["edge_weight"], row["left_out"]) == ("rgb-labels.png", 3, 0, 0)
     assert (row["width"], row["height"], row["channels"]) == (50, 40, 3)
     labels = read_image("rgb-labels.png")
     assert np.unique(labels).tolist() == [1, 2, 3]
@@ -139,11 +139,12 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
         (["--write", "table.xls"], "--write table: '.xls' must be one of .csv"),
         (["--contours", "a.dxf"], "--contours: '.dxf' must be one of .svg, .geojson"),
         (["-o", "a.jpg"], "-o: '.jpg' must be one of .png, .tif, .tiff, .npy"),
-        (["--line-color", "loud"], "--line-color: 'loud' must be a color"),
+        (["--line-color", "loud"], "'loud' must be a color as '#rrggbb'"),
         (["--edge-mode", "thin"], "--edge-mode: 'thin' must be one of inner, outer, thick"),
         (["--averaging", "never"], "--averaging: 'never' must be one of none, before, after"),
         (["--kernel", "round"], "--kernel: 'round' must be one of gaussian, box"),
         (["--space", "hsv"], "--space: 'hsv' must be one of rgb, linear, lab, oklab"),
+        (["--averaging", "after", "--radius", "0"], "--radius: radius=0.0 must be > 0"),
         (["--effort", "much"], "--effort: 'much' must be one of fast, balanced, best"),
         (["--edge-weight", "some"], "'some' must be"),
         (["--min-size", "-1"], "'-1' must be a whole number in 0.."),
@@ -245,8 +246,8 @@ def test_options_reach_the_segmentation(run: Run) -> None:
 
     def n_pieces(*arguments: str) -> int:
         (row,) = run("noisy.png", "-k", "3", "-o", "l.npy", "--overwrite", "--components", *arguments).rows
-        assert row["regions"] == np.load("l.npy").max()
-        return int(row["regions"])
+        assert row["k"] == np.load("l.npy").max()
+        return int(row["k"])
 
     plain = n_pieces()
     for calmer in (
@@ -262,8 +263,8 @@ def test_options_reach_the_segmentation(run: Run) -> None:
 
 def test_superpixels_are_connected_and_about_as_many_as_asked(run: Run) -> None:
     (row,) = run("rgb.png", "-k", "40", "--superpixels", "-o", "l.npy", "--contours", "a.geojson").rows
-    assert 20 <= row["regions"] <= 60
-    assert len(places("a.geojson")) == row["regions"]
+    assert 20 <= row["k"] <= 60
+    assert len(places("a.geojson")) == row["k"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import WrongUsageError, check_choice
+from cvtimg.batch import check_choice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class Style(NamedTuple):
     """How edges and contours are drawn."""
 
     edge_mode: str
-    line_color: tuple[int, int, int]
+    line_color: tuple[int, ...]
     line_width: int
     subpixel: bool
     simplify: float
@@ -58,17 +58,6 @@ def file_names(written: str, files: Mapping[str, Path | None]) -> dict[str, Path
             check_choice(option, path.suffix.lower(), KINDS[kind])
             names[kind + path.suffix.lower()] = path
     return names or {"labels.png": "-labels.png"}
-
-
-def parse_color(text: str) -> tuple[int, int, int]:
-    """Read a color as CSS words it."""
-    from PIL import ImageColor
-
-    try:
-        red, green, blue = ImageColor.getrgb(text)[:3]
-    except ValueError as error:
-        raise WrongUsageError(f"--line-color: {text!r} must be a color like yellow or '#ff8800'") from error
-    return red, green, blue
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
 from cvtimg.commands import _options as options
-from cvtimg.commands._segment_files import KIND_NAMES, Style, Subject, file_names, parse_color
+from cvtimg.commands._segment_files import KIND_NAMES, Style, Subject, file_names
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from cvtimg.averaging import Averaging
     from cvtimg.io import ImageInfo
+    from cvtimg.segmentation import Segmentation
 
 EXAMPLES = """Examples:
 
@@ -32,19 +34,16 @@ EXAMPLES = """Examples:
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
-COLUMNS = ("input", "k", "regions", "energy", "seconds", "output")
-
-# The names stand here as text, as in _options.py.
-SPACE_NAMES = "rgb, linear, lab or oklab"
-AVERAGING_NAMES = ("none", "before", "after")
+COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
 _COUNT = options.whole_number(1, options.MAX_COLORS)
 _SIZE = options.whole_number(0, 2**31 - 1)
+_AMOUNT = options.number(0)
 _WIDTH = options.whole_number(1, 1000)
 
 
 def _weight(text: str | float) -> float | str:
-    return "auto" if text == "auto" else options.power(text)
+    return "auto" if text == "auto" else _AMOUNT(text)
 
 
 Number = Annotated[int, Option("-k", metavar="N", parser=_COUNT, help="Number of segments.")]
@@ -64,36 +63,40 @@ ContourFile = Annotated[Path | None, Option("--contours", metavar="FILE", help="
 Table = Annotated[Path | None, Option(metavar="FILE", help="Figures of each segment, .csv.")]
 Coco = Annotated[Path | None, Option(metavar="FILE", help="Masks of the segments as COCO has them, .json.")]
 EdgeMode = Annotated[str, Option(metavar="NAME", help="Side that --edges are on: inner (bright), outer or thick.")]
-LineColor = Annotated[str, Option(metavar="COLOR", help="Color of --overlay, as in CSS.")]
+LineColor = Annotated[str, Option(metavar="#RRGGBB", parser=options.color, help="Color of the lines of --overlay.")]
 LineWidth = Annotated[int, Option(metavar="PIXELS", parser=_WIDTH, help="Width of the lines of --overlay.")]
 Subpixel = Annotated[bool, Option("--subpixel", help="Let --contours run between pixels, as the picture tells.")]
 Simplify = Annotated[
-    float, Option(metavar="PIXELS", parser=options.power, help="How far --contours may be off, to be shorter.")
+    float, Option(metavar="PIXELS", parser=_AMOUNT, help="How far --contours may be off, to be shorter.")
 ]
 AveragingName = Annotated[
     str, Option("--averaging", metavar="WHEN", help="Average near pixels, for noise: none, before or after.")
 ]
 Kernel = Annotated[str, Option(metavar="NAME", help="Weights of --averaging: gaussian or box.")]
-Radius = Annotated[float, Option(metavar="PIXELS", parser=options.power, help="Radius of --averaging.")]
+Radius = Annotated[float, Option(metavar="PIXELS", parser=_AMOUNT, help="Radius of --averaging.")]
 EdgeWeight = Annotated[
     Any, Option(metavar="L", parser=_weight, help="What edges cost, >= 0, so that they are few; auto: by the noise.")
 ]
 EdgeRadius = Annotated[
-    int, Option(metavar="PIXELS", parser=options.whole_number(1, 15), help="How far --edge-weight looks.")
+    int, Option(metavar="PIXELS", parser=options.whole_number(1, 30), help="How far --edge-weight looks.")
 ]
 Components = Annotated[bool, Option("--components", help="Make each connected piece a segment of its own.")]
 MinSize = Annotated[
     int, Option(metavar="PIXELS", parser=_SIZE, help="Let neighbors take pieces that are smaller than this.")
+]
+BorderPrice = Annotated[
+    float,
+    Option(metavar="P", parser=_AMOUNT, help="With --components: join neighbors if that costs less a pixel of border."),
 ]
 Mask = Annotated[Path | None, Option(metavar="FILE", help="Picture of what to leave out: black there.")]
 NoData = Annotated[
     float | None, Option("--nodata", metavar="V", help="Leave out pixels with V in all bands; a GeoTIFF tells its own.")
 ]
 Superpixels = Annotated[bool, Option("--superpixels", help="Divide into about N connected cells of like size.")]
-Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {SPACE_NAMES}.")]
+Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {options.SPACE_NAMES}.")]
 Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
 Compactness = Annotated[
-    float | None, Option(metavar="C", parser=options.power, help="How round the cells of --superpixels are.")
+    float | None, Option(metavar="C", parser=_AMOUNT, help="How round the cells of --superpixels are.")
 ]
 
 
@@ -110,7 +113,7 @@ def segment(
     table: Table = None,
     coco: Coco = None,
     edge_mode: EdgeMode = "inner",
-    line_color: LineColor = "yellow",
+    line_color: LineColor = "#ffff00",
     line_width: LineWidth = 1,
     subpixel: Subpixel = False,
     simplify: Simplify = 0,
@@ -122,6 +125,7 @@ def segment(
     edge_radius: EdgeRadius = 3,
     components: Components = False,
     min_size: MinSize = 0,
+    border_price: BorderPrice = 0,
     superpixels: Superpixels = False,
     compactness: Compactness = None,
     mask: Mask = None,
@@ -139,31 +143,26 @@ def segment(
     Without any output named, one input gives NAME-labels.png beside it; with --write all inputs give the files that
     it lists. Contours are in pixels from the upper left corner, or where a GeoTIFF lies, in its coordinates.
     """
-    from cvtimg import EFFORTS, find_images
-    from cvtimg.averaging import KERNELS, Averaging
-    from cvtimg.color import SPACES
+    from cvtimg import EFFORTS, SPACES, find_images
     from cvtimg.edges import EDGE_MODES
 
-    for option, value, allowed in (
-        ("--space", space, SPACES),
-        ("--effort", effort, EFFORTS),
-        ("--averaging", averaging, AVERAGING_NAMES),
-        ("--kernel", kernel, KERNELS),
-        ("--edge-mode", edge_mode, EDGE_MODES),
-    ):
-        check_choice(option, value, allowed)
-    how = {
-        "space": space,
-        "averaging": None if averaging == "none" else Averaging(averaging, kernel, radius),
-        "edge_weight": edge_weight,
-        "edge_radius": edge_radius,
-        "volume_power": volume_power,
-        "components": components,
-        "min_size": min_size,
-        "effort": effort,
-        "rng": seed,
-    }
-    style = Style(edge_mode, parse_color(line_color), line_width, subpixel, simplify)
+    check_choice("--effort", effort, EFFORTS)
+    check_choice("--space", space, SPACES)
+    check_choice("--edge-mode", edge_mode, EDGE_MODES)
+    if superpixels:
+        _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
+        _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price)
+        find_segments = _superpixels(number, space, 10 if compactness is None else compactness)
+    elif compactness is not None:
+        raise WrongUsageError("--compactness needs --superpixels")
+    elif border_price and not components:
+        raise WrongUsageError("--border-price needs --components")
+    else:
+        how = {"volume_power": volume_power, "effort": effort, "rng": seed, "space": space}
+        how |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
+        how |= {"components": components, "min_size": min_size, "border_price": border_price}
+        find_segments = _segments(number, _averaging(averaging, kernel, radius), how)
+    style = Style(edge_mode, tuple(bytes.fromhex(line_color)[:3]), line_width, subpixel, simplify)
     report = Report(COLUMNS, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, find_images, out_dir)
     files = {"labels": output, "mean": mean, "edges": edges, "overlay": overlay, "contours": contours}
@@ -172,8 +171,38 @@ def segment(
     check_outputs(len(sources) + len(missing), out_dir, flags)
     names = file_names(write, files)
     tasks = [Task(source, _outputs(names, source, out_dir or source.parent)) for source in sources]
-    work = partial(_segment, number=number, how=how, style=style, mask=mask, nodata=nodata, overwrite=overwrite)
+    work = partial(_segment, find_segments=find_segments, style=style, mask=mask, nodata=nodata, overwrite=overwrite)
     raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite))
+
+
+def _exclude(option: str, **others: Any) -> None:
+    """Refuse options that would do nothing beside another."""
+    for name, given in others.items():
+        if given:
+            raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
+
+
+def _superpixels(number: int, space: str, compactness: float) -> Callable[..., Segmentation]:
+    from cvtimg import superpixels
+
+    return partial(superpixels, n_superpixels=number, space=space, compactness=compactness)
+
+
+def _segments(number: int, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
+    from cvtimg import segment
+
+    return partial(segment, n_segments=number, averaging=averaging, **how)
+
+
+def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
+    from cvtimg.averaging import KERNELS, WHEN, Averaging
+
+    check_choice("--averaging", when, ["none", *WHEN])
+    check_choice("--kernel", kernel, KERNELS)
+    try:
+        return None if when == "none" else Averaging(when, kernel, radius)
+    except ValueError as error:
+        raise WrongUsageError(f"--radius: {error}") from error
 
 
 def _outputs(names: Mapping[str, Path | str], source: Path, folder: Path) -> dict[str, Path]:
@@ -184,15 +213,13 @@ def _outputs(names: Mapping[str, Path | str], source: Path, folder: Path) -> dic
 def _segment(
     task: Task,
     *,
-    number: int,
-    how: Mapping[str, Any],
+    find_segments: Callable[..., Segmentation],
     style: Style,
     mask: Path | None,
     nodata: float | None,
     overwrite: bool,
 ) -> Row:
     from cvtimg import image_info, read_image
-    from cvtimg.segmentation import segment
 
     start = perf_counter()
     header = image_info(task.source)
@@ -200,7 +227,7 @@ def _segment(
     if mask:
         known = known & _read_mask(mask, known.shape)
     read = perf_counter()
-    result = segment(image, number, mask=known, **how)
+    result = find_segments(image, mask=known)
     clustered = perf_counter()
     Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
     written = perf_counter()
@@ -211,10 +238,10 @@ def _segment(
         "height": image.shape[0],
         "channels": image.shape[2] if image.ndim == 3 else 1,
         "left_out": int((result.labels == 0).sum()),
-        "k": len(result.generators),
-        "regions": int(result.labels.max()),
+        "k": result.n_segments,
+        "edge_weight": result.edge_weight,
         "energy": result.energy,
-        "n_iter": result.n_iter,
+        "n_iter": len(result.energies) - 1,
         "converged": result.converged,
         "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
@@ -229,10 +256,10 @@ def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tupl
         image, known = image[:, :, :3], image[:, :, 3] > 0
     bands = image.reshape(*known.shape, -1)
     if bands.dtype.kind == "f":
-        known &= np.isfinite(bands).all(axis=2)
+        known &= np.asarray(np.isfinite(bands).all(axis=2))
     missing = header.nodata if nodata is None else nodata
     if missing is not None:
-        known &= (bands != missing).any(axis=2)
+        known &= np.asarray((bands != missing).any(axis=2))
     return image, known
 
 
