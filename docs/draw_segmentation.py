@@ -17,15 +17,14 @@ def main() -> None:
     night = cvtimg.read_image(ROOT / "sample_images" / "europe_night.png")
     bone = cvtimg.read_image(ROOT / "sample_images" / "bone_texture.png")
     coffee = cvtimg.read_image(ROOT / "sample_images" / "coffee.png")
-    shown = np.rint(255 * np.sqrt(night / night.max())).astype(np.uint8)
     rows = [
-        [Panel(shown, ("Europe by night (NASA)", "brightened to be seen"))]
-        + [in_segments(night, shown, n_segments) for n_segments in (2, 3, 4)],
+        [Panel(bright(night), ("Europe by night (NASA)", "brightened to be seen"))]
+        + [in_colors(night, n_segments) for n_segments in (2, 3, 4)],
         [
             Panel(bone, ("a drawn texture like bone",)),
-            in_segments(bone, bone, 2),
-            in_segments(bone, bone, 2, edge_weight="auto"),
-            in_segments(bone, bone, 3, edge_weight="auto"),
+            in_edges(bone, 2),
+            in_edges(bone, 2, averaging="before"),
+            in_edges(bone, 3, averaging="before"),
         ],
         [Panel(coffee, ("a cup of coffee",)), *posters(coffee)],
     ]
@@ -33,11 +32,24 @@ def main() -> None:
     cvtimg.write_image(ROOT / "docs" / "segmentation.png", sheet.indices, palette=sheet.palette, overwrite=True)
 
 
-def in_segments(image: NDArray[np.uint8], shown: NDArray[np.uint8], n_segments: int, **how: Any) -> Panel:
-    """Draw the edges of segments over a picture."""
+def bright(image: NDArray[Any]) -> NDArray[np.uint8]:
+    """Brighten a dark picture."""
+    return np.rint(255 * np.sqrt(image / 134)).astype(np.uint8)  # the brightest lamp has 134
+
+
+def in_colors(image: NDArray[np.uint8], n_segments: int) -> Panel:
+    """Give segments their mean colors, brightened."""
+    result = cvtimg.segment(image, n_segments)
+    shares = result.masses / result.masses.sum()
+    caption = f"{n_segments} segments", "shares: " + " ".join(f"{share:.0%}" for share in shares)
+    return Panel(bright(result.generators[result.labels - 1]), caption)
+
+
+def in_edges(image: NDArray[np.uint8], n_segments: int, **how: Any) -> Panel:
+    """Draw the edges of segments over their picture."""
     labels = cvtimg.segment(image, n_segments, **how).labels
-    caption = f"{n_segments} segments" + "".join(f", {name.replace('_', ' ')} {value}" for name, value in how.items())
-    return Panel(draw_edges(shown, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
+    caption = f"{n_segments} segments" + "".join(f", {name} {value}" for name, value in how.items())
+    return Panel(draw_edges(image, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
 
 
 def posters(image: NDArray[np.uint8]) -> list[Panel]:
