@@ -45,6 +45,14 @@ def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -
         If an argument is not what is said here.
     OSError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_labels(f"{folder}/labels.npy", [[1, 1, 2]])
+    ...     np.load(f"{folder}/labels.npy").tolist()
+    [[1, 1, 2]]
     """
     numbers = check_labels("labels", labels)
     suffix = check_choice("suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
@@ -55,7 +63,18 @@ def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:
-    """Write columns of numbers, as `region_table` returns them, as CSV with a line of names."""
+    """Write columns of numbers, as `region_table` returns them, as CSV with a line of names.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_table(f"{folder}/table.csv", {"label": np.array([1, 2]), "area": np.array([12.5, 3.0])})
+    ...     print(Path(folder, "table.csv").read_text(), end="")
+    label,area
+    1,12.5
+    2,3
+    """
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table)
@@ -81,6 +100,15 @@ def write_coco(path: StrPath, labels: ArrayLike, name: str, *, overwrite: bool =
     -----
     Every region is an annotation: its label is the id, its mask the uncompressed run lengths. All are in the one
     category "segment", and none is marked as a crowd, for tools leave crowds out.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_coco(f"{folder}/coco.json", [[1, 1, 2]], "photo.png")
+    ...     annotation = json.loads(Path(folder, "coco.json").read_text())["annotations"][1]
+    >>> annotation["segmentation"], annotation["bbox"]
+    ({'size': [1, 3], 'counts': [2, 1]}, [2, 0, 1, 1])
     """
     numbers = check_labels("labels", labels)
     height, width = numbers.shape
@@ -136,6 +164,16 @@ def write_svg(
         Height and width of the picture.
     overwrite : bool
         Replace an existing file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg import find_contours
+    >>> polygons = find_contours([[1, 1], [1, 1]]).polygons
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_svg(f"{folder}/a.svg", polygons, np.array([[0, 0, 0], [255, 128, 0]], np.uint8), size=(2, 2))
+    ...     print(Path(folder, "a.svg").read_text().splitlines()[2])
+    <path id="segment-1" fill="#ff8000" stroke="#ff8000" d="M0,0 2,0 2,2 0,2Z"/>
     """
     height, width = size
     # Where polygons share a border, renderers let the background shine through; a thin stroke covers it.
@@ -188,6 +226,17 @@ def write_geojson(
     Outer rings run counterclockwise in the coordinates that are written, as RFC 7946 asks. That standard knows only
     longitude and latitude; another system is named by the member "crs" of the older standard, which GDAL and QGIS
     read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg import find_contours
+    >>> polygons = find_contours([[1]]).polygons
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_geojson(f"{folder}/a.geojson", polygons, {1: {"area": 1}}, transform=[[30, 0, 600], [0, -30, 900]])
+    ...     feature = json.loads(Path(folder, "a.geojson").read_text())["features"][0]
+    >>> feature["geometry"]["coordinates"]
+    [[[600.0, 900.0], [600.0, 870.0], [630.0, 870.0], [630.0, 900.0], [600.0, 900.0]]]
     """
     matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
     features = (
