@@ -19,8 +19,8 @@ _Points = NDArray[np.float64]
 
 #: Below this tolerance, in pixels, a line is left as it is.
 _LEAST_TOLERANCE = 1 / 16
-#: A place that is no farther than this from a line is on it, in pixels.
-_ON_LINE = 1e-6
+#: A place that is no farther than this from a line is on it, in pixels: more than rounding in files moves it.
+_ON_LINE = 1e-3
 
 
 def simplify(
