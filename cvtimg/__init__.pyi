@@ -1,9 +1,13 @@
+from .animation import QuantizedFrames, quantize_frames
 from .color import SPACES
 from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
 from .edges import find_edges
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
+from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .palette import read_palette, write_palette
@@ -20,15 +24,20 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RULES",
     "SEEDINGS",
     "SPACES",
     "ColorSamples",
     "Contours",
+    "EnergyCurve",
+    "Frames",
     "Palette",
     "Polygon",
     "Quantized",
+    "QuantizedFrames",
     "Tessellation",
     "color_samples",
+    "energy_curve",
     "find_contours",
     "find_edges",
     "find_images",
@@ -37,13 +46,16 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_frames",
     "quantize_to_size",
+    "read_frames",
     "read_image",
     "read_metadata",
     "read_palette",
     "region_means",
     "region_table",
     "tessellate",
+    "write_frames",
     "write_image",
     "write_palette",
 ]

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import cli, find_contours, find_edges, read_image, region_table, write_image
 from cvtimg.commands._segment_files import KINDS
+from cvtimg.elbow import auto_count
 from cvtimg.plot import draw_edges
 from cvtimg.regions import run_lengths
 
@@ -145,6 +146,7 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
         (["--kernel", "round"], "--kernel: 'round' must be one of gaussian, box"),
         (["--space", "hsv"], "--space: 'hsv' must be one of rgb, linear, lab, oklab"),
         (["--averaging", "after", "--radius", "0"], "--radius: radius=0.0 must be > 0"),
+        (["-k", "auto", "--superpixels"], "-k auto and --superpixels exclude each other"),
         (["--effort", "much"], "--effort: 'much' must be one of fast, balanced, best"),
         (["--edge-weight", "some"], "'some' must be"),
         (["--min-size", "-1"], "'-1' must be a whole number in 0.."),
@@ -259,6 +261,13 @@ def test_options_reach_the_segmentation(run: Run) -> None:
     ):
         assert n_pieces(*calmer) < 0.5 * plain
     assert np.bincount(np.load("l.npy").ravel())[1:].min() >= 10
+
+
+def test_auto_takes_the_number_of_segments_at_the_elbow_of_what_is_known(run: Run) -> None:
+    known = np.arange(50) < 30
+    write_image("mask.png", np.tile(known, (40, 1)))
+    (row,) = run("rgb.png", "-k", "auto", "--mask", "mask.png", "-o", "l.npy").rows
+    assert row["k"] == auto_count(RGB[:, known])[0] == np.load("l.npy").max()
 
 
 def test_superpixels_are_connected_and_about_as_many_as_asked(run: Run) -> None:

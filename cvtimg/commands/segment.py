@@ -30,13 +30,14 @@ EXAMPLES = """Examples:
   cvtimg segment cells.tif -k 2 --edge-weight auto --components --min-size 30 --table cells.csv --coco cells.json
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
+  cvtimg segment photo.jpg -k auto --edges edges.png
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
-_COUNT = options.whole_number(1, options.MAX_COLORS)
+_COUNT = options.count_or_auto(1, options.MAX_COLORS)
 _SIZE = options.whole_number(0, 2**31 - 1)
 _AMOUNT = options.number(0)
 _WIDTH = options.whole_number(1, 1000)
@@ -46,7 +47,7 @@ def _weight(text: str | float) -> float | str:
     return "auto" if text == "auto" else _AMOUNT(text)
 
 
-Number = Annotated[int, Option("-k", metavar="N", parser=_COUNT, help="Number of segments.")]
+Number = Annotated[Any, Option("-k", metavar="N|auto", parser=_COUNT, help="Number of segments; auto: see elbow.")]
 Labels = Annotated[
     Path | None,
     Option("--output", "-o", metavar="FILE", help="Labels of the pixels, .png, .tif or .npy; for one input."),
@@ -182,16 +183,30 @@ def _exclude(option: str, **others: Any) -> None:
             raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
 
 
-def _superpixels(number: int, space: str, compactness: float) -> Callable[..., Segmentation]:
+def _superpixels(number: int | str, space: str, compactness: float) -> Callable[..., Segmentation]:
     from cvtimg import superpixels
 
+    if number == "auto":
+        raise WrongUsageError("-k auto and --superpixels exclude each other")
     return partial(superpixels, n_superpixels=number, space=space, compactness=compactness)
 
 
-def _segments(number: int, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
+def _segments(number: int | str, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
     from cvtimg import segment
 
+    if number == "auto":
+        return partial(_segments_at_elbow, averaging=averaging, **how)
     return partial(segment, n_segments=number, averaging=averaging, **how)
+
+
+def _segments_at_elbow(image: NDArray[Any], *, mask: NDArray[np.bool_], **how: Any) -> Segmentation:
+    """Let the elbow of the energy pick the number of segments, by the pixels that are known."""
+    from cvtimg import color_samples, segment
+    from cvtimg.elbow import auto_count
+
+    options = {name: how[name] for name in ("space", "volume_power", "rng")}
+    number = auto_count(color_samples(image[mask][None]), **options)[0] if mask.any() else 1
+    return segment(image, number, mask=mask, **how)
 
 
 def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
