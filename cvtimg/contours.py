@@ -21,8 +21,8 @@ from cvtimg.simplification import simplify
 #: How near to the center of a pixel a border may come, in pixels: at 0 a region of one pixel could lose its area.
 CLEARANCE = 1 / 256
 
-#: A ring of less area, in squared pixels, has none but for rounding.
-_NO_AREA = 1e-6
+#: A ring of less area, in squared pixels, may have none but for rounding; such rings keep all of their places.
+_NO_AREA = 1e-3
 
 _Points = NDArray[np.float64]
 

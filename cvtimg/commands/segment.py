@@ -271,10 +271,10 @@ def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tupl
         image, known = image[:, :, :3], image[:, :, 3] > 0
     bands = image.reshape(*known.shape, -1)
     if bands.dtype.kind == "f":
-        known &= np.asarray(np.isfinite(bands).all(axis=2))
+        known &= np.isfinite(bands).min(axis=2)
     missing = header.nodata if nodata is None else nodata
     if missing is not None:
-        known &= np.asarray((bands != missing).any(axis=2))
+        known &= (bands != missing).max(axis=2)
     return image, known
 
 
@@ -286,5 +286,5 @@ def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     if picture.shape[:2] != shape:
         height, width = picture.shape[:2]
         raise ValueError(f"has {shape[1]} x {shape[0]} pixels, but the mask {path} has {width} x {height}")
-    kept: NDArray[np.bool_] = picture.reshape(*shape, -1)[:, :, :3].any(axis=2)
+    kept: NDArray[np.bool_] = picture.reshape(*shape, -1)[:, :, :3].max(axis=2) > 0
     return kept
