@@ -1,4 +1,5 @@
 from .animation import QuantizedFrames, quantize_frames
+from .averaging import Averaging
 from .color import SPACES
 from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
@@ -10,6 +11,7 @@ from .estimator import CVT
 from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
@@ -18,6 +20,8 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .segmentation import Segmentation, segment
+from .superpixels import superpixels
 
 __all__ = [
     "CVT",
@@ -27,6 +31,7 @@ __all__ = [
     "RULES",
     "SEEDINGS",
     "SPACES",
+    "Averaging",
     "ColorSamples",
     "Contours",
     "EnergyCurve",
@@ -35,9 +40,11 @@ __all__ = [
     "Polygon",
     "Quantized",
     "QuantizedFrames",
+    "Segmentation",
     "Tessellation",
     "color_samples",
     "energy_curve",
+    "estimate_noise",
     "find_contours",
     "find_edges",
     "find_images",
@@ -54,6 +61,8 @@ __all__ = [
     "read_palette",
     "region_means",
     "region_table",
+    "segment",
+    "superpixels",
     "tessellate",
     "write_frames",
     "write_image",
