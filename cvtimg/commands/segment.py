@@ -153,7 +153,8 @@ def segment(
     if superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
         _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price)
-        find_segments = _superpixels(number, space, 10 if compactness is None else compactness)
+        shape = {} if compactness is None else {"compactness": compactness}
+        find_segments = _superpixels(number, {"space": space, **shape})
     elif compactness is not None:
         raise WrongUsageError("--compactness needs --superpixels")
     elif border_price and not components:
@@ -183,15 +184,15 @@ def _exclude(option: str, **others: Any) -> None:
             raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
 
 
-def _superpixels(number: int | str, space: str, compactness: float) -> Callable[..., Segmentation]:
+def _superpixels(number: Any, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
     from cvtimg import superpixels
 
     if number == "auto":
         raise WrongUsageError("-k auto and --superpixels exclude each other")
-    return partial(superpixels, n_superpixels=number, space=space, compactness=compactness)
+    return partial(superpixels, n_superpixels=number, **how)
 
 
-def _segments(number: int | str, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
+def _segments(number: Any, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
     from cvtimg import segment
 
     if number == "auto":
