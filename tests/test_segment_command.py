@@ -25,8 +25,8 @@ RNG = np.random.default_rng(6)
 FIELDS = gaussian_filter(RNG.normal(size=(40, 50, 3)), (4, 4, 0))
 RGB = np.rint(255 * (FIELDS - FIELDS.min()) / np.ptp(FIELDS)).astype(np.uint8)
 
-KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "edge_weight"]
-KEYS += ["energy", "n_iter", "converged", "seconds"]
+KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "elbow"]
+KEYS += ["edge_weight", "energy", "n_iter", "converged", "seconds"]
 
 
 class Outcome(NamedTuple):
@@ -267,7 +267,9 @@ def test_auto_takes_the_number_of_segments_at_the_elbow_of_what_is_known(run: Ru
     known = np.arange(50) < 30
     write_image("mask.png", np.tile(known, (40, 1)))
     (row,) = run("rgb.png", "-k", "auto", "--mask", "mask.png", "-o", "l.npy").rows
-    assert row["k"] == auto_count(RGB[:, known])[0] == np.load("l.npy").max()
+    number, curve = auto_count(RGB[:, known])
+    assert row["k"] == number == np.load("l.npy").max()
+    assert row["elbow"] == curve.elbows()
 
 
 def test_superpixels_are_connected_and_about_as_many_as_asked(run: Run) -> None:

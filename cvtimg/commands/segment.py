@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cvtimg.averaging import Averaging
+    from cvtimg.elbow import EnergyCurve
     from cvtimg.io import ImageInfo
     from cvtimg.segmentation import Segmentation
 
@@ -144,17 +145,19 @@ def segment(
     Without any output named, one input gives NAME-labels.png beside it; with --write all inputs give the files that
     it lists. Contours are in pixels from the upper left corner, or where a GeoTIFF lies, in its coordinates.
     """
-    from cvtimg import EFFORTS, SPACES, find_images
+    import cvtimg
     from cvtimg.edges import EDGE_MODES
 
-    check_choice("--effort", effort, EFFORTS)
-    check_choice("--space", space, SPACES)
+    check_choice("--effort", effort, cvtimg.EFFORTS)
+    check_choice("--space", space, cvtimg.SPACES)
     check_choice("--edge-mode", edge_mode, EDGE_MODES)
     if superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
         _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price)
-        shape = {} if compactness is None else {"compactness": compactness}
-        find_segments = _superpixels(number, {"space": space, **shape})
+        if number == "auto":
+            raise WrongUsageError("-k auto and --superpixels exclude each other")
+        how: dict[str, Any] = {} if compactness is None else {"compactness": compactness}
+        find_segments = partial(cvtimg.superpixels, space=space, **how)
     elif compactness is not None:
         raise WrongUsageError("--compactness needs --superpixels")
     elif border_price and not components:
@@ -163,17 +166,19 @@ def segment(
         how = {"volume_power": volume_power, "effort": effort, "rng": seed, "space": space}
         how |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
         how |= {"components": components, "min_size": min_size, "border_price": border_price}
-        find_segments = _segments(number, _averaging(averaging, kernel, radius), how)
+        find_segments = partial(cvtimg.segment, averaging=_averaging(averaging, kernel, radius), **how)
     style = Style(edge_mode, tuple(bytes.fromhex(line_color)[:3]), line_width, subpixel, simplify)
-    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
-    sources, missing = find(inputs, find_images, out_dir)
+    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" else COLUMNS
+    report = Report(columns, as_json=as_json, quiet=quiet)
+    sources, missing = find(inputs, cvtimg.find_images, out_dir)
     files = {"labels": output, "mean": mean, "edges": edges, "overlay": overlay, "contours": contours}
     files |= {"table": table, "coco": coco}
     flags = {"-o" if kind == "labels" else f"--{kind}": path for kind, path in files.items()}
     check_outputs(len(sources) + len(missing), out_dir, flags)
     names = file_names(write, files)
     tasks = [Task(source, _outputs(names, source, out_dir or source.parent)) for source in sources]
-    work = partial(_segment, find_segments=find_segments, style=style, mask=mask, nodata=nodata, overwrite=overwrite)
+    work = partial(_segment, number=number, find_segments=find_segments, mask=mask, nodata=nodata)
+    work = partial(work, style=style, overwrite=overwrite)
     raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite))
 
 
@@ -182,32 +187,6 @@ def _exclude(option: str, **others: Any) -> None:
     for name, given in others.items():
         if given:
             raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
-
-
-def _superpixels(number: Any, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
-    from cvtimg import superpixels
-
-    if number == "auto":
-        raise WrongUsageError("-k auto and --superpixels exclude each other")
-    return partial(superpixels, n_superpixels=number, **how)
-
-
-def _segments(number: Any, averaging: Averaging | None, how: Mapping[str, Any]) -> Callable[..., Segmentation]:
-    from cvtimg import segment
-
-    if number == "auto":
-        return partial(_segments_at_elbow, averaging=averaging, **how)
-    return partial(segment, n_segments=number, averaging=averaging, **how)
-
-
-def _segments_at_elbow(image: NDArray[Any], *, mask: NDArray[np.bool_], **how: Any) -> Segmentation:
-    """Let the elbow of the energy pick the number of segments, by the pixels that are known."""
-    from cvtimg import color_samples, segment
-    from cvtimg.elbow import auto_count
-
-    options = {name: how[name] for name in ("space", "volume_power", "rng")}
-    number = auto_count(color_samples(image[mask][None]), **options)[0] if mask.any() else 1
-    return segment(image, number, mask=mask, **how)
 
 
 def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
@@ -229,10 +208,11 @@ def _outputs(names: Mapping[str, Path | str], source: Path, folder: Path) -> dic
 def _segment(
     task: Task,
     *,
-    find_segments: Callable[..., Segmentation],
-    style: Style,
+    number: Any,
+    find_segments: partial[Segmentation],
     mask: Path | None,
     nodata: float | None,
+    style: Style,
     overwrite: bool,
 ) -> Row:
     from cvtimg import image_info, read_image
@@ -243,7 +223,8 @@ def _segment(
     if mask:
         known = known & _read_mask(mask, known.shape)
     read = perf_counter()
-    result = find_segments(image, mask=known)
+    curve = _energy_curve(image, known, find_segments.keywords) if number == "auto" else None
+    result = find_segments(image, curve.elbow() if curve else number, mask=known)
     clustered = perf_counter()
     Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
     written = perf_counter()
@@ -255,12 +236,22 @@ def _segment(
         "channels": image.shape[2] if image.ndim == 3 else 1,
         "left_out": int((result.labels == 0).sum()),
         "k": result.n_segments,
+        "elbow": curve.elbows() if curve else None,
         "edge_weight": result.edge_weight,
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
         "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
+
+
+def _energy_curve(image: NDArray[Any], known: NDArray[np.bool_], how: Mapping[str, Any]) -> EnergyCurve:
+    """Compute the energies of the pixels that are known, by the number of their segments."""
+    from cvtimg import color_samples
+    from cvtimg.elbow import auto_count
+
+    options = {name: how[name] for name in ("space", "volume_power", "rng")}
+    return auto_count(color_samples(image[known][None]), **options)[1]
 
 
 def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
