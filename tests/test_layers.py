@@ -14,6 +14,9 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    # samples of colors
+    {"samples", "points", "columns", "color"},
+    {"places"},
     # files and pictures
     {"images"},
     {"images.opening"},
@@ -27,7 +30,6 @@ LAYERS: list[set[str]] = [
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     # the engine
-    {"samples", "points", "columns", "color"},
     {"tables"},
     {"seeding"},
     {"methods._iteration"},
@@ -35,17 +37,18 @@ LAYERS: list[set[str]] = [
     {"methods.macqueen"},
     {"methods"},
     {"search", "elbow_rules", "chain"},
-    {"elbow"},
     {"cvt"},
+    {"elbow"},
     {"estimator", "elbow_plot"},
     # few colors
-    {"places", "targets", "dithering"},
+    {"targets", "dithering"},
     {"remapping"},
     {"palette_search"},
     {"quantization"},
     {"animation"},
     # segments
-    {"edge_weight", "noise", "levels", "components", "averaging", "values"},
+    {"edge_weight", "noise", "levels", "components", "averaging"},
+    {"values"},
     {"segment_curve"},
     {"segmentation"},
     {"superpixels"},
