@@ -17,7 +17,7 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation, segment, segment_curve
 from .superpixels import superpixels
 
 __all__ = [
@@ -53,6 +53,7 @@ __all__ = [
     "read_metadata",
     "read_palette",
     "segment",
+    "segment_curve",
     "superpixels",
     "tessellate",
     "write_frames",
