@@ -17,7 +17,7 @@ from cvtimg.edge_weight import EdgeWeighted, descend, length_cost
 from cvtimg.elbow import EnergyCurve, energy_curve
 from cvtimg.elbow_rules import CHORD_ENDS
 from cvtimg.noise import noise_covariance
-from cvtimg.segment_curve import curve_of_segments
+from cvtimg.segment_energies import curve_of_segments
 from cvtimg.values import PictureValues, picture_values
 
 #: The edge weight "auto" is this times the variance of the noise, at a radius of 3: of three shapes under noise of a

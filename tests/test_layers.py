@@ -36,7 +36,7 @@ LAYERS: list[set[str]] = [
     {"search", "elbow_rules", "chain"},
     {"elbow"},
     {"cvt"},
-    {"elbow_plot", "segment_curve"},
+    {"elbow_plot", "segment_energies"},
     {"remapping", "estimator"},
     {"palette_search"},
     {"quantization", "animation", "segmentation"},
