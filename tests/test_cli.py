@@ -619,20 +619,8 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
 
 # Tables
 
-TABLE_KEYS = [
-    "input",
-    "output",
-    "rows",
-    "left_out",
-    "columns",
-    "k",
-    "elbow",
-    "energy",
-    "explained",
-    "n_iter",
-    "converged",
-]
-TABLE_KEYS += ["seconds"]
+TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "elbow", "energy", "explained", "n_iter"]
+TABLE_KEYS += ["converged", "seconds"]
 #: Three groups far from each other, in two columns of which one is a thousand times the other.
 ROWS = np.array([[0, 0], [0, 2000], [90, 0]])[RNG.integers(0, 3, 40)] + RNG.normal(size=(40, 2)) * [1, 20]
 COUNTS = RNG.integers(1, 5, 40)

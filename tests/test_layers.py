@@ -13,21 +13,22 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    # files and pictures
     {"images"},
     {"images.opening"},
-    {"images.arrays", "images.metadata"},
+    {"images.arrays"},
     {"images.png", "images.tiff"},
+    {"images.metadata"},
     {"images.decoding", "images.encoding"},
     {"images.header", "images.animated"},
-    {"palettes"},
+    {"io", "frames", "palettes"},
     {"palettes.swatches"},
-    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight", "frames", "noise"},
-    {"levels", "components"},
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
-    {"averaging", "tables", "values"},
-    {"places", "targets"},
+    # the engine
+    {"samples", "points", "columns", "color"},
+    {"tables", "places"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
@@ -36,15 +37,27 @@ LAYERS: list[set[str]] = [
     {"search", "elbow_rules", "chain"},
     {"elbow"},
     {"cvt"},
-    {"elbow_plot", "segment_energies"},
-    {"remapping", "estimator"},
+    {"estimator", "elbow_plot"},
+    # few colors
+    {"targets", "dithering"},
+    {"remapping"},
     {"palette_search"},
-    {"quantization", "animation", "segmentation"},
-    {"plot", "superpixels"},
+    {"quantization"},
+    {"animation"},
+    # segments
+    {"edge_weight", "noise", "levels", "components", "averaging", "values"},
+    {"segment_energies"},
+    {"segmentation"},
+    {"superpixels"},
+    {"edges", "regions", "cracks", "simplification"},
+    {"contours"},
+    {"segment_files"},
+    {"plot"},
+    # the command line
     {"batch"},
     {"commands"},
-    {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.elbow", "commands.info"},
+    {"commands._options", "commands._animations", "commands._segment_files"},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
