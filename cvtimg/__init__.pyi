@@ -20,7 +20,7 @@ from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation, segment, segment_curve
 from .superpixels import superpixels
 
 __all__ = [
@@ -62,6 +62,7 @@ __all__ = [
     "region_means",
     "region_table",
     "segment",
+    "segment_curve",
     "superpixels",
     "tessellate",
     "write_frames",

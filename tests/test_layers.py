@@ -49,7 +49,7 @@ LAYERS: list[set[str]] = [
     # segments
     {"edge_weight", "noise", "levels", "components", "averaging"},
     {"values"},
-    {"segment_curve"},
+    {"segment_energies"},
     {"segmentation"},
     {"superpixels"},
     {"edges", "regions", "cracks", "simplification"},
