@@ -2,8 +2,10 @@ from .animation import QuantizedFrames, quantize_frames
 from .averaging import Averaging
 from .blocks import quantize_blocks
 from .color import SPACES
+from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .edges import find_edges
 from .elbow import EnergyCurve, energy_curve
 from .elbow_rules import RULES
 from .estimator import CVT
@@ -14,11 +16,12 @@ from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
+from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation, segment, segment_curve
 from .sharing import shared_palette
 from .superpixels import superpixels
 from .tiled_quantization import QuantizedFile, quantize_file
@@ -33,9 +36,11 @@ __all__ = [
     "SPACES",
     "Averaging",
     "ColorSamples",
+    "Contours",
     "EnergyCurve",
     "Frames",
     "Palette",
+    "Polygon",
     "Quantized",
     "QuantizedFile",
     "QuantizedFrames",
@@ -44,6 +49,8 @@ __all__ = [
     "color_samples",
     "energy_curve",
     "estimate_noise",
+    "find_contours",
+    "find_edges",
     "find_images",
     "find_palette",
     "image_info",
@@ -58,7 +65,10 @@ __all__ = [
     "read_image",
     "read_metadata",
     "read_palette",
+    "region_means",
+    "region_table",
     "segment",
+    "segment_curve",
     "shared_palette",
     "superpixels",
     "tessellate",
