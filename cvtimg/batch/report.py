@@ -45,6 +45,11 @@ class Report:
     def done(self, row: Row) -> None:
         """Tell of an input that is done."""
         self._hear("done", row)
+        if not (self.as_json or self.quiet):
+            self.show(row)
+
+    def show(self, row: Row) -> None:
+        """Tell people of an input at once, in place of a table at the end, if a kind of report does so."""
 
     def skipped(self, task: Task) -> None:
         """Tell of an input whose outputs exist."""
@@ -64,7 +69,7 @@ class Report:
     def close(self) -> int:
         """Print the table and the summary; return the exit status, 1 if an input failed."""
         if not (self.as_json or self.quiet):
-            if self._counts["done"]:
+            if self._counts["done"] and self._columns:
                 self._print_table([row for row in self._rows if row["status"] == "done"])
             if len(self._rows) > 1:
                 print(", ".join(f"{n} {status}" for status, n in self._counts.items()), file=sys.stderr, flush=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import for_many
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,12 +43,15 @@ SavePalette = Annotated[Path | None, Option(metavar="FILE", help=f"Write the col
 _MOST_OWN = 256
 
 
+@for_many
 def palette(
     inputs: options.Pictures,
     colors: Colors = None,
     save_palette: SavePalette = None,
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
+    *,
+    running: Running,
 ) -> None:
     """Print the colors of pictures, and the share of the pixels that has each.
 
@@ -64,13 +69,11 @@ def palette(
     tasks = [Task(source, {"palette": save_palette} if save_palette else {}) for source in sources]
     report = _Palettes((), as_json=as_json)
 
-    def work(task: Task) -> Row:
-        return _palette(task, colors, overwrite)
-
-    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite))
+    work = partial(_palette, n_colors=colors, overwrite=overwrite)
+    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite, running=running))
 
 
-def _palette(task: Task, n_colors: int | None, overwrite: bool) -> Row:
+def _palette(task: Task, *, n_colors: int | None, overwrite: bool) -> Row:
     import numpy as np
 
     from cvtimg import color_samples, quantize, read_image, write_palette
@@ -112,11 +115,8 @@ def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
 class _Palettes(Report):
     """Prints the colors of each picture as it comes, as blocks of color on a terminal."""
 
-    def done(self, row: Row) -> None:
-        """Tell of a picture."""
-        if self.as_json:
-            super().done(row)
-            return
+    def show(self, row: Row) -> None:
+        """Tell people of a picture."""
         print(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
         if sys.stdout.isatty():
             _print_blocks(row["colors"])

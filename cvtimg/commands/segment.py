@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import for_many
 from cvtimg.commands._segment_files import KIND_NAMES, Style, Subject, file_names
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ Compactness = Annotated[
 ]
 
 
+@for_many
 def segment(
     inputs: options.Pictures,
     number: Number,
@@ -138,6 +140,8 @@ def segment(
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
+    *,
+    running: Running,
 ) -> None:
     """Divide pictures into N segments, each of the pixels that are nearest to its mean color.
 
@@ -176,10 +180,10 @@ def segment(
     flags = {"-o" if kind == "labels" else f"--{kind}": path for kind, path in files.items()}
     check_outputs(len(sources) + len(missing), out_dir, flags)
     names = file_names(write, files)
-    tasks = [Task(source, _outputs(names, source, out_dir or source.parent)) for source in sources]
+    tasks = [Task(source, _outputs(names, source, folder)) for source, folder in sources.items()]
     work = partial(_segment, number=number, find_segments=find_segments, mask=mask, nodata=nodata)
     work = partial(work, style=style, overwrite=overwrite)
-    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite))
+    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
 def _exclude(option: str, **others: Any) -> None:
