@@ -132,3 +132,12 @@ def check_version_weights(weights: ArrayLike, n_versions: int) -> NDArray[np.flo
     if not (np.isfinite(array).all() and array.min() > 0):
         raise ValueError(f"weights={array.tolist()} must be finite and > 0")
     return array
+
+
+def check_edge_weight(edge_weight: float | str, automatic: float) -> float:
+    """Return a weight of edges >= 0, and for "auto" the one given."""
+    if isinstance(edge_weight, str):
+        if edge_weight != "auto":
+            raise ValueError(f"edge_weight={edge_weight!r} must be a finite number >= 0, or 'auto'")
+        return automatic
+    return check_non_negative("edge_weight", edge_weight)

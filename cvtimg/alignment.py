@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,8 +68,9 @@ def _shift_between(
     from skimage.registration import phase_cross_correlation
 
     fixed, moving = gaussian_filter(fixed, _BLUR), gaussian_filter(moving, _BLUR)
-    shift, _, _ = phase_cross_correlation(fixed, moving, reference_mask=fixed_known, moving_mask=moving_known)
-    whole = np.asarray(shift, np.float64)
+    correlate: Any = phase_cross_correlation
+    whole, _, _ = correlate(fixed, moving, reference_mask=fixed_known, moving_mask=moving_known)
+    whole = np.asarray(whole, np.float64)
     shift = whole.copy()
     for _ in range(_STEPS):
         shift += _step(fixed, moving, fixed_known, moving_known, shift)
@@ -91,7 +94,8 @@ def _step(
     usual = _OUTLYING * np.median(np.abs(difference)) if len(difference) else 0.0
     weights = 1 / (1 + (difference / usual) ** 2) if usual else np.ones(len(difference))
     step, *_ = np.linalg.lstsq(slopes.T @ (weights[:, None] * slopes), slopes.T @ (weights * difference))
-    return np.clip(step, -1, 1)
+    limited: NDArray[np.float64] = np.clip(step, -1, 1)
+    return limited
 
 
 def _shifted(bands: Floats, known: NDArray[np.bool_], shift: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:

@@ -164,7 +164,8 @@ def _filtered(image: Floats, labels: NDArray[np.int32], filters: _Filters, varia
                 total[here] += parts[:, :, :, down, right] * trusted[:, :, None]
                 weight[here] += trusted
     inner = slice(_REACH, -_REACH)
-    return total[inner, inner] / weight[inner, inner, None]
+    picture: Floats = total[inner, inner] / weight[inner, inner, None]
+    return picture
 
 
 def _windows(image: Floats) -> Floats:

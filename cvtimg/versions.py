@@ -32,8 +32,8 @@ class Versions:
         What each version knows.
     version_of : (D,) intp array
         The version to which each band belongs; its bands follow each other.
-    dtype : numpy.dtype
-        Type of the first version.
+    dtypes : tuple of numpy.dtype
+        Types of the versions.
     grey : bool
         Whether the first version came without an axis of channels.
     """
@@ -41,18 +41,24 @@ class Versions:
     values: Floats
     known: NDArray[np.bool_]
     version_of: NDArray[np.intp]
-    dtype: np.dtype[Any]
+    dtypes: tuple[np.dtype[Any], ...]
     grey: bool
 
     @property
     def n_versions(self) -> int:
         """Number of versions, S."""
-        return self.known.shape[2]
+        return int(self.known.shape[2])
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the first version."""
+        return self.dtypes[0]
 
     @property
     def coverage(self) -> NDArray[np.int32]:
         """(H, W) how many versions know each pixel."""
-        return self.known.sum(axis=2, dtype=np.int32)
+        counts: NDArray[np.int32] = self.known.sum(axis=2, dtype=np.int32)
+        return counts
 
     def bands(self, version: int) -> Floats:
         """(H, W, C) values of one version."""
@@ -60,8 +66,19 @@ class Versions:
 
     def weights(self, trust: NDArray[np.float64]) -> Floats:
         """(H, W, D) weight of each value: `trust`, (S,), where it is known, else 0."""
-        by_version: Floats = self.known * trust.astype(np.float32)
+        by_version = self.known * trust.astype(np.float32)
         return by_version[:, :, self.version_of]
+
+    def only(self, version: int) -> Versions:
+        """One version by itself."""
+        bands = self.version_of == version
+        return Versions(
+            self.values[:, :, bands],
+            self.known[:, :, [version]],
+            np.zeros(np.count_nonzero(bands), np.intp),
+            (self.dtypes[version],),
+            self.grey,
+        )
 
     def moved(self, values: Floats, known: NDArray[np.bool_]) -> Versions:
         """Other values at other places, of the same kind."""
@@ -90,8 +107,9 @@ def stack_versions(
         raise ValueError("no version knows any pixel: there is nothing to restore from")
     placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
+    dtypes = tuple(values.dtype for values, _ in read)
     grey = np.ndim(images[0]) == 2
-    return Versions(np.concatenate(placed, axis=2), known, version_of, read[0][0].dtype, grey)
+    return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey)
 
 
 def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -148,19 +166,24 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
         # A version that knows too little to tell is taken for as noisy as the others.
         usual = np.nanmedian(noise) if np.isfinite(noise).any() else finest
         trust = 1 / np.maximum(np.where(np.isnan(noise), usual, noise), finest) ** 2
-    return trust / trust.mean()
+    shares: NDArray[np.float64] = trust / trust.mean()
+    return shares
 
 
-def fuse(versions: Versions, trust: NDArray[np.float64]) -> tuple[Floats, Floats]:
+def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> tuple[Floats, Floats]:
     """Weighted mean of what is known of each pixel, (H, W, C), and the (H, W) weight behind it.
 
-    What no version knows is filled by a mean over what is near, wider where holes are wide.
+    With a blur, in pixels, what is known nearby counts too. What no version knows is filled from nearby in any case.
     """
+    from scipy.ndimage import gaussian_filter
+
     n_bands = np.count_nonzero(versions.version_of == 0)
     weight: Floats = (versions.known @ trust).astype(np.float32)
     total = np.zeros((*weight.shape, n_bands), np.float32)
     for version in range(versions.n_versions):
         total += np.float32(trust[version]) * versions.bands(version)
+    if blur:
+        return fill(gaussian_filter(total, (blur, blur, 0)), gaussian_filter(weight, blur)), weight
     return fill(total, weight), weight
 
 

@@ -97,7 +97,7 @@ def damaged_versions(clean: Floats, n_versions: int, damage: Damage, seed: int =
 def commonest_color(clean: Floats) -> Floats:
     """Mean of the pixels in the fullest of 16 boxes a channel: what a person would call the background."""
     pixels = clean.reshape(clean.shape[0] * clean.shape[1], -1)
-    boxes, box_of, counts = np.unique(np.floor(pixels * 15.999), axis=0, return_inverse=True, return_counts=True)
+    _, box_of, counts = np.unique(np.floor(pixels * 15.999), axis=0, return_inverse=True, return_counts=True)
     color: Floats = pixels[box_of.reshape(-1) == counts.argmax()].mean(axis=0)
     return color
 

@@ -26,7 +26,7 @@ LAYERS: list[set[str]] = [
     {"search"},
     {"cvt"},
     {"quantization", "estimator"},
-    {"patches"},
+    {"patches", "masked", "renormalization"},
     {"plot"},
     {"batch"},
     {"commands"},

@@ -1,0 +1,95 @@
+"""From the generators of several versions to one color a segment, at full contrast.
+
+A segment that is painted over in one of three versions has a generator that is diluted: by a third towards what it was
+painted over with. Each rule undoes that in its way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+_Doubles = NDArray[np.float64]
+
+#: Segments of a smaller share of what a version knows do not tell its range.
+_LEAST_SHARE = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What colors are made of.
+
+    Attributes
+    ----------
+    values, weights : lists of (H, W, C) arrays
+        Of each version.
+    labels : (H, W) int32 array
+        From 1.
+    generators, masses : (S, K, C) arrays
+        Of each version.
+    settle : callable
+        From the values and weights of one version to the generators and masses, (K, C), where its segments come to
+        rest if they start as the labels and it is alone.
+    """
+
+    values: list[Floats]
+    weights: list[Floats]
+    labels: NDArray[np.int32]
+    generators: _Doubles
+    masses: _Doubles
+    settle: Callable[[Floats, Floats], tuple[_Doubles, _Doubles]]
+
+
+def mean_colors(evidence: Evidence) -> _Doubles:
+    """(K, C) mean of all that is known of a segment, in all versions."""
+    totals = evidence.masses.sum(axis=0)
+    sums = (evidence.masses * evidence.generators).sum(axis=0)
+    colors: _Doubles = np.divide(sums, totals, out=evidence.generators.mean(axis=0), where=totals > 0)
+    return colors
+
+
+def median_colors(evidence: Evidence) -> _Doubles:
+    """(K, C) median of all that is known of a segment: right while less than half of it is painted over."""
+    colors = mean_colors(evidence)
+    for cell in range(len(colors)):
+        inside = evidence.labels == cell + 1
+        for band in range(colors.shape[1]):
+            seen = [
+                values[:, :, band][inside & (weights[:, :, band] > 0)]
+                for values, weights in zip(evidence.values, evidence.weights, strict=True)
+            ]
+            if any(map(len, seen)):
+                colors[cell, band] = np.median(np.concatenate(seen))
+    return colors
+
+
+def range_colors(evidence: Evidence) -> _Doubles:
+    """(K, C) means, stretched in each band from their own range to that of the versions.
+
+    The range of a version is that of its levels, not of its noisy pixels: its segments settle by themselves, where
+    what is painted over goes to the background and no longer dilutes the level of what is not.
+    """
+    colors = mean_colors(evidence)
+    low, high = np.full((2, colors.shape[1]), np.nan)
+    for values, weights in zip(evidence.values, evidence.weights, strict=True):
+        levels, masses = evidence.settle(values, weights)
+        levels = np.where(masses >= max(_LEAST_SHARE * masses.sum(axis=0).max(), 1e-12), levels, np.nan)
+        if not np.isnan(levels).all():
+            low = np.fmin(low, np.nanmin(levels, axis=0))
+            high = np.fmax(high, np.nanmax(levels, axis=0))
+    least, greatest = colors.min(axis=0), colors.max(axis=0)
+    flat = greatest == least
+    stretch = np.divide(high - low, greatest - least, out=np.ones_like(low), where=~flat)
+    return np.where(flat, colors, low + (colors - least) * stretch)
+
+
+#: The registry: names for `renormalize` and ``--renormalize``; none leaves the means.
+RENORMALIZATIONS: dict[str, Callable[[Evidence], _Doubles]] = {
+    "range": range_colors,
+    "median": median_colors,
+    "none": mean_colors,
+}
