@@ -59,12 +59,30 @@ def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float
     """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
     if density is None:
         return np.ones(n_samples)
-    array = np.asarray(density, dtype=np.float64)
-    if array.shape != (n_samples,):
-        raise ValueError(f"density of shape {array.shape} must be ({n_samples},), one weight for each sample")
+    return check_weights("density", density, (n_samples,), "sample")
+
+
+def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> NDArray[np.float64]:
+    """Return weights, one for each pixel of a picture of this shape: finite, >= 0 and not all 0."""
+    array = np.asarray(weights, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"{name} of shape {array.shape} must be {shape}, one weight for each {of}")
     if not (np.isfinite(array).all() and array.min() >= 0 and array.any()):
-        raise ValueError("density must be finite and >= 0, and not all 0")
+        raise ValueError(f"{name} must be finite and >= 0, and not all 0")
     return array
+
+
+def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
+    array = np.asarray(colors)
+    array = array[:, np.newaxis] if array.ndim == 1 else array
+    if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
+        raise ValueError(f"{name} of shape {array.shape} must be numbers, (K,) or (K, C), and have colors")
+    converted = np.ascontiguousarray(array.astype(dtype))
+    if not np.isfinite(array).all() or (dtype.kind == "u" and (converted != array).any()):
+        allowed = f"whole numbers in 0..{np.iinfo(dtype).max}" if dtype.kind == "u" else "finite"
+        raise ValueError(f"{name} must be {allowed}, as the picture is of {dtype}")
+    return converted
 
 
 def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> NDArray[np.float64]:

@@ -23,9 +23,12 @@ cdef extern from "nearest.h" nogil:
     ctypedef void group_function(
         const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
         const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
+    ctypedef void sum_function(
+        const float *tile, int dims, const double *density, const int32_t *labels, double *sums)
     nearest_function *nearest_by_level[3]
     two_function *two_by_level[3]
     group_function *group_by_level[3]
+    sum_function *sum_by_level[3]
     int supported_simd_level()
 
 SIMD_LEVELS = ("baseline", "avx2", "avx512")
@@ -131,17 +134,12 @@ def accumulate(
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
     double[:, ::1] sums,            # INOUT (K, D + 1): += density times (point, 1), by label
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
-    cdef double weight
-    cdef double *cell
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    cdef int dims = tiles.shape[1]
+    cdef sum_function *add_tile = sum_by_level[level]
     with nogil:
         for t in range(n_tiles):
-            for i in range(LANES):
-                weight = density[t * LANES + i]
-                cell = &sums[labels[t * LANES + i], 0]
-                for d in range(dims):
-                    cell[d] = cell[d] + weight * tiles[t, d, i]
-                cell[dims] = cell[dims] + weight
+            add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
 
 
 def measure(

@@ -47,6 +47,12 @@ def _encode(light: _Floats) -> _Floats:
     return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
 
 
+def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
+    # Not by BLAS, whose bits depend on the number of its threads.
+    transformed: _Floats = np.einsum("cd,nd->nc", matrix, colors)
+    return transformed
+
+
 def _to_lab(rgb: _Floats) -> _Floats:
     from skimage.color import rgb2lab
 
@@ -65,12 +71,11 @@ def _from_lab(lab: _Floats) -> _Floats:
 
 
 def _to_oklab(rgb: _Floats) -> _Floats:
-    opponent: _Floats = np.cbrt(_decode(rgb) @ _TO_CONES.T) @ _TO_OPPONENT.T
-    return opponent
+    return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
 
 
 def _from_oklab(oklab: _Floats) -> _Floats:
-    return _encode((oklab @ _FROM_OPPONENT.T) ** 3 @ _FROM_CONES.T)
+    return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
 
 
 def _unchanged(rgb: _Floats) -> _Floats:

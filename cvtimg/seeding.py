@@ -122,7 +122,7 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
             raise TooFewSamplesError(n_generators, len(chosen))
         draws = np.searchsorted(cumulative, cumulative[-1] * rng.random(n_draws), side="right")
         candidates = [_distances(points, draw, nearest) for draw in draws]
-        best = int(np.argmin([points.density @ distances for distances in candidates]))
+        best = int(np.argmin([np.einsum("n,n->", points.density, distances) for distances in candidates]))
         nearest = candidates[best]
         chosen.append(draws[best])
     return points.rows(np.array(chosen))

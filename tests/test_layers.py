@@ -14,8 +14,10 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_checks", "_threads", "files", "profiles"},
+    {"images"},
+    {"images.opening", "images.decoding", "images.encoding"},
     {"io", "samples", "points", "palette", "columns", "color"},
-    {"tables"},
+    {"tables", "places"},
     {"versions"},
     {"alignment"},
     {"seeding"},
@@ -25,7 +27,9 @@ LAYERS: list[set[str]] = [
     {"methods"},
     {"search"},
     {"cvt"},
-    {"quantization", "estimator"},
+    {"remapping", "estimator"},
+    {"palette_search"},
+    {"quantization"},
     {"patches", "masked", "renormalization"},
     {"plot"},
     {"batch"},

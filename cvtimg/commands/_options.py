@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer import Option
 
-MAX_COLORS = 1 << 16  # as in quantization.py, which would import NumPy for --help
+from cvtimg.batch import check_choice
+
+MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 
 
 def whole_number(low: int, high: int) -> Callable[[str | int], int]:
@@ -56,3 +58,14 @@ VolumePower = Annotated[
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace outputs that exist. Inputs are never replaced.")]
 AsJson = Annotated[bool, Option("--json", help="Print a JSON object a line for each input, not a table.")]
 Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]
+
+
+def engine(*, effort: str, method: str | None, init: str, volume_power: float, seed: int) -> dict[str, Any]:
+    """Check the options of the engine, and name them as `tessellate` does."""
+    from cvtimg import EFFORTS, METHODS, SEEDINGS
+
+    check_choice("--effort", effort, EFFORTS)
+    if method:
+        check_choice("--method", method, METHODS)
+    check_choice("--init", init, SEEDINGS)
+    return {"effort": effort, "method": method, "init": init, "volume_power": volume_power, "rng": seed}

@@ -67,13 +67,9 @@ def cluster(
     it: a line "label", then for each row the number of its generator, from 0. A row that is left out has "" there, or
     -1 in a .npy. Generators are in the units of the table, with --standardize too; the energy then is not.
     """
-    from cvtimg import EFFORTS, METHODS, SEEDINGS
     from cvtimg.tables import LABEL_SUFFIXES, MISSING, find_tables
 
-    check_choice("--effort", effort, EFFORTS)
-    if method:
-        check_choice("--method", method, METHODS)
-    check_choice("--init", init, SEEDINGS)
+    engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
     check_choice("--missing", missing, MISSING)
     names = _split(columns) if columns is not None else None
     report = Report(COLUMNS, as_json=as_json, quiet=quiet)
@@ -86,14 +82,7 @@ def cluster(
     extra = {"generators": generators} if generators else {}
     tasks = [Task(source, {"labels": output or _name_output(source, out_dir), **extra}) for source in sources]
     what = {"columns": names, "weight": weight, "missing": missing}
-    how = {
-        "n_generators": number,
-        "method": method,
-        "init": init,
-        "effort": effort,
-        "rng": seed,
-        "volume_power": volume_power,
-    }
+    how = {"n_generators": number, **engine}
 
     def work(task: Task) -> Row:
         return _cluster(task, what, how, standardize=standardize, overwrite=overwrite)

@@ -15,7 +15,7 @@ from cvtimg.batch import Report, Row, Task, check_choice, check_outputs, find, r
 from cvtimg.commands import _options as options
 
 if TYPE_CHECKING:
-    from cvtimg.quantization import Quantized
+    from cvtimg.remapping import Quantized
 
 EXAMPLES = """Examples:
 
@@ -53,14 +53,11 @@ def quantize(
     of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end in
     .tif, .webp, .gif, .bmp, .ppm or .pgm. The same seed gives the same file.
     """
-    from cvtimg import EFFORTS, METHODS, SEEDINGS, find_images
+    from cvtimg import find_images
     from cvtimg.io import lossless_suffixes
     from cvtimg.palette import PALETTE_WRITERS
 
-    check_choice("--effort", effort, EFFORTS)
-    if method:
-        check_choice("--method", method, METHODS)
-    check_choice("--init", init, SEEDINGS)
+    engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
     report = Report(COLUMNS, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, find_images, out_dir)
     check_outputs(len(sources) + len(missing), out_dir, {"-o": output, "--save-palette": save_palette})
@@ -70,14 +67,7 @@ def quantize(
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_WRITERS)
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
-    how = {
-        "n_colors": colors,
-        "method": method,
-        "init": init,
-        "effort": effort,
-        "rng": seed,
-        "volume_power": volume_power,
-    }
+    how = {"n_colors": colors, **engine}
 
     def work(task: Task) -> Row:
         return _quantize(task, overwrite, how)

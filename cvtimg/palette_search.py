@@ -1,0 +1,199 @@
+"""Palettes that stand best for samples of colors, whatever pictures these are of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._checks import check_colors, check_count
+from cvtimg.cvt import Tessellation, tessellate
+from cvtimg.methods import Method, Stopping
+from cvtimg.places import agree, clear_and_opaque, from_places, has_alpha, opaque_end, to_places, with_alpha
+from cvtimg.remapping import MAX_COLORS, nearest_of_kind
+from cvtimg.samples import ColorSamples
+
+_REST = Stopping(tolerance=1e-4, max_iterations=100)
+
+
+class EngineOptions(TypedDict, total=False):
+    """Options of `tessellate` that those who find palettes pass on."""
+
+    method: str | Method | None
+    init: str | ArrayLike
+    effort: str
+    volume_power: float
+    rng: int | np.random.Generator
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Palette:
+    """Colors that stand for others.
+
+    Attributes
+    ----------
+    colors : (K, C) array of the type of the samples
+        Distinct, in the units of the samples; those with transparency first, then from dark to bright.
+    tessellation : Tessellation or None
+        What they were rounded from, in the coordinates of the color space; None where the samples have so few colors
+        that these are the palette.
+    """
+
+    colors: NDArray[Any]
+    tessellation: Tessellation | None
+
+    def __post_init__(self) -> None:
+        self.colors.flags.writeable = False
+
+
+def find_palette(
+    samples: ColorSamples,
+    n_colors: int,
+    *,
+    space: str = "rgb",
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Palette:
+    """Find the colors that stand best for samples: of one picture, or of several that were merged.
+
+    Parameters
+    ----------
+    samples : ColorSamples
+        From `color_samples`, or `merge_samples` for one palette of several pictures or frames.
+    n_colors : int
+        Size of the palette, in 1..65536, with the locked colors and, if a sample is fully transparent, with the
+        color for that.
+    space : {"rgb", "linear", "lab", "oklab"}
+        Where distances are measured. Means are taken there too, and come back to sRGB.
+    locked : (L, C) array, optional
+        Colors that are in the palette exactly, in the units of the samples.
+    method, init, effort, volume_power, rng
+        As in `tessellate`. Initial colors, if given, are in the coordinates of the space.
+
+    Returns
+    -------
+    Palette
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import color_samples, find_palette
+    >>> picture = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
+    [11, 201]
+    """
+    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
+    fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
+    samples, fixed = agree(samples, fixed)
+    clear, opaque = clear_and_opaque(samples.colors)
+    if clear.any() and not clear_and_opaque(fixed)[0].any():
+        fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
+    fixed_opaque = clear_and_opaque(fixed)[1]
+    least = len(fixed) + bool(opaque.any() and not fixed_opaque.any())
+    if n_colors < least:
+        raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
+    samples = _visible(samples, clear, opaque)
+    if samples.n_colors and opaque[~clear].all() and has_alpha(fixed.shape[1]):
+        return _opaque_palette(samples, n_colors, space, fixed, engine)
+    if samples.n_colors <= n_colors:
+        colors = _in_order(np.concatenate([fixed, samples.colors]))
+        if len(colors) <= n_colors:
+            return Palette(colors, None)
+    if len(fixed) == n_colors:
+        return Palette(_in_order(fixed), None)
+    return _tessellated(samples, n_colors, space, fixed, engine)
+
+
+def _visible(samples: ColorSamples, clear: NDArray[np.bool_], opaque: NDArray[np.bool_]) -> ColorSamples:
+    """Leave out what cannot be seen or does not count; but if nothing opaque counts, it still needs its color."""
+    if opaque.any() and not samples.density[opaque].any():
+        samples = replace(samples, density=np.where(opaque, 1e-12 * samples.density.max(), samples.density))
+    return samples.some((samples.density > 0) & ~clear)
+
+
+def _opaque_palette(
+    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+) -> Palette:
+    """Find a palette where alpha plays no part: transparent colors are locked ones, and the others have none."""
+    is_opaque = clear_and_opaque(fixed)[1]
+    seen = replace(samples, colors=np.ascontiguousarray(samples.colors[:, :-1]))
+    n_left = n_colors - int(np.count_nonzero(~is_opaque))
+    locked = fixed[is_opaque, :-1] if is_opaque.any() else None
+    found = find_palette(seen, n_left, space=space, locked=locked, **engine)
+    return Palette(_in_order(np.concatenate([fixed[~is_opaque], with_alpha(found.colors)])), found.tessellation)
+
+
+def _tessellated(
+    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+) -> Palette:
+    """Find a palette of more samples, with the fixed colors, than it can hold."""
+    if samples.n_colors < n_colors:  # the engine wants as many samples as generators, locked ones too
+        padding = np.zeros(len(fixed))
+        samples = replace(
+            samples,
+            colors=np.concatenate([samples.colors, fixed]),
+            density=np.append(samples.density, padding),
+            in_order=False,
+        )
+    places = to_places(samples.colors, space)
+    tessellation = tessellate(replace(samples, colors=places), n_colors, locked=to_places(fixed, space), **engine)
+    generators = tessellation.generators
+    if has_alpha(fixed.shape[1]):
+        opaque = clear_and_opaque(samples.colors)[1], clear_and_opaque(fixed)[1]
+        end = opaque_end(fixed.shape[1], space, fixed.dtype)
+        generators = _keep_opaque(places, samples.density, opaque, tessellation, end)
+    colors = from_places(generators, space, fixed.dtype)
+    colors[: len(fixed)] = fixed
+    return Palette(_in_order(colors), tessellation)
+
+
+def _keep_opaque(
+    places: NDArray[np.float64],
+    density: NDArray[np.float64],
+    opaque: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    tessellation: Tessellation,
+    end: float,
+) -> NDArray[np.float64]:
+    """Make the generators of mostly opaque cells opaque, and let all move until they rest under that condition.
+
+    `opaque` tells which of the places are, and which of the locked generators, the first ones. Opaque places belong
+    to the nearest opaque generator, which has `end` for its last coordinate, and no step raises the energy.
+    """
+    generators, labels = tessellation.generators.copy(), tessellation.labels
+    n_generators, n_locked = len(generators), len(opaque[1])
+    masses = np.bincount(labels, density * opaque[0], n_generators)
+    is_opaque = (masses > 0) & (masses >= tessellation.masses / 2)
+    is_opaque[:n_locked] = opaque[1]
+    if not is_opaque.any():
+        is_opaque[n_locked + np.argmax(masses[n_locked:])] = True
+    is_free = np.arange(n_generators) >= n_locked
+    generators[is_opaque & is_free, -1] = end
+    none = np.zeros(len(places), bool), np.zeros(n_generators, bool)
+    energies: list[float] = []
+    while True:
+        labels = nearest_of_kind(places, (none[0], opaque[0]), generators, (none[1], is_opaque))
+        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
+        if _REST.converged(energies) or len(energies) > _REST.max_iterations:
+            return generators
+        masses = np.bincount(labels, density, n_generators)
+        moved = is_free & (masses > 0)
+        for dim in range(places.shape[1]):
+            sums = np.bincount(labels, density * places[:, dim], n_generators)
+            generators[moved, dim] = sums[moved] / masses[moved]
+        generators[is_opaque & is_free, -1] = end
+
+
+def _in_order(colors: NDArray[Any]) -> NDArray[Any]:
+    """Distinct colors: those with transparency first, as files have it, then by the sum of their channels."""
+    totals = colors.sum(axis=1, dtype=np.float64)
+    ordered = colors[np.lexsort((*colors.T[::-1], totals, clear_and_opaque(colors)[1]))]
+    is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    distinct: NDArray[Any] = ordered[is_new]
+    return distinct
