@@ -5,6 +5,7 @@ from .methods import METHODS
 from .palette_search import Palette, find_palette
 from .quantization import quantize
 from .remapping import Quantized, map_to_palette
+from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
@@ -17,6 +18,7 @@ __all__ = [
     "ColorSamples",
     "Palette",
     "Quantized",
+    "Restoration",
     "Tessellation",
     "color_samples",
     "find_images",
@@ -26,6 +28,7 @@ __all__ = [
     "merge_samples",
     "quantize",
     "read_image",
+    "restore",
     "tessellate",
     "write_image",
 ]

@@ -164,8 +164,8 @@ def _filtered(image: Floats, labels: NDArray[np.int32], filters: _Filters, varia
                 total[here] += parts[:, :, :, down, right] * trusted[:, :, None]
                 weight[here] += trusted
     inner = slice(_REACH, -_REACH)
-    picture: Floats = total[inner, inner] / weight[inner, inner, None]
-    return picture
+    total[inner, inner] /= weight[inner, inner, None]
+    return total[inner, inner]
 
 
 def _windows(image: Floats) -> Floats:

@@ -17,6 +17,7 @@ _Doubles = NDArray[np.float64]
 
 #: Segments of a smaller share of what a version knows do not tell its range.
 _LEAST_SHARE = 1e-3
+_NOTHING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +75,15 @@ def range_colors(evidence: Evidence) -> _Doubles:
     what is painted over goes to the background and no longer dilutes the level of what is not.
     """
     colors = mean_colors(evidence)
-    low, high = np.full((2, colors.shape[1]), np.nan)
+    settled = []
     for values, weights in zip(evidence.values, evidence.weights, strict=True):
         levels, masses = evidence.settle(values, weights)
-        levels = np.where(masses >= max(_LEAST_SHARE * masses.sum(axis=0).max(), 1e-12), levels, np.nan)
-        if not np.isnan(levels).all():
-            low = np.fmin(low, np.nanmin(levels, axis=0))
-            high = np.fmax(high, np.nanmax(levels, axis=0))
+        enough = masses >= max(_LEAST_SHARE * float(masses.sum(axis=0).max()), _NOTHING)
+        settled.append(np.where(enough, levels, np.nan))
+    told = np.stack(settled)
+    told = told[:, ~np.isnan(told).all(axis=(0, 2))]
+    levels = np.nanmedian(told, axis=0)
+    low, high = levels.min(axis=0), levels.max(axis=0)
     least, greatest = colors.min(axis=0), colors.max(axis=0)
     flat = greatest == least
     stretch = np.divide(high - low, greatest - least, out=np.ones_like(low), where=~flat)

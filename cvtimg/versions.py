@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_image, check_masks, check_same, check_version_weights
 from cvtimg.color import peak, to_space
+from cvtimg.places import has_alpha
 
 Floats = NDArray[np.float32]
 
@@ -66,8 +67,7 @@ class Versions:
 
     def weights(self, trust: NDArray[np.float64]) -> Floats:
         """(H, W, D) weight of each value: `trust`, (S,), where it is known, else 0."""
-        by_version = self.known * trust.astype(np.float32)
-        return by_version[:, :, self.version_of]
+        return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
 
     def only(self, version: int) -> Versions:
         """One version by itself."""
@@ -115,13 +115,13 @@ def stack_versions(
 def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """(H, W, C) values of a version, and where its own NaN, alpha and nodata leave them known."""
     array = np.asarray(image)
-    known = np.ones(array.shape[:2], np.bool_)
+    known: NDArray[np.bool_] = np.ones(array.shape[:2], np.bool_)
     if array.dtype.kind == "f" and array.ndim in (2, 3):
         known &= ~np.isnan(array.reshape(*known.shape, -1)).any(axis=2)
         array = np.where(np.isnan(array), array.dtype.type(0), array)
     checked = check_image(f"images[{number}]", array)
     values = checked.reshape(*known.shape, -1)
-    if values.dtype.kind == "u" and values.shape[2] in (2, 4):
+    if has_alpha(values.shape[2]):
         known &= values[:, :, -1] > 0
         values = values[:, :, :-1]
     if nodata is not None:

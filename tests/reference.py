@@ -41,3 +41,33 @@ def seen_energy(one: NDArray[Any], other: NDArray[Any]) -> float:
     if one.ndim == 2 or one.shape[2] not in (2, 4):
         return float(((one.astype(float) - other) ** 2).sum())
     return sum(float(((composite(one, b) - composite(other, b)) ** 2).sum()) for b in (0, 1)) / 2 * peak**2
+
+
+def edge_weighted_energy(
+    values: NDArray[Any],
+    labels: NDArray[Any],
+    edge_weight: float,
+    radius: int = 3,
+    weights: NDArray[Any] | None = None,
+    volume_power: float = 0,
+) -> float:
+    """Sum of squared distances to the means of the segments, and of the pairs of near pixels that they part."""
+    values = values.astype(float)
+    weights = np.ones_like(values) if weights is None else weights.astype(float)
+    inside = weights[labels > 0]
+    energy = 0.0
+    for segment in np.unique(labels[labels > 0]):
+        here, own = values[labels == segment], weights[labels == segment]
+        masses = own.sum(axis=0)
+        means = (own * here).sum(axis=0) / np.where(masses > 0, masses, 1)
+        share = own.sum() / inside.sum() if inside.any() else 0.0
+        energy += share**volume_power * float((own * (here - means) ** 2).sum())
+    height, width = labels.shape
+    padded = np.pad(labels, radius)
+    n_pairs = 0
+    for down in range(-radius, radius + 1):
+        for right in range(-radius, radius + 1):
+            if 0 < down**2 + right**2 <= radius**2:
+                other = padded[radius + down : radius + down + height, radius + right : radius + right + width]
+                n_pairs += int(((labels != other) & (labels > 0) & (other > 0)).sum())
+    return energy + edge_weight * n_pairs

@@ -13,10 +13,10 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
     {"images.opening", "images.decoding", "images.encoding"},
-    {"io", "samples", "points", "palette", "columns", "color"},
+    {"io", "samples", "points", "palette", "columns", "color", "edge_weight"},
     {"tables", "places"},
     {"versions"},
     {"alignment"},
@@ -31,6 +31,7 @@ LAYERS: list[set[str]] = [
     {"palette_search"},
     {"quantization"},
     {"patches", "masked", "renormalization"},
+    {"restoration"},
     {"plot"},
     {"batch"},
     {"commands"},
