@@ -18,7 +18,7 @@ from cvtimg.masked import MaskedCells, masked_cells, masked_means
 from cvtimg.patches import restore_detail
 from cvtimg.renormalization import RENORMALIZATIONS, Evidence
 from cvtimg.search import EFFORTS
-from cvtimg.versions import Floats, Versions, fuse, noise_of, stack_versions, trust_in
+from cvtimg.versions import Floats, Versions, disagreement, fuse, noise_of, stack_versions, trust_in
 
 #: The edge weight as a multiple of the variance of the noise. Half of it or twice as much serves nearly as well.
 _EDGE_WEIGHT_PER_VARIANCE = 0.5
@@ -124,7 +124,8 @@ def restore(
         Where distances are measured. Floating point is cut to 0..1 but for "rgb".
     edge_weight : float or "auto"
         What each pair of pixels within 3 pixels costs if they are in different segments, in squared units of the
-        space: 0 for nothing; "auto" is half the variance of the noise.
+        space: 0 for nothing; "auto" is half the variance of the noise, or of what versions disagree
+        by, which is more where some are painted over.
     volume_power : float
         Each segment counts by its share of the picture to this power.
     renormalize : {"range", "median", "none"} or None
@@ -185,7 +186,8 @@ def restore(
     noise = noise_of(versions)
     trust = trust_in(versions, weights, noise)
     variance = _variance(noise, trust)
-    cost = check_edge_weight(edge_weight, _EDGE_WEIGHT_PER_VARIANCE * variance)
+    doubt = variance if channels else max(variance, disagreement(versions, trust))
+    cost = check_edge_weight(edge_weight, 0 if detail else _EDGE_WEIGHT_PER_VARIANCE * doubt)
     work = _Work(versions, trust, variance, n_generators, cost, power, rule, effort, channels)
     found = work.detailed(np.random.default_rng(rng)) if detail else work.segmented()
     return _in_order(found, versions, space, noise=noise, weights=trust, shifts=shifts, edge_weight=cost)

@@ -156,6 +156,21 @@ def noise_of(versions: Versions) -> NDArray[np.float64]:
     return noise
 
 
+def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
+    """Variance, at weight 1, of versions about their mean, where more than one knows a pixel; 0 where none does.
+
+    Unlike the noise, whose estimate leaves out what is rare, it has in it what is painted over in some version.
+    """
+    n_bands = np.count_nonzero(versions.version_of == 0)
+    mean, _ = fuse(versions, trust)
+    apart = np.zeros(versions.known.shape[:2])
+    for version in range(versions.n_versions):
+        squares = np.square(versions.bands(version) - mean).sum(axis=2)
+        apart += trust[version] * np.where(versions.known[:, :, version], squares, 0)
+    freedom = np.maximum(versions.coverage - 1, 0).sum() * n_bands
+    return float(apart[versions.coverage > 1].sum() / freedom) if freedom else 0.0
+
+
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.float64]) -> NDArray[np.float64]:
     """(S,) weight of each version, with mean 1: those given, or the inverse variance of its noise."""
     if weights is not None:
