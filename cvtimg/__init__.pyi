@@ -1,9 +1,12 @@
+from .color import SPACES
 from .cvt import Tessellation, tessellate
+from .dithering import DITHERS
 from .estimator import CVT
-from .io import find_images, image_info, read_image, write_image
+from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
-from .quantization import quantize
+from .quantization import quantize, quantize_to_size
 from .remapping import Quantized, map_to_palette
 from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
@@ -12,9 +15,11 @@ from .seeding import SEEDINGS
 
 __all__ = [
     "CVT",
+    "DITHERS",
     "EFFORTS",
     "METHODS",
     "SEEDINGS",
+    "SPACES",
     "ColorSamples",
     "Palette",
     "Quantized",
@@ -27,8 +32,12 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_to_size",
     "read_image",
+    "read_metadata",
+    "read_palette",
     "restore",
     "tessellate",
     "write_image",
+    "write_palette",
 ]

@@ -31,11 +31,25 @@ def check_count(name: str, value: int, largest: int, reason: str) -> int:
     return int(value)
 
 
+def check_alone(name: str, others: Collection[str]) -> None:
+    """Refuse other arguments, by their names, beside one that leaves nothing for them to do."""
+    if others:
+        raise ValueError(f"{name} must not be given with {' or '.join(others)}")
+
+
 def check_non_negative(name: str, value: float) -> float:
     """Return `value` as a finite float >= 0."""
     number = float(value)
     if not 0 <= number < np.inf:
         raise ValueError(f"{name}={value!r} must be a finite number >= 0")
+    return number
+
+
+def check_in_unit_range(name: str, value: float) -> float:
+    """Return `value` as a float in 0..1."""
+    number = float(value)
+    if not 0 <= number <= 1:
+        raise ValueError(f"{name}={value!r} must be in 0..1")
     return number
 
 

@@ -270,7 +270,7 @@ def _cell(column: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return ",".join(value)
+        return ",".join(value) if len(value) <= 4 else f"{value[0]}..{value[-1]}"
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
     return text.encode(errors="replace").decode()  # names of files need not be text
 

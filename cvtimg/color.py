@@ -180,6 +180,21 @@ def peak(dtype: np.dtype[Any]) -> float:
     return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
 
 
+def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
+    if colors.dtype == dtype:
+        return colors
+    unit: NDArray[Any] = colors / np.asarray(
+        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
+    )
+    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+        raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
+    unit *= unit.dtype.type(peak(dtype))
+    if dtype.kind == "u":
+        np.rint(unit, out=unit)
+    return unit.astype(dtype, copy=False)
+
+
 def _check_channels(n_channels: int, space: str) -> None:
     if n_channels not in (1, 3):
         raise ValueError(f"space={space!r} needs colors of 1 or 3 channels, not {n_channels}")

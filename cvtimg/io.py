@@ -6,7 +6,6 @@ cannot be read or written ends in an `OSError` that says ``"{path}: {reason}"`` 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,54 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.files import StrPath, find_images, one_line, whole_file
-from cvtimg.images.decoding import decode, depth, orientation
+from cvtimg.images.decoding import decode
 from cvtimg.images.encoding import encode_image, encoder, lossless_suffixes
-from cvtimg.images.opening import opened
-from cvtimg.profiles import profile_name
+from cvtimg.images.header import ImageInfo, read_header
+from cvtimg.images.metadata import Metadata, decode_metadata
+from cvtimg.images.opening import reading
 
 __all__ = [
     "ImageInfo",
+    "Metadata",
     "encode_image",
     "find_images",
     "image_info",
     "lossless_suffixes",
     "read_image",
+    "read_metadata",
     "whole_file",
     "write_image",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class ImageInfo:
-    """What the header of a picture says.
-
-    Attributes
-    ----------
-    width, height : int
-        Size in pixels of the upright picture, as `read_image` returns it.
-    format, mode : str
-        Pillow's names, such as ``"PNG"`` and ``"RGB"``.
-    bands : tuple of str
-        Names of the bands, such as ``("R", "G", "B")``.
-    bits : int
-        Bits a band (an index in a palette picture) in the file.
-    frames : int
-        How many frames or pages; `read_image` reads the first.
-    has_alpha : bool
-        Whether the picture carries transparency of any kind.
-    icc : str or None
-        Description of the embedded colour profile, ``"unreadable"`` for a damaged one.
-    """
-
-    width: int
-    height: int
-    format: str
-    mode: str
-    bands: tuple[str, ...]
-    bits: int
-    frames: int
-    has_alpha: bool
-    icc: str | None
 
 
 def read_image(path: StrPath) -> NDArray[Any]:
@@ -70,14 +39,16 @@ def read_image(path: StrPath) -> NDArray[Any]:
     Parameters
     ----------
     path : str or path-like
-        Any raster picture that Pillow reads. Of several frames the first is taken.
+        Any raster picture that Pillow reads, TIFF of any samples and bands, or a .npy array (H, W) or (H, W, C).
+        Of several frames or pages the first is taken.
 
     Returns
     -------
     ndarray, (H, W) or (H, W, C), C-contiguous
         uint8 (H, W) for 1-bit and grey; uint8 (H, W, 3) for RGB, palette, CMYK, YCbCr and LAB;
-        uint8 (H, W, 4) for whatever has transparency; uint16 (H, W) for 16-bit grey;
-        float32 (H, W) for floating point and for 32-bit integers outside 0..65535.
+        uint8 (H, W, 4) for whatever has transparency; uint16 of the same shapes for 16 bits, grey or RGB, in PNG and
+        TIFF. Floating point stays float32 or float64, integers of other types become uint16 where they are in
+        0..65535, else floating point. Bands that are no colors give (H, W, C) with all of them, C >= 2.
 
     Raises
     ------
@@ -87,8 +58,10 @@ def read_image(path: StrPath) -> NDArray[Any]:
 
     Notes
     -----
-    Pillow gives 16-bit RGB as 8-bit RGB. Grey beyond 8 bits is taken for a measurement: its
-    values stay as they are, without colour profile or transparency.
+    16-bit RGB is brought to sRGB at its full depth. Grey beyond 8 bits, floating point and bands that are no colors
+    are taken for measurements: their values stay as they are, without colour profile. Of a TIFF with three colors and
+    one more band without a meaning all four bands come, which others then take for transparency; `image_info` tells
+    them apart.
 
     Examples
     --------
@@ -98,8 +71,8 @@ def read_image(path: StrPath) -> NDArray[Any]:
     ...     read_image(f"{folder}/a.png").shape
     (2, 3, 3)
     """
-    with opened(path) as image:
-        return decode(image)
+    with reading(path) as file:
+        return decode(file)
 
 
 def image_info(path: StrPath) -> ImageInfo:
@@ -108,7 +81,7 @@ def image_info(path: StrPath) -> ImageInfo:
     Parameters
     ----------
     path : str or path-like
-        Any raster picture that Pillow reads.
+        As in `read_image`.
 
     Returns
     -------
@@ -128,24 +101,39 @@ def image_info(path: StrPath) -> ImageInfo:
     >>> info.width, info.height, info.bits
     (3, 2, 16)
     """
-    with opened(path) as image:
-        width, height = image.size
-        # Pillow states the size of a TIFF upright already. A PNG's EXIF behind the pixels would
-        # cost a decoding.
-        known = image.format != "PNG" or "exif" in image.info
-        if image.format != "TIFF" and known and orientation(image) >= 5:
-            width, height = height, width
-        return ImageInfo(
-            width=width,
-            height=height,
-            format=image.format or "",
-            mode=image.mode,
-            bands=image.getbands(),
-            bits=depth(image),
-            frames=getattr(image, "n_frames", 1),
-            has_alpha=image.has_transparency_data,
-            icc=profile_name(image.info.get("icc_profile")),
-        )
+    with reading(path) as file:
+        return read_header(file)
+
+
+def read_metadata(path: StrPath) -> Metadata:
+    """Read what can be kept of a picture file beside the pixels, for `write_image`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        As in `read_image`.
+
+    Returns
+    -------
+    Metadata
+        Color profile, pixels an inch, and EXIF without orientation; nothing of arrays and of TIFF of many bands.
+
+    Raises
+    ------
+    OSError
+        As `read_image` does, as far as the header tells.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/a.png", np.zeros((2, 3), np.uint8), metadata=Metadata(dpi=(300, 300)))
+    ...     across, down = read_metadata(f"{folder}/a.png").dpi
+    >>> round(across), round(down)
+    (300, 300)
+    """
+    with reading(path) as file:
+        return decode_metadata(file)
 
 
 def write_image(
@@ -153,6 +141,7 @@ def write_image(
     image: NDArray[Any],
     *,
     palette: NDArray[np.uint8] | None = None,
+    metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write a picture whole or not at all, in the format that the suffix names.
@@ -160,14 +149,17 @@ def write_image(
     Parameters
     ----------
     path : str or path-like
-        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .jpg or .jpeg.
+        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .npy, .jpg or .jpeg.
     image : ndarray
-        (H, W) bool, uint8 or uint16, or (H, W, 3) or (H, W, 4) uint8, in sRGB. With a palette
-        (H, W) integers in 0..K-1.
+        (H, W) bool, uint8 or uint16, or (H, W, 3) or (H, W, 4) uint8 or uint16 (in .png and .tif), in sRGB. A .tif or
+        .npy takes any bands of integers, float32 or float64. With a palette (H, W) integers in 0..K-1.
     palette : ndarray, (K, 3) or (K, 4) uint8, 1 <= K <= 256, optional
         Writes an indexed picture, a PNG of the smallest of 1, 2, 4 and 8 bits that holds K
         colours. A format without palette or without its transparency gets the same colours as
         RGB or RGBA. No format that loses colours is taken.
+    metadata : Metadata, optional
+        What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
+        gets the first part of EXIF alone, and none with 16-bit color or bands.
     overwrite : bool
         Replace an existing file.
 
@@ -189,7 +181,7 @@ def write_image(
     ...     image_info(f"{folder}/a.png").bits
     1
     """
-    write = encoder(Path(path).suffix, image, palette)
+    write = encoder(Path(path).suffix, image, palette, metadata)
     with whole_file(path, overwrite=overwrite) as file:
         try:
             write(file)

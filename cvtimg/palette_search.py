@@ -11,7 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._checks import check_colors, check_count
 from cvtimg.cvt import Tessellation, tessellate
 from cvtimg.methods import Method, Stopping
-from cvtimg.places import agree, clear_and_opaque, from_places, has_alpha, opaque_end, to_places, with_alpha
+from cvtimg.places import (
+    CLEAR,
+    OPAQUE,
+    PARTLY,
+    agree,
+    from_places,
+    has_alpha,
+    kinds_of,
+    opaque_end,
+    to_places,
+    with_alpha,
+)
 from cvtimg.remapping import MAX_COLORS, nearest_of_kind
 from cvtimg.samples import ColorSamples
 
@@ -90,17 +101,12 @@ def find_palette(
     [11, 201]
     """
     check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
-    fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
-    samples, fixed = agree(samples, fixed)
-    clear, opaque = clear_and_opaque(samples.colors)
-    if clear.any() and not clear_and_opaque(fixed)[0].any():
-        fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
-    fixed_opaque = clear_and_opaque(fixed)[1]
-    least = len(fixed) + bool(opaque.any() and not fixed_opaque.any())
+    samples, fixed, least = fixed_colors(samples, locked)
     if n_colors < least:
         raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
-    samples = _visible(samples, clear, opaque)
-    if samples.n_colors and opaque[~clear].all() and has_alpha(fixed.shape[1]):
+    kinds = kinds_of(samples.colors)
+    samples = _visible(samples, kinds)
+    if samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all() and has_alpha(fixed.shape[1]):
         return _opaque_palette(samples, n_colors, space, fixed, engine)
     if samples.n_colors <= n_colors:
         colors = _in_order(np.concatenate([fixed, samples.colors]))
@@ -111,89 +117,96 @@ def find_palette(
     return _tessellated(samples, n_colors, space, fixed, engine)
 
 
-def _visible(samples: ColorSamples, clear: NDArray[np.bool_], opaque: NDArray[np.bool_]) -> ColorSamples:
+def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:
+    """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
+    fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
+    samples, fixed = agree(samples, fixed)
+    needed, there = set(kinds_of(samples.colors)), set(kinds_of(fixed))
+    if CLEAR in needed - there:
+        fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
+    return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
+
+
+def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
     """Leave out what cannot be seen or does not count; but if nothing opaque counts, it still needs its color."""
-    if opaque.any() and not samples.density[opaque].any():
-        samples = replace(samples, density=np.where(opaque, 1e-12 * samples.density.max(), samples.density))
-    return samples.some((samples.density > 0) & ~clear)
+    opaque, density = kinds == OPAQUE, samples.density
+    if opaque.any() and not density[opaque].any():
+        density = np.where(opaque, 1e-12 * density.max(), density)
+    return replace(samples, density=density).some((density > 0) & (kinds != CLEAR))
 
 
 def _opaque_palette(
     samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
     """Find a palette where alpha plays no part: transparent colors are locked ones, and the others have none."""
-    is_opaque = clear_and_opaque(fixed)[1]
+    opaque = kinds_of(fixed) == OPAQUE
     seen = replace(samples, colors=np.ascontiguousarray(samples.colors[:, :-1]))
-    n_left = n_colors - int(np.count_nonzero(~is_opaque))
-    locked = fixed[is_opaque, :-1] if is_opaque.any() else None
+    n_left = n_colors - int(np.count_nonzero(~opaque))
+    locked = fixed[opaque, :-1] if opaque.any() else None
     found = find_palette(seen, n_left, space=space, locked=locked, **engine)
-    return Palette(_in_order(np.concatenate([fixed[~is_opaque], with_alpha(found.colors)])), found.tessellation)
+    return Palette(_in_order(np.concatenate([fixed[~opaque], with_alpha(found.colors)])), found.tessellation)
 
 
 def _tessellated(
     samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
     """Find a palette of more samples, with the fixed colors, than it can hold."""
+    colors, density = samples.colors, samples.density
     if samples.n_colors < n_colors:  # the engine wants as many samples as generators, locked ones too
-        padding = np.zeros(len(fixed))
-        samples = replace(
-            samples,
-            colors=np.concatenate([samples.colors, fixed]),
-            density=np.append(samples.density, padding),
-            in_order=False,
-        )
-    places = to_places(samples.colors, space)
-    tessellation = tessellate(replace(samples, colors=places), n_colors, locked=to_places(fixed, space), **engine)
+        colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
+    places = to_places(colors, space)
+    tessellation = tessellate(
+        replace(samples, colors=places, density=density), n_colors, locked=to_places(fixed, space), **engine
+    )
     generators = tessellation.generators
     if has_alpha(fixed.shape[1]):
-        opaque = clear_and_opaque(samples.colors)[1], clear_and_opaque(fixed)[1]
         end = opaque_end(fixed.shape[1], space, fixed.dtype)
-        generators = _keep_opaque(places, samples.density, opaque, tessellation, end)
-    colors = from_places(generators, space, fixed.dtype)
-    colors[: len(fixed)] = fixed
-    return Palette(_in_order(colors), tessellation)
+        generators = _keep_opaque(places, density, (kinds_of(colors), kinds_of(fixed)), tessellation, end)
+    found = from_places(generators, space, fixed.dtype)
+    found[: len(fixed)] = fixed
+    return Palette(_in_order(found), tessellation)
 
 
 def _keep_opaque(
     places: NDArray[np.float64],
     density: NDArray[np.float64],
-    opaque: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    kinds: tuple[NDArray[np.uint8], NDArray[np.uint8]],
     tessellation: Tessellation,
     end: float,
 ) -> NDArray[np.float64]:
     """Make the generators of mostly opaque cells opaque, and let all move until they rest under that condition.
 
-    `opaque` tells which of the places are, and which of the locked generators, the first ones. Opaque places belong
-    to the nearest opaque generator, which has `end` for its last coordinate, and no step raises the energy.
+    `kinds` are those of the places and of the locked generators, the first ones. Opaque places belong to the nearest
+    opaque generator, which has `end` for its last coordinate. No step raises the energy.
     """
     generators, labels = tessellation.generators.copy(), tessellation.labels
-    n_generators, n_locked = len(generators), len(opaque[1])
-    masses = np.bincount(labels, density * opaque[0], n_generators)
-    is_opaque = (masses > 0) & (masses >= tessellation.masses / 2)
-    is_opaque[:n_locked] = opaque[1]
-    if not is_opaque.any():
-        is_opaque[n_locked + np.argmax(masses[n_locked:])] = True
-    is_free = np.arange(n_generators) >= n_locked
-    generators[is_opaque & is_free, -1] = end
-    none = np.zeros(len(places), bool), np.zeros(n_generators, bool)
+    n_generators, n_locked = len(generators), len(kinds[1])
+    free = np.arange(n_generators) >= n_locked
+    masses = np.bincount(labels, density * (kinds[0] == OPAQUE), n_generators)
+    opaque = free & (masses > 0) & (masses >= tessellation.masses / 2)
+    if not (opaque.any() or OPAQUE in kinds[1]):
+        opaque[n_locked + np.argmax(masses[n_locked:])] = True
+    ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
+    ends[:n_locked] = kinds[1]
+    generators[opaque, -1] = end
     energies: list[float] = []
     while True:
-        labels = nearest_of_kind(places, (none[0], opaque[0]), generators, (none[1], is_opaque))
+        labels = nearest_of_kind(places, kinds[0], generators, ends)
         energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
         if _REST.converged(energies) or len(energies) > _REST.max_iterations:
             return generators
         masses = np.bincount(labels, density, n_generators)
-        moved = is_free & (masses > 0)
+        moved = free & (masses > 0)
         for dim in range(places.shape[1]):
             sums = np.bincount(labels, density * places[:, dim], n_generators)
             generators[moved, dim] = sums[moved] / masses[moved]
-        generators[is_opaque & is_free, -1] = end
+        generators[opaque, -1] = end
 
 
 def _in_order(colors: NDArray[Any]) -> NDArray[Any]:
     """Distinct colors: those with transparency first, as files have it, then by the sum of their channels."""
     totals = colors.sum(axis=1, dtype=np.float64)
-    ordered = colors[np.lexsort((*colors.T[::-1], totals, clear_and_opaque(colors)[1]))]
+    ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors) == OPAQUE))]
     is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
     distinct: NDArray[Any] = ordered[is_new]
     return distinct

@@ -17,20 +17,29 @@ from numpy.typing import NDArray
 from cvtimg.color import from_space, peak, to_space
 from cvtimg.samples import ColorSamples
 
+#: Kinds of colors.
+CLEAR, PARTLY, OPAQUE = range(3)
+
 
 def has_alpha(n_channels: int) -> bool:
     """Whether the last of so many channels is alpha: of grey and alpha, or of RGBA."""
     return n_channels in (2, 4)
 
 
-def clear_and_opaque(colors: NDArray[Any]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(N,) whether a color is wholly transparent, and whether it is wholly opaque."""
+def kinds_of(colors: NDArray[Any]) -> NDArray[np.uint8]:
+    """(N,) kind of each color: `CLEAR`, `PARTLY` transparent or `OPAQUE`."""
     if not has_alpha(colors.shape[1]):
-        return np.zeros(len(colors), bool), np.ones(len(colors), bool)
-    alpha = colors[:, -1]
-    if alpha.dtype.kind == "f" and not (alpha.min() >= 0 and alpha.max() <= 1):
+        return np.full(len(colors), OPAQUE, np.uint8)
+    alpha, white = colors[:, -1], peak(colors.dtype)
+    if alpha.size and not (alpha.min() >= 0 and alpha.max() <= white):
         raise ValueError(f"alpha in {alpha.min()}..{alpha.max()} must be in 0..1, as the picture is of floating point")
-    return alpha == 0, alpha == peak(colors.dtype)
+    return np.where(alpha == 0, CLEAR, np.where(alpha == white, OPAQUE, PARTLY)).astype(np.uint8)
+
+
+def allowed_for(kinds: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(3, K) whether a color of each kind may become one of K of these kinds: its own, if CLEAR or OPAQUE and there."""
+    allowed = np.stack([kinds == CLEAR, np.ones(len(kinds), bool), kinds == OPAQUE])
+    return allowed | ~allowed.any(axis=1, keepdims=True)
 
 
 def to_places(colors: NDArray[Any], space: str) -> NDArray[Any]:
@@ -78,7 +87,7 @@ def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, ND
         return samples, colors
     if max(given, n_channels) > 4:
         raise ValueError(f"colors of {given} channels must have {n_channels}, as the picture has")
-    if has_alpha(given) and not has_alpha(n_channels) and clear_and_opaque(colors)[1].all():
+    if has_alpha(given) and not has_alpha(n_channels) and (kinds_of(colors) == OPAQUE).all():
         colors = colors[:, :-1]
     if n_channels < 3 <= given and (colors[:, :1] == colors[:, 1:3]).all():
         colors = colors[:, 2:]

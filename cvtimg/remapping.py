@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._checks import check_colors
 from cvtimg.color import peak
 from cvtimg.cvt import Tessellation
-from cvtimg.places import agree, clear_and_opaque, has_alpha, to_places
+from cvtimg.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
 from cvtimg.points import Points, assign, cell_energies, pack
 from cvtimg.samples import ColorSamples, color_samples
 
@@ -84,7 +84,14 @@ class Quantized:
         return self.palette[:, channels][self.indices], None
 
 
-def map_to_palette(picture: Any, palette: ArrayLike, *, space: str = "rgb") -> Quantized:
+def map_to_palette(
+    picture: Any,
+    palette: ArrayLike,
+    *,
+    space: str = "rgb",
+    dither: str | None = None,
+    dither_strength: float = 1.0,
+) -> Quantized:
     """Give each pixel of a picture the nearest color of a palette.
 
     Opaque pixels get opaque colors where the palette has any. Pixels that are fully transparent stay so: if the
@@ -99,6 +106,10 @@ def map_to_palette(picture: Any, palette: ArrayLike, *, space: str = "rgb") -> Q
         other way round.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured.
+    dither : {"floyd-steinberg", "blue-noise"}, optional
+        How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
+    dither_strength : float
+        In 0..1: how much of that is done.
 
     Returns
     -------
@@ -121,34 +132,58 @@ def map_to_palette(picture: Any, palette: ArrayLike, *, space: str = "rgb") -> Q
     samples = picture if isinstance(picture, ColorSamples) else color_samples(picture)
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
-    clear = clear_and_opaque(samples.colors)[0].any()
-    if clear and not clear_and_opaque(colors)[0].any():
+    if (kinds_of(samples.colors) == CLEAR).any() and not (kinds_of(colors) == CLEAR).any():
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
     if len(colors) > MAX_COLORS:
         raise ValueError(f"palette has {len(colors)} colors and must have at most {MAX_COLORS}")
-    labels, energy = _map(samples, colors, space)
-    indices = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)[samples.inverse]
-    n_channels = colors.shape[1]
-    shape = (*samples.inverse.shape, n_channels) if n_channels > 1 else samples.inverse.shape
-    if not isinstance(picture, ColorSamples) and n_channels == 1:
-        shape = np.shape(picture)
+    dtype = np.uint8 if len(colors) <= 256 else np.uint16
+    if dither is None:
+        labels, energy = _map(samples, colors, space)
+        indices = labels.astype(dtype)[samples.inverse]
+    else:
+        labels, energy = _dither(samples, colors, space, dither, dither_strength)
+        indices = labels.astype(dtype)
+    shape = (*samples.inverse.shape, colors.shape[1]) if colors.shape[1] > 1 else samples.inverse.shape
     return Quantized(colors, indices, shape, energy, None, samples.n_colors)
 
 
 def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDArray[np.int32], float]:
     """(M,) index of the color of the palette for each sample, and the energy of that map in sRGB."""
-    clear, opaque = clear_and_opaque(samples.colors)
-    places, ends = to_places(samples.colors, space), to_places(palette, space)
+    kinds, places, ends = kinds_of(samples.colors), to_places(samples.colors, space), to_places(palette, space)
     points = pack(places, samples.density)
-    if opaque.all() and not has_alpha(samples.colors.shape[1]):
-        labels = nearest(points, ends)
+    if has_alpha(samples.colors.shape[1]):
+        labels = nearest_of_kind(places, kinds, ends, kinds_of(palette))
     else:
-        labels = nearest_of_kind(places, (clear, opaque), ends, clear_and_opaque(palette))
+        labels = nearest(points, ends)
     if space != "rgb":
         points, ends = pack(to_places(samples.colors, "rgb"), samples.density), to_places(palette, "rgb")
+    return labels, _energy(points, ends, labels)
+
+
+def _dither(
+    samples: ColorSamples, palette: NDArray[Any], space: str, method: str, strength: float
+) -> tuple[NDArray[np.int32], float]:
+    """(H, W) index of the color of the palette for each pixel, and the energy of that map in sRGB."""
+    from cvtimg.dithering import dither
+
+    labels = dither(
+        to_places(samples.colors, space),
+        samples.inverse,
+        to_places(palette, space),
+        method=method,
+        strength=strength,
+        kinds=kinds_of(samples.colors),
+        allowed=allowed_for(kinds_of(palette)),
+    )
+    pixels = to_places(samples.colors, "rgb")[samples.inverse.reshape(-1)]
+    points = pack(pixels, np.ones(len(pixels)))
+    return labels, _energy(points, to_places(palette, "rgb"), labels.reshape(-1))
+
+
+def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:
+    """Sum of density times squared distance from (N,) points to the places that their labels name."""
     padded = np.append(labels, np.zeros(len(points.density) - len(labels), np.int32))
-    energies = cell_energies(points, points.frame.inward(ends), padded)
-    return labels, points.frame.energy(energies.sum())
+    return points.frame.energy(cell_energies(points, points.frame.inward(places), padded).sum())
 
 
 def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
@@ -163,18 +198,16 @@ def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
     return order[which].astype(np.int32)
 
 
-_Kinds = tuple[NDArray[np.bool_], NDArray[np.bool_]]
-
-
 def nearest_of_kind(
-    places: NDArray[np.float64], kinds: _Kinds, ends: NDArray[np.float64], kinds_of_ends: _Kinds
+    places: NDArray[np.float64],
+    kinds: NDArray[np.uint8],
+    ends: NDArray[np.float64],
+    kinds_of_ends: NDArray[np.uint8],
 ) -> NDArray[np.int32]:
-    """(N,) index of the nearest of (K, D) places to each, clear ones for clear and opaque ones for opaque."""
+    """(N,) index of the nearest of (K, D) places to each, of those that its kind may become."""
     labels = np.empty(len(places), np.int32)
-    (clear, opaque), (clear_ends, opaque_ends) = kinds, kinds_of_ends
-    for members, allowed in ((clear, clear_ends), (opaque, opaque_ends), (~clear & ~opaque, np.ones(len(ends), bool))):
-        if members.any():
-            choice = np.flatnonzero(allowed) if allowed.any() else np.arange(len(ends))
-            some = places[members]
-            labels[members] = choice[nearest(pack(some, np.ones(len(some))), ends[choice])]
+    for kind, allowed in enumerate(allowed_for(kinds_of_ends)):
+        some, choice = places[kinds == kind], np.flatnonzero(allowed)
+        if len(some):
+            labels[kinds == kind] = choice[nearest(pack(some, np.ones(len(some))), ends[choice])]
     return labels

@@ -263,6 +263,9 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
         "bits": 8,
         "frames": 1,
         "icc": None,
+        "geo_transform": None,
+        "epsg": None,
+        "nodata": None,
         "alpha": True,
         "distinct_colors": n_distinct(RGBA),
     }
@@ -362,7 +365,7 @@ def test_floating_point_pictures_are_refused_with_the_way_out(run: Run, here: Pa
     before = listing(here)
     outcome = run("quantize", "float.tif", "-k", "4")
     assert outcome.status == 1
-    assert_one_line(outcome.err, "cvtimg: float.tif: has floating point samples", "16-bit grey")
+    assert_one_line(outcome.err, ".png cannot hold floating point samples", "use one of .tif")
     assert listing(here) == before
 
 
@@ -440,7 +443,18 @@ PICTURE = "pictures/rgb.png"
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        ([PICTURE], ["--colors"]),
+        ([PICTURE], ["one of -k, --psnr, --max-bytes and --palette must be given"]),
+        ([PICTURE, "--palette", "p.gpl", "-k", "4"], ["--palette and -k exclude each other"]),
+        ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
+        ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
+        ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
+        ([PICTURE, "--max-bytes", "0"], ["'0' must be a whole number in 1.."]),
+        ([PICTURE, "-k", "4", "--lock", "white"], ["'white' must be a color as '#rrggbb' or '#rrggbbaa'"]),
+        ([PICTURE, "-k", "4", "--space", "hsv"], ["--space: 'hsv' must be one of rgb, linear, lab, oklab"]),
+        ([PICTURE, "-k", "4", "--dither", "bayer"], ["--dither: 'bayer' must be one of none, floyd-steinberg"]),
+        ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
+        ([PICTURE, "-k", "4", "--dither", "blue-noise", "--dither-strength", "2"], ["'2' must be a number in 0..1"]),
+        ([PICTURE, "-k", "4", "--depth", "12"], ["--depth: '12' must be one of 8, 16"]),
         (["-k", "4"], ["INPUT"]),
         ([PICTURE, "-k", "abc"], ["-k", "'abc' must be a whole number in 1..65536"]),
         ([PICTURE, "-k", "0"], ["-k", "'0' must be a whole number in 1..65536"]),

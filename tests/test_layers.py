@@ -13,11 +13,20 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
     {"images"},
-    {"images.opening", "images.decoding", "images.encoding"},
-    {"io", "samples", "points", "palette", "columns", "color", "edge_weight"},
-    {"tables", "places"},
+    {"images.opening"},
+    {"images.arrays", "images.metadata"},
+    {"images.png", "images.tiff"},
+    {"images.decoding", "images.encoding"},
+    {"images.header"},
+    {"palettes"},
+    {"palettes.swatches"},
+    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight"},
+    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
+    {"palette"},
+    {"tables"},
+    {"places", "targets"},
     {"versions"},
     {"alignment"},
     {"seeding"},
@@ -54,7 +63,8 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
             found |= {alias.name for alias in node.names if alias.name in RANK}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            found.add((node.module or "").removeprefix("cvtimg."))
+            module = (node.module or "").removeprefix("cvtimg.")
+            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found

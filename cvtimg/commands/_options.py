@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from string import hexdigits
 from typing import Annotated, Any
 
 import typer
@@ -28,17 +29,32 @@ def whole_number(low: int, high: int) -> Callable[[str | int], int]:
     return parse
 
 
-def power(text: str | float) -> float:
-    """Parse a power that is not negative."""
-    with suppress(ValueError):
-        if 0 <= float(text) < math.inf:
-            return float(text)
-    raise typer.BadParameter(f"{str(text)!r} must be a number >= 0")
+def number(low: float, high: float = math.inf) -> Callable[[str | float], float]:
+    """Make a parser for a finite number."""
+    allowed = f">= {low:g}" if high == math.inf else f"in {low:g}..{high:g}"
+
+    def parse(text: str | float) -> float:
+        with suppress(ValueError):
+            if low <= float(text) <= high and math.isfinite(float(text)):
+                return float(text)
+        raise typer.BadParameter(f"{str(text)!r} must be a number {allowed}")
+
+    return parse
+
+
+def color(text: str) -> str:
+    """Check a color in the way of style sheets, and return its digits with those of alpha."""
+    digits = text.removeprefix("#")
+    if len(digits) in (6, 8) and set(digits) <= set(hexdigits):
+        return f"{digits:f<8}"
+    raise typer.BadParameter(f"{text!r} must be a color as '#rrggbb' or '#rrggbbaa'")
 
 
 # The names stand here as text, for the registries would import NumPy; a test holds them together.
 EFFORT_HELP = "Time to take: fast, balanced or best."
 METHOD_NAMES = "lloyd, transfer, macqueen, probabilistic or optimal1d"
+SPACE_NAMES = "rgb, linear, lab or oklab"
+DITHER_NAMES = "none, floyd-steinberg or blue-noise"
 SEEDING_NAMES = "split, k-means++, maximin or random"
 
 SEED = whole_number(0, 2**63 - 1)
@@ -53,7 +69,7 @@ Method = Annotated[
 ]
 VolumePower = Annotated[
     float,
-    Option("--volume-power", metavar="P", parser=power, help="How much more a large cell counts, >= 0; 0 for not."),
+    Option("--volume-power", metavar="P", parser=number(0), help="How much more a large cell counts, >= 0; 0 for not."),
 ]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace outputs that exist. Inputs are never replaced.")]
 AsJson = Annotated[bool, Option("--json", help="Print a JSON object a line for each input, not a table.")]

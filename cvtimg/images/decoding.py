@@ -1,17 +1,26 @@
-"""From what a picture file holds to an upright sRGB array, by way of Pillow."""
+"""From what a picture file holds to an upright sRGB array.
+
+Pillow reads nearly all. What it would cut to 8 bits or to three bands goes to tifffile and imagecodecs, which are
+imported then.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageFile
+from PIL import Image, ImageFile, UnidentifiedImageError
 
+from cvtimg.images.arrays import NPY_MAGIC, as_samples, decode_npy
+from cvtimg.images.opening import open_picture, orientation
+from cvtimg.images.png import decode_deep_png
+from cvtimg.images.tiff import TIFF_MAGICS, Layout, decode_tiff
 from cvtimg.profiles import apply_profile
 
-__all__ = ["decode", "depth", "orientation"]
+__all__ = ["decode", "depth", "tags_of", "to_srgb"]
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -24,18 +33,41 @@ _UPRIGHT = {
 }
 
 
-def decode(image: ImageFile.ImageFile) -> NDArray[Any]:
-    """Give the pixels of an open picture as `read_image` does."""
+def decode(file: BinaryIO) -> NDArray[Any]:
+    """Give the pixels in a file as `read_image` does."""
+    magic = file.read(8)
+    file.seek(0)
+    if magic.startswith(NPY_MAGIC):
+        return decode_npy(file)
+    try:
+        image = open_picture(file)
+    except UnidentifiedImageError:
+        if not magic.startswith(TIFF_MAGICS):
+            raise
+        return decode_tiff(file)
+    with image:
+        if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
+            return decode_tiff(file)
+        if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
+            return decode_deep_png(file, image)
+        return _decode(image)
+
+
+def tags_of(image: ImageFile.ImageFile) -> Mapping[int, Any]:
+    """Give the tags of the first page of a TIFF, none of another file."""
+    tags: Mapping[int, Any] = getattr(image, "tag_v2", {})
+    return tags
+
+
+def _decode(image: ImageFile.ImageFile) -> NDArray[Any]:
     bits = depth(image)  # asked first: load() forgets how the file is coded
     image.load()
     _scale_transparent_color(image, bits)
     turn = _UPRIGHT.get(orientation(image))
     upright = image if turn is None else image.transpose(turn)
-    if image.mode == "F":
-        return np.array(upright, np.float32)
-    if image.mode.startswith("I"):
-        return _deep_grey(np.asarray(upright))
-    return np.array(_srgb(upright))
+    if image.mode.startswith(("I", "F")):
+        return as_samples(np.array(upright))
+    return np.array(to_srgb(upright))
 
 
 def depth(image: ImageFile.ImageFile) -> int:
@@ -45,16 +77,8 @@ def depth(image: ImageFile.ImageFile) -> int:
         if coded:
             return int(coded[1])
     if image.format == "TIFF":
-        return int(getattr(image, "tag_v2", {}).get(258, (1,))[0])
+        return Layout.of(tags_of(image)).bits
     return {"1": 1, "I": 32, "F": 32}.get(image.mode, 16 if image.mode.startswith("I;16") else 8)
-
-
-def orientation(image: Image.Image) -> int:
-    """EXIF's number of the way that the picture lies, 1..8; 1 is upright."""
-    try:
-        return int(image.getexif().get(0x0112, 1))
-    except Exception:  # damaged metadata, of which Pillow makes any error, spoils no pixel
-        return 1
 
 
 def _scale_transparent_color(image: Image.Image, bits: int) -> None:
@@ -64,17 +88,9 @@ def _scale_transparent_color(image: Image.Image, bits: int) -> None:
         return
     if image.mode == "L" and bits in (2, 4):
         image.info["transparency"] = color * 255 // (2**bits - 1)
-    elif image.mode == "RGB" and bits == 16:
-        image.info["transparency"] = tuple(value >> 8 for value in color)
 
 
-def _deep_grey(values: NDArray[Any]) -> NDArray[Any]:
-    if values.dtype.itemsize == 2 or (values.min() >= 0 and values.max() <= 65535):
-        return values.astype(np.uint16)
-    return values.astype(np.float32)
-
-
-def _srgb(image: Image.Image) -> Image.Image:
+def to_srgb(image: Image.Image) -> Image.Image:
     """Bring an 8-bit picture of any mode to L, RGB or RGBA in sRGB."""
     icc = image.info.get("icc_profile")
     grey = image.mode in ("1", "L", "LA")

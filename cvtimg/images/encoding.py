@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from io import BytesIO
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg.images.metadata import Metadata
+from cvtimg.images.png import encode_deep_png
+from cvtimg.images.tiff import encode_tiff
+
 __all__ = ["encode_image", "encoder", "lossless_suffixes"]
+
+_Picture: TypeAlias = Image.Image | NDArray[Any]
+
+# Beside Pillow's modes, those that it has no picture for: 16-bit color, and whatever else an array holds.
+_DEEP = ("RGB;16", "RGBA;16")
+_OTHER = "other"
+_ALL = ("icc_profile", "dpi", "exif")
+_PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
 
 
 class _Format(NamedTuple):
@@ -18,6 +30,7 @@ class _Format(NamedTuple):
     modes: tuple[str, ...]
     lossless: bool
     options: dict[str, Any]
+    keeps: tuple[str, ...] = ()  # of Metadata, in the words of Pillow
 
 
 # Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph, one core of two:
@@ -25,23 +38,24 @@ class _Format(NamedTuple):
 #   16 colours:  level 1 125 ms 1.7 MB, 3 175 ms 1.6 MB, 6 460 ms 1.5 MB
 #   24-bit RGB:  level 1 0.7 s 12.3 MB, 3 1.0 s 11.4 MB, 6 3.2 s 10.5 MB
 # Run-length coding alone makes 16 colours smaller (1.4 MB, 100 ms), but doubles a page of text.
-_PNG = _Format("PNG", ("1", "L", "P", "PA", "I;16", "RGB", "RGBA"), True, {"compress_level": 3})
-_TIFF = _Format("TIFF", ("1", "L", "P", "I;16", "RGB", "RGBA"), True, {"compression": "tiff_adobe_deflate"})
+_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3}, _ALL)
+_TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
-_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0})
+_JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
 _FORMATS = {
     ".png": _PNG,
     ".tif": _TIFF,
     ".tiff": _TIFF,
     # exact: WebP otherwise rewrites the colours under full transparency.
-    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}),
+    ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}, ("icc_profile", "exif")),
     # optimize would renumber the palette.
     ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False}),
-    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}),
+    ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}, ("dpi",)),
     ".ppm": _Format("PPM", ("RGB",), True, {}),
     ".pgm": _Format("PPM", ("L", "I;16"), True, {}),
     ".jpg": _JPEG,
     ".jpeg": _JPEG,
+    ".npy": _Format("NPY", (*_PLAIN, _OTHER), True, {}),
 }
 _WIDER = {"1": "L", "L": "RGB"}
 _CONTENT = {
@@ -50,17 +64,26 @@ _CONTENT = {
     "I;16": "a 16-bit grey picture",
     "RGB": "an RGB picture",
     "RGBA": "transparency",
+    "RGB;16": "a 16-bit RGB picture",
+    "RGBA;16": "a 16-bit RGBA picture",
+    _OTHER: "floating point samples, or bands that are no colors",
 }
 
 
-def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8] | None = None) -> bytes:
+def encode_image(
+    suffix: str,
+    image: NDArray[Any],
+    *,
+    palette: NDArray[np.uint8] | None = None,
+    metadata: Metadata | None = None,
+) -> bytes:
     """Give what `write_image` would write into a file of this suffix.
 
     Parameters
     ----------
     suffix : str
         Such as ``".png"``, of those that `write_image` knows.
-    image, palette
+    image, palette, metadata
         As in `write_image`.
 
     Returns
@@ -79,11 +102,13 @@ def encode_image(suffix: str, image: NDArray[Any], *, palette: NDArray[np.uint8]
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette)(buffer)
+    encoder(suffix, image, palette, metadata)(buffer)
     return buffer.getvalue()
 
 
-def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None) -> Callable[[BinaryIO], None]:
+def encoder(
+    suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None, metadata: Metadata | None
+) -> Callable[[BinaryIO], None]:
     """Check that a picture fits a format, and give the function that writes it into a file."""
     suffix = suffix.lower()
     if suffix not in _FORMATS:
@@ -93,12 +118,13 @@ def encoder(suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None)
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
     picture = _direct(image) if palette is None else _indexed(image, palette, form)
-    while picture.mode not in form.modes and picture.mode in _WIDER:
+    while isinstance(picture, Image.Image) and picture.mode not in form.modes and picture.mode in _WIDER:
         picture = picture.convert(_WIDER[picture.mode])
-    if picture.mode not in form.modes:
-        able = ", ".join(name for name, one in _FORMATS.items() if picture.mode in one.modes)
-        raise ValueError(f"{suffix} cannot hold {_CONTENT[picture.mode]}; use one of {able}")
-    return lambda file: picture.save(file, form.name, **form.options)
+    mode = _mode(picture)
+    if mode not in form.modes:
+        able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
+        raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
+    return lambda file: _write(file, picture, form, metadata or Metadata())
 
 
 def lossless_suffixes() -> list[str]:
@@ -106,19 +132,41 @@ def lossless_suffixes() -> list[str]:
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
-def _direct(image: NDArray[Any]) -> Image.Image:
+def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
+    mode = _mode(picture)
+    if form.name == "NPY":
+        np.save(file, np.asarray(picture), allow_pickle=False)
+    elif isinstance(picture, Image.Image):
+        picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
+    elif form.name == "PNG":
+        encode_deep_png(file, picture, metadata.png_chunks(mode))
+    else:
+        encode_tiff(file, picture, **metadata.options(form.name, mode, ("icc_profile", "dpi")))
+
+
+def _direct(image: NDArray[Any]) -> _Picture:
+    """Check an array, and give it as a Pillow image if there is such a kind."""
     image = np.asarray(image)
-    grey = image.ndim == 2 and image.dtype in (bool, np.uint8, np.uint16)
-    color = image.ndim == 3 and image.shape[2] in (3, 4) and image.dtype == np.uint8
-    if not (grey or color) or image.size == 0:
+    numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
+    if image.ndim not in (2, 3) or not (numbers or (image.dtype == bool and image.ndim == 2)) or image.size == 0:
         raise ValueError(
-            f"image with shape={image.shape} and dtype={image.dtype} must be (H, W) bool, uint8 "
-            "or uint16, or (H, W, 3) or (H, W, 4) uint8, and have pixels"
+            f"image with shape={image.shape} and dtype={image.dtype} must be (H, W) or (H, W, C) integers, float32 "
+            "or float64, or (H, W) bool, and have pixels"
         )
-    return Image.fromarray(np.ascontiguousarray(image))
+    image = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
+    return image if _mode(image) in (*_DEEP, _OTHER) else Image.fromarray(image)
 
 
-def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> Image.Image:
+def _mode(picture: _Picture) -> str:
+    if isinstance(picture, Image.Image):
+        return picture.mode
+    n_bands = picture.shape[2] if picture.ndim == 3 else 1
+    kinds = {np.bool_: {1: "1"}, np.uint8: {1: "L", 3: "RGB", 4: "RGBA"}}
+    kinds[np.uint16] = {1: "I;16", 3: "RGB;16", 4: "RGBA;16"}
+    return kinds.get(picture.dtype.type, {}).get(n_bands, _OTHER)
+
+
+def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
     indices, palette = np.asarray(indices), np.asarray(palette)
     _check_indexed(indices, palette)
     alpha = palette[:, 3] if palette.shape[1] == 4 else np.full(len(palette), 255, np.uint8)
