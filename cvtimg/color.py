@@ -138,7 +138,7 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
         return colors
     _check_channels(colors.shape[1], space)
     unit = colors / peak(colors.dtype)
-    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+    if colors.dtype.kind == "f" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
         raise ValueError(f"space={space!r} needs floating point samples in 0..1, not in {unit.min()}..{unit.max()}")
     places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place

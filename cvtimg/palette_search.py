@@ -121,7 +121,7 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
     fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
     samples, fixed = agree(samples, fixed)
-    needed, there = set(kinds_of(samples.colors)), set(kinds_of(fixed))
+    needed, there = (set(np.unique(kinds_of(colors)).tolist()) for colors in (samples.colors, fixed))
     if CLEAR in needed - there:
         fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
@@ -132,7 +132,9 @@ def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
     opaque, density = kinds == OPAQUE, samples.density
     if opaque.any() and not density[opaque].any():
         density = np.where(opaque, 1e-12 * density.max(), density)
-    return replace(samples, density=density).some((density > 0) & (kinds != CLEAR))
+        samples = replace(samples, density=density)
+    chosen = (density > 0) & (kinds != CLEAR)
+    return samples if chosen.all() else samples.some(chosen)
 
 
 def _opaque_palette(
