@@ -8,6 +8,7 @@ from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
 from .remapping import Quantized, map_to_palette
+from .renormalization import RENORMALIZATIONS
 from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
@@ -18,6 +19,7 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RENORMALIZATIONS",
     "SEEDINGS",
     "SPACES",
     "ColorSamples",

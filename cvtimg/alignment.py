@@ -11,6 +11,8 @@ from cvtimg.versions import Floats, Versions, fill
 
 #: Steps of least squares: each leaves a fifth or less of what the last one left.
 _STEPS = 6
+#: Pictures of less contrast, as a share of their values, have nothing that could be out of place.
+_FLAT = 1e-5
 #: Differences of so many medians count half.
 _OUTLYING = 3.0
 #: A shifted pixel is known if at least so much of what it is interpolated from is.
@@ -68,6 +70,8 @@ def _shift_between(
     from skimage.registration import phase_cross_correlation
 
     fixed, moving = gaussian_filter(fixed, _BLUR), gaussian_filter(moving, _BLUR)
+    if min(np.ptp(fixed), np.ptp(moving)) <= _FLAT * np.abs(fixed).max():
+        return np.zeros(2)
     correlate: Any = phase_cross_correlation
     whole, _, _ = correlate(fixed, moving, reference_mask=fixed_known, moving_mask=moving_known)
     whole = np.asarray(whole, np.float64)

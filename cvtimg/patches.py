@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.cvt import tessellate
+from cvtimg.points import assign, cell_energies, pack
 
 Floats = NDArray[np.float32]
 
@@ -63,18 +64,21 @@ def restore_detail(
         Cells of patches.
     """
     from scipy.ndimage import gaussian_filter
+    from threadpoolctl import threadpool_limits
 
     estimate = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
     known = share[:, :, None] > 0
     spread = noise**2 / np.maximum(share, share[share > 0].min())
-    for _ in range(_ROUNDS):
-        cells = _Cells.of(estimate, n_generators, effort, rng)
-        filled = np.where(known, fused, estimate)
-        filters = _filters(filled, spread, cells.labels, n_generators)
-        # What is known ill is drawn towards the estimate, until all is known as well as what is known best: the fixed
-        # point is that of a filter that weighs each pixel by its own noise.
-        drawn = estimate + share[:, :, None] * (filled - estimate)
-        estimate = _filtered(drawn, cells.labels, filters, noise**2)
+    # The matrices are small: threads of the BLAS would spend their time in waiting for each other.
+    with threadpool_limits(1, user_api="blas"):
+        for _ in range(_ROUNDS):
+            cells = _Cells.of(estimate, n_generators, effort, rng)
+            filled = np.where(known, fused, estimate)
+            filters = _filters(filled, spread, cells.labels, n_generators)
+            # What is known ill is drawn towards the estimate, until all is known as well as what is known best: the
+            # fixed point is that of a filter that weighs each pixel by its own noise.
+            drawn = estimate + share[:, :, None] * (filled - estimate)
+            estimate = _filtered(drawn, cells.labels, filters, noise**2)
     return Detailed(estimate, cells.labels, cells.energy)
 
 
@@ -95,16 +99,12 @@ class _Cells:
         _, axes = np.linalg.eigh((sample.T @ sample).astype(np.float64))
         basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
         generators = tessellate(sample @ basis, n_generators, effort=effort, rng=rng).generators
-        inside = generators.astype(np.float32)
-        half_norms = (inside * inside).sum(axis=1) / 2
         labels, energy = np.empty(image.shape[:2], np.int32), 0.0
         for rows, patches in _chunks(image):
-            places = (patches - mean) @ basis
-            far = half_norms - places @ inside.T
-            nearest = far.argmin(axis=1)
-            labels[rows] = nearest.reshape(labels[rows].shape)
-            squares = (places * places).sum(axis=1) + 2 * far[np.arange(len(far)), nearest]
-            energy += float(np.maximum(squares, 0).sum(dtype=np.float64))
+            points = pack((patches - mean) @ basis, np.ones(len(patches)), center=np.zeros(basis.shape[1]))
+            nearest = assign(points, points.frame.inward(generators))
+            labels[rows] = nearest[: points.n_points].reshape(labels[rows].shape)
+            energy += points.frame.energy(cell_energies(points, points.frame.inward(generators), nearest).sum())
         return cls(labels, energy)
 
 

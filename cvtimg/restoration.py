@@ -185,8 +185,10 @@ def restore(
         versions, shifts = align_versions(versions)
     noise = noise_of(versions)
     trust = trust_in(versions, weights, noise)
-    variance = _variance(noise, trust)
-    doubt = variance if channels else max(variance, disagreement(versions, trust))
+    told = [_variance(noise, trust), np.nan if channels else disagreement(versions, trust)]
+    variance, doubt = float(np.nanmin(told)), float(np.nanmax(told))
+    if detail and edge_weight not in (0, "auto"):
+        raise ValueError(f"edge_weight={edge_weight!r} is of segments, and there are none with detail=True")
     cost = check_edge_weight(edge_weight, 0 if detail else _EDGE_WEIGHT_PER_VARIANCE * doubt)
     work = _Work(versions, trust, variance, n_generators, cost, power, rule, effort, channels)
     found = work.detailed(np.random.default_rng(rng)) if detail else work.segmented()

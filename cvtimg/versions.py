@@ -157,7 +157,7 @@ def noise_of(versions: Versions) -> NDArray[np.float64]:
 
 
 def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
-    """Variance, at weight 1, of versions about their mean, where more than one knows a pixel; 0 where none does.
+    """Variance, at weight 1, of versions about their mean, where more than one knows a pixel; NaN where none does.
 
     Unlike the noise, whose estimate leaves out what is rare, it has in it what is painted over in some version.
     """
@@ -168,7 +168,7 @@ def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
         squares = np.square(versions.bands(version) - mean).sum(axis=2)
         apart += trust[version] * np.where(versions.known[:, :, version], squares, 0)
     freedom = np.maximum(versions.coverage - 1, 0).sum() * n_bands
-    return float(apart[versions.coverage > 1].sum() / freedom) if freedom else 0.0
+    return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,7 +193,7 @@ def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> t
     from scipy.ndimage import gaussian_filter
 
     n_bands = np.count_nonzero(versions.version_of == 0)
-    weight: Floats = (versions.known @ trust).astype(np.float32)
+    weight: Floats = (versions.known * trust.astype(np.float32)).sum(axis=2)
     total = np.zeros((*weight.shape, n_bands), np.float32)
     for version in range(versions.n_versions):
         total += np.float32(trust[version]) * versions.bands(version)

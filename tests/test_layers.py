@@ -45,7 +45,7 @@ LAYERS: list[set[str]] = [
     {"batch"},
     {"commands"},
     {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands.quantize", "commands.restore", "commands.cluster", "commands.info"},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
