@@ -1,3 +1,4 @@
+from .averaging import Averaging
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
@@ -22,6 +23,7 @@ __all__ = [
     "RENORMALIZATIONS",
     "SEEDINGS",
     "SPACES",
+    "Averaging",
     "ColorSamples",
     "Palette",
     "Quantized",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg import _kernels
 from cvtimg._threads import in_parts
+from cvtimg.averaging import Averaging, average_segments
 from cvtimg.cvt import tessellate
 from cvtimg.points import pack
 
@@ -107,6 +108,18 @@ def _engine(rows: Floats, loads: Floats, known: NDArray[np.bool_], volume_power:
         return tessellate(filled * scale, len(init), init=init, volume_power=volume_power).labels + 1
 
     return move
+
+
+def average_masked(
+    values: Floats, weights: Floats, labels: NDArray[np.int32], n_generators: int, averaging: Averaging
+) -> MaskedCells:
+    """Average segments in turns with new labels, what is missing taken from their generators."""
+    rows, loads = values.reshape(labels.size, -1), weights.reshape(labels.size, -1)
+    start, _ = masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1])))
+    complete = np.where(weights > 0, values, start.astype(np.float32)[labels - 1]) * np.sqrt(loads.max(axis=0))
+    ends = average_segments(complete, labels, n_generators, averaging)
+    generators, masses = masked_means(rows, loads, ends.ravel(), start)
+    return MaskedCells(ends, generators, masses, (_energy(rows, loads, generators, ends.ravel(), 0),), True)
 
 
 def masked_means(

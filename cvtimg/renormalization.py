@@ -26,23 +26,25 @@ class Evidence:
 
     Attributes
     ----------
-    values, weights : lists of (H, W, C) arrays
+    values : list of (H, W, C) arrays
         Of each version.
+    known : list of (H, W) bool arrays
+        What each version knows.
     labels : (H, W) int32 array
         From 1.
     generators, masses : (S, K, C) arrays
         Of each version.
-    settle : callable
-        From the values and weights of one version to the generators and masses, (K, C), where its segments come to
-        rest if they start as the labels and it is alone.
+    alone : callable
+        From the number of a version to the generators and masses, (K, C), where its segments come to rest if they
+        start as the labels and it is alone.
     """
 
     values: list[Floats]
-    weights: list[Floats]
+    known: list[NDArray[np.bool_]]
     labels: NDArray[np.int32]
     generators: _Doubles
     masses: _Doubles
-    settle: Callable[[Floats, Floats], tuple[_Doubles, _Doubles]]
+    alone: Callable[[int], tuple[_Doubles, _Doubles]]
 
 
 def mean_colors(evidence: Evidence) -> _Doubles:
@@ -58,13 +60,9 @@ def median_colors(evidence: Evidence) -> _Doubles:
     colors = mean_colors(evidence)
     for cell in range(len(colors)):
         inside = evidence.labels == cell + 1
-        for band in range(colors.shape[1]):
-            seen = [
-                values[:, :, band][inside & (weights[:, :, band] > 0)]
-                for values, weights in zip(evidence.values, evidence.weights, strict=True)
-            ]
-            if any(map(len, seen)):
-                colors[cell, band] = np.median(np.concatenate(seen))
+        seen = [values[inside & known] for values, known in zip(evidence.values, evidence.known, strict=True)]
+        if any(map(len, seen)):
+            colors[cell] = np.median(np.concatenate(seen), axis=0)
     return colors
 
 
@@ -76,8 +74,8 @@ def range_colors(evidence: Evidence) -> _Doubles:
     """
     colors = mean_colors(evidence)
     settled = []
-    for values, weights in zip(evidence.values, evidence.weights, strict=True):
-        levels, masses = evidence.settle(values, weights)
+    for version in range(len(evidence.values)):
+        levels, masses = evidence.alone(version)
         enough = masses >= max(_LEAST_SHARE * float(masses.sum(axis=0).max()), _NOTHING)
         settled.append(np.where(enough, levels, np.nan))
     told = np.stack(settled)

@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_choice, check_edge_weight, check_non_negative
 from cvtimg.alignment import align as align_versions
-from cvtimg.color import from_space, peak
+from cvtimg.averaging import Averaging, as_averaging
+from cvtimg.color import from_space, peak, to_space
 from cvtimg.cvt import tessellate
 from cvtimg.edge_weight import EdgeWeighted, descend
-from cvtimg.masked import MaskedCells, masked_cells, masked_means
+from cvtimg.masked import MaskedCells, average_masked, masked_cells, masked_means
 from cvtimg.patches import restore_detail
 from cvtimg.renormalization import RENORMALIZATIONS, Evidence
 from cvtimg.search import EFFORTS
-from cvtimg.versions import Floats, Versions, disagreement, fuse, noise_of, stack_versions, trust_in
+from cvtimg.versions import Floats, Versions, averaged_versions, disagreement, fuse, noise_of, stack_versions, trust_in
 
 #: The edge weight as a multiple of the variance of the noise. Half of it or twice as much serves nearly as well.
 _EDGE_WEIGHT_PER_VARIANCE = 0.5
@@ -51,7 +52,7 @@ class Restoration:
     shifts : (S, 2) float64 array
         By how many pixels each version was moved, down and to the right.
     edge_weight : float
-        What each pair of near pixels in different segments cost.
+        What each pair of near pixels in different segments cost, in squared levels of 8 bits.
     energy : float
         Sum over pixels and versions of weight times squared distance to the generator, and the edges; with `detail`
         of the squared distance of patches to theirs.
@@ -88,6 +89,7 @@ def restore(
     align: bool = False,
     channels: bool = False,
     space: str = "rgb",
+    averaging: str | Averaging | None = None,
     edge_weight: float | str = "auto",
     volume_power: float = 0,
     renormalize: str | None = "range",
@@ -122,10 +124,12 @@ def restore(
         segments and no color. They may differ in bands and type, and the image is the first of them.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured. Floating point is cut to 0..1 but for "rgb".
+    averaging : {"before", "after"} or Averaging, optional
+        Average what each version knows before the search for segments, or the segments after it, as in `segment`.
     edge_weight : float or "auto"
-        What each pair of pixels within 3 pixels costs if they are in different segments, in squared units of the
-        space: 0 for nothing; "auto" is half the variance of the noise, or of what versions disagree
-        by, which is more where some are painted over.
+        What each pair of pixels within 3 pixels costs if they are in different segments, in squared levels of 8 bits
+        whatever the depth, as if white were 255. 0 is nothing; "auto" is half the variance of the noise, or of what
+        versions disagree by, which is more where some are painted over.
     volume_power : float
         Each segment counts by its share of the picture to this power.
     renormalize : {"range", "median", "none"} or None
@@ -134,7 +138,7 @@ def restore(
         median of all that is known of the segment; "none" or None leaves the means. With `detail` colors stay means.
     detail : bool
         For photographs: cells of patches of 5 x 5 pixels, and in each a filter that gives back what its generator
-        leaves out. There is no edge weight then.
+        leaves out. There is no averaging and no edge weight then.
     effort : {"fast", "balanced", "best"}
         From how many blurred pictures the search for segments starts: 1, 2 or 4.
     rng : int or numpy.random.Generator
@@ -185,14 +189,26 @@ def restore(
         versions, shifts = align_versions(versions)
     noise = noise_of(versions)
     trust = trust_in(versions, weights, noise)
-    told = [_variance(noise, trust), np.nan if channels else disagreement(versions, trust)]
-    variance, doubt = float(np.nanmin(told)), float(np.nanmax(told))
-    if detail and edge_weight not in (0, "auto"):
-        raise ValueError(f"edge_weight={edge_weight!r} is of segments, and there are none with detail=True")
-    cost = check_edge_weight(edge_weight, 0 if detail else _EDGE_WEIGHT_PER_VARIANCE * doubt)
-    work = _Work(versions, trust, variance, n_generators, cost, power, rule, effort, channels)
-    found = work.detailed(np.random.default_rng(rng)) if detail else work.segmented()
+    average = as_averaging(averaging)
+    data = averaged_versions(versions, average) if average and average.when == "before" else versions
+    told = [_variance(noise, trust) * (average.noise_gain if average and data is not versions else 1.0)]
+    told += [] if channels else [disagreement(data, trust)]
+    unit = _level(versions, space) ** 2
+    cost = check_edge_weight(edge_weight, _EDGE_WEIGHT_PER_VARIANCE * float(np.nanmax(told)) / unit)
+    if detail:
+        _check_detail(average, edge_weight, channels)
+        cost = 0.0
+    work = _Work(versions, data, trust, n_generators, average, cost * unit, power, rule, effort, channels)
+    found = work.detailed(float(np.nanmin(told)), np.random.default_rng(rng)) if detail else work.segmented()
     return _in_order(found, versions, space, noise=noise, weights=trust, shifts=shifts, edge_weight=cost)
+
+
+def _check_detail(averaging: Averaging | None, edge_weight: float | str, channels: bool) -> None:
+    """Refuse what makes no sense of patches."""
+    if channels:
+        raise ValueError("detail=True needs versions of one look; it cannot be with channels=True")
+    if averaging or edge_weight not in (0, "auto"):
+        raise ValueError("detail=True takes neither averaging nor an edge_weight: it has no segments")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,9 +228,10 @@ class _Work:
     """What is to be done with some versions."""
 
     versions: Versions
+    data: Versions
     trust: NDArray[np.float64]
-    variance: float
     n_generators: int
+    averaging: Averaging | None
     edge_weight: float
     volume_power: float
     rule: str
@@ -223,32 +240,47 @@ class _Work:
 
     def segmented(self) -> _Found:
         """Find segments of pixels whose stacked values are alike."""
-        values, weights = self.versions.values, self.versions.weights(self.trust)
-        center = np.float32(values[weights > 0].mean(dtype=np.float64))  # float32 then holds what matters
-        values = values - center
+        values, weights = self.data.values, self.data.weights(self.trust)
+        values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # float32 then holds what matters
         ends = [self.settle(values, weights, self.start(blur)) for blur in _BLURS[self.effort]]
         end = min(ends, key=lambda end: end.energies[-1])
-        colors = RENORMALIZATIONS[self.rule](self.evidence(values, weights, end))
-        return _Found(end.labels, end.generators + center, end.masses, colors + center, end.energies)
+        generators, masses = self.measured(end.labels)
 
-    def detailed(self, rng: np.random.Generator) -> _Found:
+        def alone(version: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            own = self.versions.version_of == version
+            settled = self.settle(values[:, :, own], weights[:, :, own], end.labels)
+            means, loads = self.measured(settled.labels)
+            return means[:, own], loads[:, own]
+
+        seen = range(1 if self.channels else self.versions.n_versions)
+        bands = [self.versions.version_of == version for version in seen]
+        evidence = Evidence(
+            values=[self.versions.bands(version) for version in seen],
+            known=[self.versions.known[:, :, version] for version in seen],
+            labels=end.labels,
+            generators=np.stack([generators[:, own] for own in bands]),
+            masses=np.stack([masses[:, own] for own in bands]),
+            alone=alone,
+        )
+        return _Found(end.labels, generators, masses, RENORMALIZATIONS[self.rule](evidence), end.energies)
+
+    def detailed(self, variance: float, rng: np.random.Generator) -> _Found:
         """Find cells of patches, and filter in each what its generator leaves."""
-        if self.channels:
-            raise ValueError("detail=True needs versions of one look; it cannot be with channels=True")
         fused, weight = fuse(self.versions, self.trust)
-        noise = float(np.sqrt(self.variance / weight.max()))
+        noise = float(np.sqrt(variance / weight.max()))
         found = restore_detail(fused, weight / weight.max(), noise, self.n_generators, self.effort, rng)
         labels = found.labels + 1
+        generators, masses = self.measured(labels)
+        rows = found.image.reshape(labels.size, -1)
+        nothing = np.zeros((self.n_generators, rows.shape[1]))
+        colors, _ = masked_means(rows, np.ones_like(rows), labels.ravel(), nothing)
+        return _Found(labels, generators, masses, colors, (found.energy,), found.image)
+
+    def measured(self, labels: NDArray[np.int32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(K, D) means of segments in the versions as they came, and (K, D) the weight behind them."""
         rows = self.versions.values.reshape(labels.size, -1)
         loads = self.versions.weights(self.trust).reshape(rows.shape)
-        generators, masses = masked_means(rows, loads, labels.ravel(), np.zeros((self.n_generators, rows.shape[1])))
-        colors, _ = masked_means(
-            found.image.reshape(labels.size, -1),
-            np.ones((labels.size, found.image.shape[2]), np.float32),
-            labels.ravel(),
-            np.zeros((self.n_generators, found.image.shape[2])),
-        )
-        return _Found(labels, generators, masses, colors, (found.energy,), found.image)
+        return masked_means(rows, loads, labels.ravel(), np.zeros((self.n_generators, rows.shape[1])))
 
     def start(self, blur: float) -> NDArray[np.int32]:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred: nothing is missing there."""
@@ -261,40 +293,29 @@ class _Work:
     def looks(self) -> list[tuple[Versions, NDArray[np.float64]]]:
         """Versions that look alike, with the trust in them: all together, or each channel by itself."""
         if not self.channels:
-            return [(self.versions, self.trust)]
-        return [(self.versions.only(number), self.trust[[number]]) for number in range(self.versions.n_versions)]
+            return [(self.data, self.trust)]
+        return [(self.data.only(number), self.trust[[number]]) for number in range(self.data.n_versions)]
 
     def settle(self, values: Floats, weights: Floats, labels: NDArray[np.int32]) -> EdgeWeighted | MaskedCells:
         """Lower the energy from some labels to where they rest."""
-        if not self.edge_weight:
-            return masked_cells(values, weights, labels, self.n_generators, volume_power=self.volume_power)
-        return descend(
-            values,
-            labels,
-            self.n_generators,
-            edge_weight=self.edge_weight,
-            weights=weights,
-            volume_power=self.volume_power,
-        )
+        average = self.averaging if self.averaging and self.averaging.when == "after" else None
+        if self.edge_weight:
+            return descend(
+                values,
+                average_masked(values, weights, labels, self.n_generators, average).labels if average else labels,
+                self.n_generators,
+                edge_weight=self.edge_weight,
+                weights=weights,
+                volume_power=self.volume_power,
+            )
+        end = masked_cells(values, weights, labels, self.n_generators, volume_power=self.volume_power)
+        return average_masked(values, weights, end.labels, self.n_generators, average) if average else end
 
-    def evidence(self, values: Floats, weights: Floats, end: EdgeWeighted | MaskedCells) -> Evidence:
-        """Gather what colors are made of: all versions, or of channels the first."""
-        bands = [
-            self.versions.version_of == number for number in range(1 if self.channels else self.versions.n_versions)
-        ]
 
-        def settle(values: Floats, weights: Floats) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            alone = self.settle(values, weights, end.labels)
-            return alone.generators, alone.masses
-
-        return Evidence(
-            values=[values[:, :, own] for own in bands],
-            weights=[weights[:, :, own] for own in bands],
-            labels=end.labels,
-            generators=np.stack([end.generators[:, own] for own in bands]),
-            masses=np.stack([end.masses[:, own] for own in bands]),
-            settle=settle,
-        )
+def _level(versions: Versions, space: str) -> float:
+    """Return a level of 8 bits in the units of the first version's color space."""
+    white = np.array([[peak(versions.dtype)]], versions.dtype)
+    return float(to_space(white, space)[0, 0]) / 255
 
 
 def _variance(noise: NDArray[np.float64], trust: NDArray[np.float64]) -> float:

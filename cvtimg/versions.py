@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_image, check_masks, check_same, check_version_weights
+from cvtimg.averaging import Averaging, averaged
 from cvtimg.color import peak, to_space
 from cvtimg.places import has_alpha
 
@@ -136,6 +137,15 @@ def _place(values: NDArray[Any], known: NDArray[np.bool_], space: str) -> Floats
         rows = np.clip(rows, 0, 1)  # noise leaves the gamut, on which the other spaces stand
     places = to_space(rows, space).reshape(values.shape)
     return np.where(known[:, :, None], places, 0).astype(np.float32)
+
+
+def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
+    """Average what each version knows, where it knows it."""
+    values = np.empty_like(versions.values)
+    for version in range(versions.n_versions):
+        own = versions.version_of == version
+        values[:, :, own] = averaged(versions.bands(version), averaging, versions.known[:, :, version])
+    return versions.moved(values, versions.known)
 
 
 def noise_of(versions: Versions) -> NDArray[np.float64]:

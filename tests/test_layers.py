@@ -27,6 +27,7 @@ LAYERS: list[set[str]] = [
     {"palette"},
     {"tables"},
     {"places", "targets"},
+    {"averaging"},
     {"versions"},
     {"alignment"},
     {"seeding"},

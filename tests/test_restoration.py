@@ -8,7 +8,7 @@ from damaging import card, damage, psnr, two_phases
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import RENORMALIZATIONS, Restoration, restore
+from cvtimg import RENORMALIZATIONS, Averaging, Restoration, restore
 
 Damage = damage.Damage
 
@@ -210,6 +210,35 @@ def test_a_space_is_where_distances_are_measured() -> None:
         assert np.nanmax(result.generators) > 100  # in the units of the versions
 
 
+@pytest.mark.parametrize(
+    ("averaging", "edge_weight", "gain"),
+    [
+        ("before", 0, 8),
+        (Averaging("before", "box", 1), 0, 4),
+        ("after", 0, 1),
+        ("before", "auto", 8),
+        ("after", "auto", 8),
+    ],
+)
+def test_averaging_takes_noise_away(averaging: str | Averaging, edge_weight: float | str, gain: float) -> None:
+    clean, _ = card()
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.3, holes=0.3), seed=0)
+    plain = restore(versions, 4, masks=known, edge_weight=0)
+    result = restore(versions, 4, masks=known, edge_weight=edge_weight, averaging=averaging)
+    assert psnr(result.image, clean) > psnr(plain.image, clean) + gain
+
+
+def test_an_edge_weight_means_the_same_at_every_depth() -> None:
+    clean, _ = card(48)
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.2), seed=0)
+    eight = [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
+    others = [[version / 255 for version in eight], [version.astype(np.uint16) * 257 for version in eight]]
+    results = [restore(some, 4, masks=known, edge_weight=200) for some in (eight, *others)]
+    for result in results:
+        np.testing.assert_array_equal(result.labels, results[0].labels)
+        assert result.edge_weight == 200
+
+
 def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: NDArray[Any]) -> None:
     versions = [photograph[:48, :48].copy(), photograph[:48, :48].copy()]
     for options in ({}, {"detail": True}):
@@ -252,7 +281,7 @@ RGB = np.zeros((6, 8, 3))
         ([GREY] * 2, {"renormalize": "max"}, "renormalize='max' must be one of range, median, none"),
         ([GREY] * 2, {"edge_weight": "much"}, "edge_weight='much' must be"),
         ([GREY] * 2, {"edge_weight": -1}, "edge_weight=-1 must be"),
-        ([GREY] * 2, {"edge_weight": 1, "detail": True}, "edge_weight=1 .* detail"),
+        ([GREY] * 2, {"edge_weight": 1, "detail": True}, "detail=True takes neither"),
         ([GREY] * 2, {"channels": True, "detail": True}, "detail=True needs versions of one look"),
         ([GREY] * 2, {"space": "hsv"}, "space='hsv' must be one of"),
     ],

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from damaging import card, damage, psnr
 
-from cvtimg import cli, read_image, restore, write_image
+from cvtimg import Averaging, cli, read_image, restore, write_image
 
 Run = Callable[..., tuple[int, str, str]]
 CLEAN = card(64)[0]
@@ -59,6 +59,7 @@ def test_options_reach_the_function(run: Run) -> None:
         ),
         ("--detail --seed 5 --effort fast", {"detail": True, "rng": 5, "effort": "fast"}),
         ("--align --space lab --volume-power 1", {"align": True, "space": "lab", "volume_power": 1}),
+        ("--averaging before --radius 1", {"averaging": Averaging("before", radius=1)}),
         ("--channels --edge-weight 0", {"channels": True, "edge_weight": 0}),
     ):
         assert run("v_*.png", "-k", "5", "-o", "out.png", "--overwrite", *words.split())[0] == 0
@@ -106,6 +107,8 @@ def test_the_sheet_has_the_versions_on_top_and_the_restored_picture_below(run: R
         ("v_1.png v_2.png -k 2 -o out.png --weights 1", 1, "weights of shape (1,) must be (2,)"),
         ("v_1.png v_2.png -k 2 -o out.png --renormalize max", 2, "must be one of range, median, none"),
         ("v_1.png v_2.png -k 2 -o out.png --nodata x", 2, "'x' must be a number"),
+        ("v_1.png v_2.png -k 2 -o out.png --averaging twice", 2, "must be one of none, before, after"),
+        ("v_1.png v_2.png -k 2 -o out.png --radius 0", 2, "'0' must be a number > 0"),
         ("clear.png clear.png -k 2 -o out.png", 1, "no version knows any pixel"),
     ],
 )

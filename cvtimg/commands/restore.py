@@ -34,6 +34,7 @@ EXAMPLES = """Examples:
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
+_LARGEST_RADIUS = 1000
 #: Versions in a row of the sheet.
 _ACROSS = 4
 
@@ -68,6 +69,14 @@ def _number(text: str | float) -> float:
     raise typer.BadParameter(f"{str(text)!r} must be a number")
 
 
+def _radius(text: str | float) -> float:
+    """Parse the radius of an average."""
+    with suppress(ValueError):
+        if 0 < float(text) <= _LARGEST_RADIUS:
+            return float(text)
+    raise typer.BadParameter(f"{str(text)!r} must be a number > 0 and at most {_LARGEST_RADIUS}")
+
+
 Versions = Annotated[
     list[str], typer.Argument(metavar="VERSION", help="Versions of one picture: files, folders, or patterns.")
 ]
@@ -88,6 +97,10 @@ Weights = Annotated[
 EdgeWeight = Annotated[
     str,
     Option("--edge-weight", metavar="L|auto", parser=_edge_weight, help="What edges cost: 0 nothing, auto by noise."),
+]
+Averages = Annotated[str, Option("--averaging", metavar="NAME", help="Average against noise: none, before or after.")]
+Radius = Annotated[
+    float, Option("--radius", metavar="R", parser=_radius, help="Standard deviation of that average, in pixels.")
 ]
 Renormalize = Annotated[
     str,
@@ -126,6 +139,8 @@ def restore(
     channels: Channels = False,
     detail: Detail = False,
     renormalize: Renormalize = "range",
+    averaging: Averages = "none",
+    radius: Radius = 2,
     edge_weight: EdgeWeight = "auto",
     volume_power: options.VolumePower = 0,
     space: Space = "rgb",
@@ -143,12 +158,13 @@ def restore(
     version knows is filled from around it. Pictures of few colors come out in N flat colors; photographs need
     --detail. All versions have one size.
     """
-    from cvtimg import EFFORTS, RENORMALIZATIONS, SPACES, find_images
+    from cvtimg import EFFORTS, RENORMALIZATIONS, SPACES, Averaging, find_images
     from cvtimg.io import lossless_suffixes
 
     check_choice("--effort", effort, EFFORTS)
     check_choice("--space", space, SPACES)
     check_choice("--renormalize", renormalize, RENORMALIZATIONS)
+    check_choice("--averaging", averaging, ("none", "before", "after"))
     check_choice("-o", output.suffix.lower(), lossless_suffixes())
     if labels:
         check_choice("--labels", labels.suffix.lower(), (".png", ".tif", ".tiff", ".npy"))
@@ -170,6 +186,7 @@ def restore(
         "channels": channels,
         "detail": detail,
         "renormalize": renormalize,
+        "averaging": None if averaging == "none" else Averaging(averaging, radius=radius),
         "edge_weight": edge_weight,
         "volume_power": volume_power,
         "space": space,
