@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 _Doubles = NDArray[np.float64]
 
-#: Segments of a smaller share of what a version knows do not tell its range.
+#: Segments of a smaller share of what a version knows do not tell its levels.
 _LEAST_SHARE = 1e-3
 _NOTHING = 1e-12
 
@@ -67,10 +67,11 @@ def median_colors(evidence: Evidence) -> _Doubles:
 
 
 def range_colors(evidence: Evidence) -> _Doubles:
-    """(K, C) means, stretched in each band from their own range to that of the versions.
+    """(K, C) levels that segments have in the versions taken each for itself; the median over these.
 
-    The range of a version is that of its levels, not of its noisy pixels: its segments settle by themselves, where
-    what is painted over goes to the background and no longer dilutes the level of what is not.
+    There what is painted over goes to the background, and no longer dilutes the level of what is not: together the
+    levels span the range of the versions again. It is told by segments and not by the least and greatest pixels, which
+    are the noisiest. A segment that is too small in every version for that keeps its mean.
     """
     colors = mean_colors(evidence)
     settled = []
@@ -79,13 +80,9 @@ def range_colors(evidence: Evidence) -> _Doubles:
         enough = masses >= max(_LEAST_SHARE * float(masses.sum(axis=0).max()), _NOTHING)
         settled.append(np.where(enough, levels, np.nan))
     told = np.stack(settled)
-    told = told[:, ~np.isnan(told).all(axis=(0, 2))]
-    levels = np.nanmedian(told, axis=0)
-    low, high = levels.min(axis=0), levels.max(axis=0)
-    least, greatest = colors.min(axis=0), colors.max(axis=0)
-    flat = greatest == least
-    stretch = np.divide(high - low, greatest - least, out=np.ones_like(low), where=~flat)
-    return np.where(flat, colors, low + (colors - least) * stretch)
+    some = ~np.isnan(told).all(axis=(0, 2))
+    colors[some] = np.nanmedian(told[:, some], axis=0)
+    return colors
 
 
 #: The registry: names for `renormalize` and ``--renormalize``; none leaves the means.

@@ -134,8 +134,9 @@ def restore(
         Each segment counts by its share of the picture to this power.
     renormalize : {"range", "median", "none"} or None
         How the generators of the versions become one color. Where versions are painted over, the mean of a segment
-        is diluted. "range" stretches the means to the range of the versions, each taken for itself; "median" takes the
-        median of all that is known of the segment; "none" or None leaves the means. With `detail` colors stay means.
+        is diluted. "range" gives it the level that it has in each version taken for itself, where what is painted
+        over goes to the background, so that colors span the range of the versions again; "median" the median of all
+        that is known of it; "none" or None its mean. With `detail` colors stay means.
     detail : bool
         For photographs: cells of patches of 5 x 5 pixels, and in each a filter that gives back what its generator
         leaves out. There is no averaging and no edge weight then.
