@@ -5,6 +5,7 @@ from .dithering import DITHERS
 from .estimator import CVT
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
@@ -14,6 +15,8 @@ from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .segmentation import Segmentation, segment
+from .superpixels import superpixels
 
 __all__ = [
     "CVT",
@@ -28,8 +31,10 @@ __all__ = [
     "Palette",
     "Quantized",
     "Restoration",
+    "Segmentation",
     "Tessellation",
     "color_samples",
+    "estimate_noise",
     "find_images",
     "find_palette",
     "image_info",
@@ -41,6 +46,8 @@ __all__ = [
     "read_metadata",
     "read_palette",
     "restore",
+    "segment",
+    "superpixels",
     "tessellate",
     "write_image",
     "write_palette",

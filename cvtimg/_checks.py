@@ -69,6 +69,22 @@ def check_image(name: str, image: Any) -> NDArray[Any]:
     return _as_samples(name, array)
 
 
+def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite."""
+    array = np.asarray(image)
+    finite = np.isfinite(array) if array.dtype.kind == "f" else np.True_
+    array = check_image(name, array if np.all(finite) else np.where(finite, array, array.dtype.type(0)))
+    array = array.reshape(*array.shape[:2], -1)
+    inside = np.ones(array.shape[:2], bool) if mask is None else np.asarray(mask) != 0
+    if inside.shape != array.shape[:2]:
+        raise ValueError(f"mask of shape {inside.shape} must be {array.shape[:2]}, as the {name}")
+    if not np.all(finite):
+        inside = inside & np.all(np.reshape(finite, array.shape), axis=2)
+    if not inside.any():
+        raise ValueError(f"{name} must have at least one pixel that is in the mask and finite")
+    return array, inside
+
+
 def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
     """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
     if density is None:

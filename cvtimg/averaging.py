@@ -20,7 +20,9 @@ WHEN = ("before", "after")
 KERNELS = ("gaussian", "box")
 #: A Gaussian is cut off at so many standard deviations.
 _TRUNCATE = 4.0
-_MAX_ROUNDS = 100
+#: Labels rest when no more than this share of the pixels changes.
+_AT_REST = 1e-3
+_MAX_ROUNDS = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +116,11 @@ def average_segments(
     inside = labels > 0
     rows = values[inside]
     seen: set[bytes] = set()
-    while len(seen) < _MAX_ROUNDS and labels.tobytes() not in seen:
-        seen.add(labels.tobytes())
-        own = labels[inside] - 1
+    own, before = labels[inside] - 1, None
+    while len(seen) < _MAX_ROUNDS and own.tobytes() not in seen:
+        if before is not None and np.count_nonzero(own != before) <= _AT_REST * len(own):
+            break
+        seen.add(own.tobytes())
         masses = np.bincount(own, minlength=n_segments)
         means = np.stack([np.bincount(own, column, n_segments) for column in rows.T.astype(np.float64)], axis=1)
         present = np.flatnonzero(masses)
@@ -125,6 +129,7 @@ def average_segments(
         picture[inside] = means[own]
         points = pack(averaged(picture, averaging, inside)[inside], np.ones(len(rows)))
         nearest = assign(points, points.frame.inward(means[present]))[: len(rows)]
-        labels = np.zeros_like(labels)
-        labels[inside] = present[nearest] + 1
-    return labels
+        before, own = own, present[nearest].astype(np.int32)
+    end = np.zeros_like(labels)
+    end[inside] = own + 1
+    return end
