@@ -1,8 +1,12 @@
+from .animation import QuantizedFrames, quantize_frames
 from .averaging import Averaging
 from .color import SPACES
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .elbow import EnergyCurve, energy_curve
+from .elbow_rules import RULES
 from .estimator import CVT
+from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .noise import estimate_noise
@@ -24,16 +28,21 @@ __all__ = [
     "EFFORTS",
     "METHODS",
     "RENORMALIZATIONS",
+    "RULES",
     "SEEDINGS",
     "SPACES",
     "Averaging",
     "ColorSamples",
+    "EnergyCurve",
+    "Frames",
     "Palette",
     "Quantized",
+    "QuantizedFrames",
     "Restoration",
     "Segmentation",
     "Tessellation",
     "color_samples",
+    "energy_curve",
     "estimate_noise",
     "find_images",
     "find_palette",
@@ -41,7 +50,9 @@ __all__ = [
     "map_to_palette",
     "merge_samples",
     "quantize",
+    "quantize_frames",
     "quantize_to_size",
+    "read_frames",
     "read_image",
     "read_metadata",
     "read_palette",
@@ -49,6 +60,7 @@ __all__ = [
     "segment",
     "superpixels",
     "tessellate",
+    "write_frames",
     "write_image",
     "write_palette",
 ]

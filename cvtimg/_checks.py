@@ -108,11 +108,13 @@ def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[
     array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
         raise ValueError(f"{name} of shape {array.shape} must be numbers, (K,) or (K, C), and have colors")
-    converted = np.ascontiguousarray(array.astype(dtype))
-    if not np.isfinite(array).all() or (dtype.kind == "u" and (converted != array).any()):
+    fits = np.isfinite(array).all()
+    if fits and dtype.kind == "u":
+        fits = array.min() >= 0 and array.max() <= np.iinfo(dtype).max and (array == np.rint(array)).all()
+    if not fits:
         allowed = f"whole numbers in 0..{np.iinfo(dtype).max}" if dtype.kind == "u" else "finite"
         raise ValueError(f"{name} must be {allowed}, as the picture is of {dtype}")
-    return converted
+    return np.ascontiguousarray(array, dtype)
 
 
 def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> NDArray[np.float64]:

@@ -27,7 +27,8 @@ def diffuse(
     bounds: NDArray[np.int32],
     candidates: NDArray[np.uint16],
     strengths: NDArray[np.float32],
-    errors: NDArray[np.float32],
+    rows: NDArray[np.float32],
+    row_kinds: NDArray[np.uint8],
     labels: NDArray[np.int32],
 ) -> None: ...
 def mix(
@@ -49,4 +50,11 @@ def arrange(
     levels: NDArray[np.uint8],
     first: int,
     labels: NDArray[np.int32],
+) -> None: ...
+def measure(
+    places: NDArray[np.float32],
+    palette: NDArray[np.float32],
+    inverse: NDArray[np.int32],
+    labels: NDArray[np.int32],
+    energies: NDArray[np.float64],
 ) -> None: ...

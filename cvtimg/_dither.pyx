@@ -170,39 +170,42 @@ def diffuse(
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
     const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
-    float[:, :, ::1] errors,          # INOUT (2, W + 2, 4): 0; scratch
+    float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; what is handed to this row and the next, from column 1
+    uint8_t[::1] row_kinds,           # OUT (W,): scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
     """Give each pixel its nearest entry, and what this misses to its neighbors: there and back, row after row."""
     cdef Grid grid = grid_of(palette, box, cells_a_unit, strides, bounds, candidates)
-    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, color, label
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
     cdef float missed, strength
     cdef float *here
     cdef float *below
-    cdef const int32_t *cell
     with nogil:
         for y in range(n_rows):
-            here, below = &errors[y & 1, 0, 0], &errors[1 - (y & 1), 0, 0]
-            memset(below, 0, (width + 2) * WIDTH * sizeof(float))
+            here, below = &rows[y & 1, 1, 0], &rows[1 - (y & 1), 1, 0]
+            # Colors are fetched before they are needed: no fetch then waits for the choice of the pixel before.
+            for x in range(width):
+                row_kinds[x] = kinds[inverse[y, x]]
+                for d in range(WIDTH):
+                    here[WIDTH * x + d] += places[inverse[y, x], d]
+            memset(below - WIDTH, 0, (width + 2) * WIDTH * sizeof(float))
             memset(ahead, 0, sizeof(ahead))
             step = 1 - 2 * (y & 1)
             x = 0 if step > 0 else width - 1
             for i in range(width):
-                color = inverse[y, x]
                 for d in range(WIDTH):
-                    place[d] = places[color, d] + (here[WIDTH * (x + 1) + d] + ahead[d])
-                    place[d] = fminf(fmaxf(place[d], grid.low[d]), grid.high[d])
-                strength = strengths[kinds[color]]
-                label = look_up(&grid, place, kinds[color])
+                    place[d] = fminf(fmaxf(here[WIDTH * x + d] + ahead[d], grid.low[d]), grid.high[d])
+                strength = strengths[row_kinds[x]]
+                label = look_up(&grid, place, row_kinds[x])
                 labels[y, x] = <int32_t>label
                 for d in range(WIDTH):
-                    missed = (place[d] - palette[label, d]) * strength
+                    missed = (place[d] - grid.palette[WIDTH * label + d]) * strength
                     ahead[d] = missed * <float>(7. / 16)
-                    below[WIDTH * (x + 1 - step) + d] += missed * <float>(3. / 16)
-                    below[WIDTH * (x + 1) + d] += missed * <float>(5. / 16)
-                    below[WIDTH * (x + 1 + step) + d] += missed * <float>(1. / 16)
+                    below[WIDTH * (x - step) + d] += missed * <float>(3. / 16)
+                    below[WIDTH * x + d] += missed * <float>(5. / 16)
+                    below[WIDTH * (x + step) + d] += missed * <float>(1. / 16)
                 x += step
 
 
@@ -257,3 +260,22 @@ def arrange(
             level = &levels[(first + y) % side, 0]
             for x in range(width):
                 labels[y, x] = mixtures[inverse[y, x], level[x % side]]
+
+
+def measure(
+    const float[:, ::1] places,       # IN (M, 4): of the colors
+    const float[:, ::1] palette,      # IN (K, 4)
+    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
+    const int32_t[:, ::1] labels,     # IN (H, W): its entry
+    double[::1] energies,             # OUT (H,): sum of the squared distances in each row
+):
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, d
+    cdef double total, step
+    with nogil:
+        for y in range(n_rows):
+            total = 0
+            for x in range(width):
+                for d in range(WIDTH):
+                    step = places[inverse[y, x], d] - palette[labels[y, x], d]
+                    total += step * step
+            energies[y] = total

@@ -117,6 +117,20 @@ def dither(
     return chosen(wide, kinds, inverse, _grid(wide, _widened(palette), allowed), strengths)
 
 
+def energy_of(
+    places: NDArray[Any], inverse: NDArray[np.int32], palette: NDArray[Any], labels: NDArray[np.int32]
+) -> float:
+    """Sum over the pixels of the squared distance to their entry; arrays as `dither` takes and returns them."""
+    wide, entries = _widened(places), _widened(palette)
+    energies = np.empty(len(inverse))
+
+    def measure(start: int, stop: int) -> None:
+        _dither.measure(wide, entries, inverse[start:stop], labels[start:stop], energies[start:stop])
+
+    in_parts(measure, len(inverse), work=4 * inverse.size)
+    return float(energies.sum())
+
+
 def _floyd_steinberg(
     places: NDArray[np.float32],
     kinds: NDArray[np.uint8],
@@ -126,8 +140,9 @@ def _floyd_steinberg(
 ) -> NDArray[np.int32]:
     """Hand on what a pixel misses to those that come after it: 7/16 ahead, 3/16, 5/16 and 1/16 to the next row."""
     labels = np.empty(inverse.shape, np.int32)
-    errors = np.zeros((2, inverse.shape[1] + 2, MAX_DIMS), np.float32)
-    _dither.diffuse(places, kinds, inverse, *grid, strengths, errors, labels)
+    width = inverse.shape[1]
+    rows, row_kinds = np.zeros((2, width + 2, MAX_DIMS), np.float32), np.empty(width, np.uint8)
+    _dither.diffuse(places, kinds, inverse, *grid, strengths, rows, row_kinds, labels)
     return labels
 
 
@@ -180,6 +195,8 @@ def _levels() -> NDArray[np.uint8]:
 
 def _widened(places: NDArray[Any]) -> NDArray[np.float32]:
     """Fill up to four coordinates with 0."""
+    if places.shape[1] > MAX_DIMS:
+        raise ValueError(f"places of {places.shape[1]} coordinates cannot be dithered: at most {MAX_DIMS} can")
     wide = np.zeros((len(places), _dither.DIMS), np.float32)
     wide[:, : places.shape[1]] = places
     return wide

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
 from cvtimg.color import peak
+from cvtimg.dithering import STRENGTH
+from cvtimg.elbow import EnergyCurve, auto_count
 from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
 from cvtimg.places import has_alpha, with_alpha
 from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
@@ -25,14 +27,14 @@ _BYTES_A_PIXEL = 0.05
 
 def quantize(
     image: Any,
-    n_colors: int | None = None,
+    n_colors: int | Literal["auto"] | None = None,
     *,
     space: str = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     psnr: float | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -48,7 +50,8 @@ def quantize(
         seen, opaque pixels stay opaque, and what is fully transparent stays so.
     n_colors : int
         Size of the palette, in 1..65536, with the locked colors and, if there are such pixels, with full transparency.
-        With `psnr` the largest size, and not needed; not to be given with `palette`.
+        With `psnr` the largest size, and not needed; not to be given with `palette`. "auto" takes the elbow of the
+        energy curve, which the result then has; see `EnergyCurve.elbow`.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured, and means are taken. All but "rgb" are for grey and RGB, with alpha or without.
     palette : (K, C) array, optional
@@ -60,7 +63,7 @@ def quantize(
     dither : {"floyd-steinberg", "blue-noise"}, optional
         How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
     dither_strength : float
-        In 0..1: how much of that is done.
+        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
     weights : (H, W) array, optional
         How much each pixel counts when the palette is sought, >= 0; by default all count alike.
     method, init, effort, volume_power, rng
@@ -94,8 +97,13 @@ def quantize(
     if psnr is None:
         if n_colors is None:
             raise TypeError("n_colors, psnr or palette must be given")
+        if n_colors == "auto":
+            n_colors, curve = source.elbow(engine)
+            return replace(source.quantized(n_colors, engine), curve=curve)
         return source.quantized(n_colors, engine)
     quality = check_non_negative("psnr", psnr)
+    if n_colors == "auto":
+        raise ValueError("n_colors='auto' and psnr exclude each other")
     results = source.first_reaching(lambda result: result.psnr, quality, n_colors, _DECIBEL, engine)
     if True not in results:
         best = results[False]
@@ -105,14 +113,14 @@ def quantize(
 
 def quantize_to_size(
     image: Any,
-    n_bytes: int,
+    max_bytes: int,
     size: Callable[[Quantized], int],
     n_colors: int | None = None,
     *,
     space: str = "rgb",
     locked: ArrayLike | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = STRENGTH,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -122,7 +130,7 @@ def quantize_to_size(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         As in `quantize`.
-    n_bytes : int
+    max_bytes : int
         The largest size, >= 1.
     size : callable
         Tells how many bytes a file of the result would have.
@@ -149,12 +157,14 @@ def quantize_to_size(
     >>> len(result.palette)
     48
     """
-    check_count("n_bytes", n_bytes, 1 << 62, "the size of a file")
+    check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
     source = _Source(image, locked, weights, space, dither, dither_strength)
-    results = source.first_reaching(size, n_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
+    results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]
-        raise ValueError(f"n_bytes={n_bytes} is too few: {len(fewest.palette)} colors need {size(fewest)}")
+        raise ValueError(
+            f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
+        )
     return results[False]
 
 
@@ -188,6 +198,12 @@ class _Source:
         """Find a palette and map the picture to it."""
         found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
         return replace(self.mapped(found.colors), tessellation=found.tessellation)
+
+    def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
+        """Pick the number of colors by the elbow of their energies."""
+        options: dict[str, Any] = {name: value for name, value in engine.items() if name in ("volume_power", "rng")}
+        n_colors, curve = auto_count(self._counted, space=self._space, **options)
+        return max(n_colors, self.least), curve
 
     def mapped(self, palette: ArrayLike) -> Quantized:
         """Map the picture to a palette."""

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg import dithering
 from cvtimg._checks import check_colors
 from cvtimg.color import peak
 from cvtimg.cvt import Tessellation
+from cvtimg.elbow import EnergyCurve
 from cvtimg.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
 from cvtimg.points import Points, assign, cell_energies, pack
 from cvtimg.samples import ColorSamples, color_samples
@@ -41,6 +43,8 @@ class Quantized:
         or the picture had at most as many colors as were asked for.
     n_distinct : int
         Distinct colors of the picture before.
+    curve : EnergyCurve or None
+        What picked the number of colors, where it was "auto".
     """
 
     palette: NDArray[Any]
@@ -49,6 +53,7 @@ class Quantized:
     energy: float
     tessellation: Tessellation | None
     n_distinct: int
+    curve: EnergyCurve | None = None
 
     def __post_init__(self) -> None:
         for array in (self.palette, self.indices):
@@ -90,7 +95,7 @@ def map_to_palette(
     *,
     space: str = "rgb",
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float = dithering.STRENGTH,
 ) -> Quantized:
     """Give each pixel of a picture the nearest color of a palette.
 
@@ -109,7 +114,7 @@ def map_to_palette(
     dither : {"floyd-steinberg", "blue-noise"}, optional
         How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
     dither_strength : float
-        In 0..1: how much of that is done.
+        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
 
     Returns
     -------
@@ -164,9 +169,7 @@ def _dither(
     samples: ColorSamples, palette: NDArray[Any], space: str, method: str, strength: float
 ) -> tuple[NDArray[np.int32], float]:
     """(H, W) index of the color of the palette for each pixel, and the energy of that map in sRGB."""
-    from cvtimg.dithering import dither
-
-    labels = dither(
+    labels = dithering.dither(
         to_places(samples.colors, space),
         samples.inverse,
         to_places(palette, space),
@@ -175,9 +178,8 @@ def _dither(
         kinds=kinds_of(samples.colors),
         allowed=allowed_for(kinds_of(palette)),
     )
-    pixels = to_places(samples.colors, "rgb")[samples.inverse.reshape(-1)]
-    points = pack(pixels, np.ones(len(pixels)))
-    return labels, _energy(points, to_places(palette, "rgb"), labels.reshape(-1))
+    places, ends = to_places(samples.colors, "rgb"), to_places(palette, "rgb")
+    return labels, dithering.energy_of(places, samples.inverse, ends, labels)
 
 
 def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import _kernels
-from cvtimg.points import Points, cell_energies
+from cvtimg.points import Points, cell_energies, cell_moments
 
 #: From points, the number of generators and a random generator to (K, D) initial generators, centered as the points.
 Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
@@ -106,6 +106,21 @@ def refill(
     refilled = generators.copy()
     refilled[worst], refilled[np.flatnonzero(empty)[:n_divided]] = halves(points, labels, worst, len(generators))
     return refilled
+
+
+def divide_worst(
+    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """(K + 1, D) means and labels of the points after the cell of greatest energy was divided across its main axis."""
+    worst = np.argsort(cell_energies(points, generators, labels))[-1:]
+    lower, upper = halves(points, labels, worst, len(generators))
+    members = np.flatnonzero((labels == worst) & (points.density > 0))
+    above = (points.rows(members) - (lower + upper) / 2) @ (upper - lower)[0] > 0
+    divided = labels.copy()
+    divided[members[above]] = len(generators)
+    masses, sums = cell_moments(points, divided, len(generators) + 1)
+    means = np.concatenate([generators, upper])
+    return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
 
 
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:

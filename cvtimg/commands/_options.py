@@ -29,6 +29,20 @@ def whole_number(low: int, high: int) -> Callable[[str | int], int]:
     return parse
 
 
+def count_or_auto(low: int, high: int) -> Callable[[str | int], int | str]:
+    """Make a parser for a number of generators, which the elbow of the energy may pick."""
+    parse_count = whole_number(low, high)
+
+    def parse(text: str | int) -> int | str:
+        if text == "auto":
+            return text
+        with suppress(typer.BadParameter):
+            return parse_count(text)
+        raise typer.BadParameter(f"{str(text)!r} must be auto or a whole number in {low}..{high}")
+
+    return parse
+
+
 def number(low: float, high: float = math.inf) -> Callable[[str | float], float]:
     """Make a parser for a finite number."""
     allowed = f">= {low:g}" if high == math.inf else f"in {low:g}..{high:g}"

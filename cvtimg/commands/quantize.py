@@ -28,14 +28,15 @@ EXAMPLES = """Examples:
   cvtimg quantize photos/ 'scans/*.tif' -k 256 --out-dir small
   cvtimg quantize logo.png -k 8 --lock '#ffffff' --lock '#e4002b'
   cvtimg quantize photo.jpg --psnr 38
+  cvtimg quantize drawing.png -k auto
   cvtimg quantize sprite.png --palette game.gpl --dither blue-noise
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output")
 
-_COUNT = options.whole_number(1, options.MAX_COLORS)
+_COUNT = options.count_or_auto(1, options.MAX_COLORS)
 Colors = Annotated[
-    int | None, Option("--colors", "-k", metavar="N", parser=_COUNT, help="Colors to keep, at most 65536.")
+    Any, Option("--colors", "-k", metavar="N|auto", parser=_COUNT, help="Colors to keep, at most 65536; see elbow.")
 ]
 Psnr = Annotated[
     float | None,
@@ -83,7 +84,7 @@ class _How:
         For `quantize`.
     colors : dict
         Options of `quantize` that are 8-bit colors, to be brought to the depth of the picture.
-    depth : int or None
+    depth : {"8", "16"} or None
         Bits a sample to work with.
     max_bytes : int or None
         Size of the file.
@@ -121,7 +122,8 @@ def quantize(
 ) -> None:
     """Reduce pictures to the N colors that stand best for them.
 
-    N is given by -k, or follows from --psnr or --max-bytes, with -k for the most; or --palette gives the colors.
+    N is given by -k (auto: by the elbow of the energy, see cvtimg elbow), or follows from --psnr or --max-bytes, with
+    -k for the most; or --palette gives the colors.
     Without -o and --out-dir, one input gives NAME-quantized.png beside it. Up to 256 colors of 8 bits make an indexed
     PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
     in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
@@ -137,7 +139,8 @@ def quantize(
     mapping = _mapping(space, dither, dither_strength)
     if depth:
         check_choice("--depth", depth, ("8", "16"))
-    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
+    report = Report(columns, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, find_images, out_dir)
     check_outputs(len(sources) + len(missing), out_dir, {"-o": output, "--save-palette": save_palette})
     if output:
@@ -161,9 +164,11 @@ def quantize(
 
 def _check_aims(aims: Mapping[str, Any], palette: Path | None) -> None:
     """Refuse aims that exclude each other, and none at all."""
-    given = [option for option, value in aims.items() if value]
+    given = [option for option, value in aims.items() if value not in (None, [])]
     if palette and given:
         raise WrongUsageError(f"--palette and {given[0]} exclude each other")
+    if aims["-k"] == "auto" and {"--psnr", "--max-bytes"} & set(given):
+        raise WrongUsageError("-k auto and --psnr or --max-bytes exclude each other")
     if "--psnr" in given and "--max-bytes" in given:
         raise WrongUsageError("--psnr and --max-bytes exclude each other")
     if not palette and not {"-k", "--psnr", "--max-bytes"} & set(given):
@@ -180,7 +185,7 @@ def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
         raise WrongUsageError("--dither-strength needs --dither")
     if dither == "none":
         return {"space": space}
-    return {"space": space, "dither": dither, "dither_strength": 1.0 if strength is None else strength}
+    return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
 
 
 def _locked(colors: list[str]) -> NDArray[np.uint8]:
@@ -226,6 +231,7 @@ def _quantize(task: Task, overwrite: bool, how: _How) -> Row:
         "channels": result.palette.shape[1],
         "distinct_colors": result.n_distinct,
         "k": len(result.palette),
+        "elbow": result.curve.elbows() if result.curve else None,
         "energy": result.energy,
         "mse": result.mse,
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity

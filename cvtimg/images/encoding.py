@@ -14,7 +14,7 @@ from cvtimg.images.metadata import Metadata
 from cvtimg.images.png import encode_deep_png
 from cvtimg.images.tiff import encode_tiff
 
-__all__ = ["encode_image", "encoder", "lossless_suffixes"]
+__all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
 
 _Picture: TypeAlias = Image.Image | NDArray[Any]
 
@@ -168,7 +168,7 @@ def _mode(picture: _Picture) -> str:
 
 def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
     indices, palette = np.asarray(indices), np.asarray(palette)
-    _check_indexed(indices, palette)
+    check_indexed(indices, palette)
     alpha = palette[:, 3] if palette.shape[1] == 4 else np.full(len(palette), 255, np.uint8)
     clear = np.flatnonzero(alpha < 255)
     # GIF has one index that is transparent, and no half transparency.
@@ -182,7 +182,8 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
     return picture
 
 
-def _check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
+def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
+    """Check that all indices are into a palette that a file can have."""
     shape = palette.shape
     if palette.dtype != np.uint8 or palette.ndim != 2 or shape[1] not in (3, 4):
         raise ValueError(f"palette with shape={shape} and dtype={palette.dtype} must be (K, 3) or (K, 4) uint8")

@@ -46,7 +46,7 @@ class Metadata:
         grey = mode in ("1", "L", "I;16")
         fits = self.icc and profile_space(self.icc) == ("GRAY" if grey else "RGB")
         values = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
-        given = {name: values[name] for name in kept if values[name]}
+        given: dict[str, Any] = {name: values[name] for name in kept if values[name]}
         if "exif" in given and form == "TIFF":
             given["exif"] = _first_part(given["exif"])
         return given
