@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._checks import check_choice, check_edge_weight, check_non_negative
+from cvtimg._checks import check_choice, check_count, check_edge_weight, check_non_negative
 from cvtimg.alignment import align as align_versions
 from cvtimg.averaging import Averaging, as_averaging
 from cvtimg.color import from_space, peak, to_space
 from cvtimg.cvt import tessellate
 from cvtimg.edge_weight import EdgeWeighted, descend
+from cvtimg.elbow import auto_count
 from cvtimg.masked import MaskedCells, average_masked, masked_cells, masked_means
 from cvtimg.patches import restore_detail
 from cvtimg.renormalization import RENORMALIZATIONS, Evidence
@@ -23,6 +24,8 @@ from cvtimg.versions import Floats, Versions, averaged_versions, disagreement, f
 
 #: The edge weight as a multiple of the variance of the noise. Half of it or twice as much serves nearly as well.
 _EDGE_WEIGHT_PER_VARIANCE = 0.5
+#: For "auto" as many cells of patches; or the elbow of this many, in a picture with this blur.
+_AUTO_DETAIL, _AUTO_MAX, _AUTO_BLUR = 96, 32, 1.5
 #: Blurs, in pixels, of the pictures in which the search for segments begins; where it ends lowest is kept.
 _BLURS = {"fast": (1.0,), "balanced": (0.0, 1.5), "best": (0.0, 0.75, 1.5, 3.0)}
 
@@ -81,7 +84,7 @@ class Restoration:
 
 def restore(
     images: Sequence[Any],
-    n_generators: int,
+    n_generators: int | str,
     *,
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
@@ -109,8 +112,10 @@ def restore(
     images : sequence of (H, W) or (H, W, C) arrays, or Pillow images
         The versions, all of one size: uint8, uint16 or floating point. What is not known is NaN, or has alpha 0 (of
         two or four channels the last is alpha), or is said by `masks` or `nodata`. One version alone is denoised.
-    n_generators : int
-        Number of segments K to begin with; with `detail`, of cells of patches, for which 64 to 128 serve.
+    n_generators : int or "auto"
+        Number of segments K to begin with; with `detail`, of cells of patches, for which 64 to 128 serve. "auto" is
+        the elbow of the energy of the versions fused and blurred, up to 32, where what is painted over may count as a
+        color of its own; with `detail` 96.
     masks : sequence of (H, W) arrays or None, optional
         For each version what it knows: True, or not 0, is known. None knows all.
     nodata : float, optional
@@ -199,7 +204,8 @@ def restore(
     if detail:
         _check_detail(average, edge_weight, channels)
         cost = 0.0
-    work = _Work(versions, data, trust, n_generators, average, cost * unit, power, rule, effort, channels)
+    work = _Work(versions, data, trust, 0, average, cost * unit, power, rule, effort, channels)
+    work = replace(work, n_generators=work.count(n_generators, detail))
     found = work.detailed(float(np.nanmin(told)), np.random.default_rng(rng)) if detail else work.segmented()
     return _in_order(found, versions, space, noise=noise, weights=trust, shifts=shifts, edge_weight=cost)
 
@@ -238,6 +244,13 @@ class _Work:
     rule: str
     effort: str
     channels: bool
+
+    def count(self, n_generators: int | str, detail: bool) -> int:
+        """Check the number of generators, or find it."""
+        if not isinstance(n_generators, str):
+            return check_count("n_generators", n_generators, self.versions.known[:, :, 0].size, "the number of pixels")
+        check_choice("n_generators", n_generators, ("auto",))
+        return _AUTO_DETAIL if detail else auto_count(self.fused_rows(_AUTO_BLUR), _AUTO_MAX)[0]
 
     def segmented(self) -> _Found:
         """Find segments of pixels whose stacked values are alike."""
@@ -285,11 +298,14 @@ class _Work:
 
     def start(self, blur: float) -> NDArray[np.int32]:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred: nothing is missing there."""
+        cells = tessellate(self.fused_rows(blur), self.n_generators, effort=self.effort)
+        return (cells.labels + 1).reshape(self.data.known.shape[:2])
+
+    def fused_rows(self, blur: float) -> Floats:
+        """(N, C) colors of the versions fused and blurred; channels side by side."""
         parts = [fuse(look, trust, blur)[0] * np.float32(np.sqrt(trust.mean())) for look, trust in self.looks()]
         picture = np.concatenate(parts, axis=2)
-        height, width = picture.shape[:2]
-        cells = tessellate(picture.reshape(height * width, -1), self.n_generators, effort=self.effort)
-        return (cells.labels + 1).reshape(height, width)
+        return picture.reshape(-1, picture.shape[2])
 
     def looks(self) -> list[tuple[Versions, NDArray[np.float64]]]:
         """Versions that look alike, with the trust in them: all together, or each channel by itself."""

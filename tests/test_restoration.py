@@ -283,12 +283,22 @@ RGB = np.zeros((6, 8, 3))
         ([GREY] * 2, {"edge_weight": -1}, "edge_weight=-1 must be"),
         ([GREY] * 2, {"edge_weight": 1, "detail": True}, "detail=True takes neither"),
         ([GREY] * 2, {"channels": True, "detail": True}, "detail=True needs versions of one look"),
+        ([GREY] * 2, {"n_generators": "many"}, "n_generators='many' must be one of auto"),
+        ([GREY] * 2, {"n_generators": 0}, r"n_generators=0 must be in 1\.\.48, the number of pixels"),
         ([GREY] * 2, {"space": "hsv"}, "space='hsv' must be one of"),
     ],
 )
 def test_what_is_wrong_is_named(images: Any, options: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        restore(images, 1, **options)
+        restore(images, **{"n_generators": 1, **options})
+
+
+def test_auto_finds_about_as_many_segments_as_there_are_colors() -> None:
+    clean, _ = card()
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.2, holes=0.3), seed=0)
+    result = restore(versions, "auto", masks=known)
+    assert 4 <= len(result.colors) <= 6
+    assert psnr(result.image, clean) > 28
 
 
 def test_more_segments_than_colors_are_refused() -> None:

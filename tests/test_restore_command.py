@@ -66,6 +66,12 @@ def test_options_reach_the_function(run: Run) -> None:
         np.testing.assert_array_equal(read_image("out.png"), restore(versions, 5, **options).image)
 
 
+def test_auto_is_found_by_the_command_too(run: Run) -> None:
+    assert run("v_*.png", "-k", "auto", "-o", "auto.png")[0] == 0
+    result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], "auto")
+    np.testing.assert_array_equal(read_image("auto.png"), result.image)
+
+
 def test_json_tells_of_every_version(run: Run) -> None:
     status, out, _ = run("v_*.png", "-k", "4", "-o", "whole.png", "--json")
     row = json.loads(out)
@@ -100,7 +106,7 @@ def test_the_sheet_has_the_versions_on_top_and_the_restored_picture_below(run: R
         ("v_1.png v_2.png -k 2 -o v_2.png --overwrite", 2, "v_2.png is an input"),
         ("v_1.png v_2.png -k 2 -o out.png --labels out.png", 2, "would both become out.png"),
         ("v_1.png v_2.png -k 2 -o mask_1.png", 1, "mask_1.png: exists already"),
-        ("v_1.png v_2.png -k 0 -o out.png", 2, "'0' must be a whole number in 1..65535"),
+        ("v_1.png v_2.png -k 0 -o out.png", 2, "'0' must be auto or a whole number in 1..65535"),
         ("v_1.png v_2.png -k 2 -o out.jpg", 2, "-o: '.jpg' must be one of"),
         ("v_1.png v_2.png -k 2 -o out.png --edge-weight x", 2, "'x' must be auto or a number >= 0"),
         ("v_1.png v_2.png -k 2 -o out.png --weights 1,-2", 2, "'1,-2' must be numbers > 0"),

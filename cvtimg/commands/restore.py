@@ -39,7 +39,7 @@ _LARGEST_RADIUS = 1000
 _ACROSS = 4
 
 #: More segments than this no file of labels holds.
-_COUNT = options.whole_number(1, options.MAX_COLORS - 1)
+_COUNT = options.count_or_auto(1, options.MAX_COLORS - 1)
 
 
 def _edge_weight(text: str | float) -> float | str:
@@ -81,7 +81,14 @@ Versions = Annotated[
     list[str], typer.Argument(metavar="VERSION", help="Versions of one picture: files, folders, or patterns.")
 ]
 Segments = Annotated[
-    int, Option("--segments", "-k", metavar="N", parser=_COUNT, help="Segments; with --detail kinds of patches, as 96.")
+    Any,
+    Option(
+        "--segments",
+        "-k",
+        metavar="N|auto",
+        parser=_COUNT,
+        help="Segments, auto for the elbow; with --detail kinds of patches, as 96.",
+    ),
 ]
 Output = Annotated[Path, Option("--output", "-o", metavar="FILE", help="The restored picture.")]
 Masks = Annotated[
