@@ -61,6 +61,8 @@ class Restoration:
         of the squared distance of patches to theirs.
     energies : tuple of float
         Before each sweep, and at the end; they never rise.
+    converged : bool
+        Whether the segments had come to rest.
     """
 
     image: NDArray[Any]
@@ -74,6 +76,7 @@ class Restoration:
     edge_weight: float
     energy: float
     energies: tuple[float, ...]
+    converged: bool
 
     def __post_init__(self) -> None:
         for array in (self.image, self.labels, self.generators, self.colors, self.coverage, self.noise):
@@ -144,7 +147,7 @@ def restore(
         that is known of it; "none" or None its mean. With `detail` colors stay means.
     detail : bool
         For photographs: cells of patches of 5 x 5 pixels, and in each a filter that gives back what its generator
-        leaves out. There is no averaging and no edge weight then.
+        leaves out. Averaging, edge weight and volume power are not for it.
     effort : {"fast", "balanced", "best"}
         From how many blurred pictures the search for segments starts: 1, 2 or 4.
     rng : int or numpy.random.Generator
@@ -197,25 +200,26 @@ def restore(
     trust = trust_in(versions, weights, noise)
     average = as_averaging(averaging)
     data = averaged_versions(versions, average) if average and average.when == "before" else versions
-    told = [_variance(noise, trust) * (average.noise_gain if average and data is not versions else 1.0)]
-    told += [] if channels else [disagreement(data, trust)]
+    gain = average.noise_gain if average and data is not versions else 1.0
+    told = [_variance(noise, trust) * gain, np.nan if channels else disagreement(data, trust)]
+    told = [variance for variance in told if np.isfinite(variance)] or [0.0]
     unit = _level(versions, space) ** 2
-    cost = check_edge_weight(edge_weight, _EDGE_WEIGHT_PER_VARIANCE * float(np.nanmax(told)) / unit)
+    cost = check_edge_weight(edge_weight, _EDGE_WEIGHT_PER_VARIANCE * max(told) / unit)
     if detail:
-        _check_detail(average, edge_weight, channels)
+        _check_detail(average, edge_weight, power, channels)
         cost = 0.0
     work = _Work(versions, data, trust, 0, average, cost * unit, power, rule, effort, channels)
     work = replace(work, n_generators=work.count(n_generators, detail))
-    found = work.detailed(float(np.nanmin(told)), np.random.default_rng(rng)) if detail else work.segmented()
+    found = work.detailed(min(told), np.random.default_rng(rng)) if detail else work.segmented()
     return _in_order(found, versions, space, noise=noise, weights=trust, shifts=shifts, edge_weight=cost)
 
 
-def _check_detail(averaging: Averaging | None, edge_weight: float | str, channels: bool) -> None:
+def _check_detail(averaging: Averaging | None, edge_weight: float | str, volume_power: float, channels: bool) -> None:
     """Refuse what makes no sense of patches."""
     if channels:
         raise ValueError("detail=True needs versions of one look; it cannot be with channels=True")
-    if averaging or edge_weight not in (0, "auto"):
-        raise ValueError("detail=True takes neither averaging nor an edge_weight: it has no segments")
+    if averaging or volume_power or edge_weight not in (0, "auto"):
+        raise ValueError("detail=True takes no averaging, edge_weight or volume_power, which are of segments")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,6 +231,7 @@ class _Found:
     masses: NDArray[np.float64]
     colors: NDArray[np.float64]
     energies: tuple[float, ...]
+    converged: bool = True
     image: Floats | None = None
 
 
@@ -276,7 +281,8 @@ class _Work:
             masses=np.stack([masses[:, own] for own in bands]),
             alone=alone,
         )
-        return _Found(end.labels, generators, masses, RENORMALIZATIONS[self.rule](evidence), end.energies)
+        colors = RENORMALIZATIONS[self.rule](evidence)
+        return _Found(end.labels, generators, masses, colors, end.energies, end.converged)
 
     def detailed(self, variance: float, rng: np.random.Generator) -> _Found:
         """Find cells of patches, and filter in each what its generator leaves."""
@@ -288,7 +294,7 @@ class _Work:
         rows = found.image.reshape(labels.size, -1)
         nothing = np.zeros((self.n_generators, rows.shape[1]))
         colors, _ = masked_means(rows, np.ones_like(rows), labels.ravel(), nothing)
-        return _Found(labels, generators, masses, colors, (found.energy,), found.image)
+        return _Found(labels, generators, masses, colors, (found.energy,), image=found.image)
 
     def measured(self, labels: NDArray[np.int32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(K, D) means of segments in the versions as they came, and (K, D) the weight behind them."""
@@ -336,9 +342,9 @@ def _level(versions: Versions, space: str) -> float:
 
 
 def _variance(noise: NDArray[np.float64], trust: NDArray[np.float64]) -> float:
-    """Variance of the noise of a value of weight 1; 0 where no version tells."""
+    """Variance of the noise of a value of weight 1; NaN where no version tells."""
     told = np.isfinite(noise)
-    return float((trust * noise**2)[told].mean()) if told.any() else 0.0
+    return float((trust * noise**2)[told].mean()) if told.any() else np.nan
 
 
 def _in_order(found: _Found, versions: Versions, space: str, **about: Any) -> Restoration:
@@ -364,6 +370,7 @@ def _in_order(found: _Found, versions: Versions, space: str, **about: Any) -> Re
         coverage=versions.coverage,
         energy=found.energies[-1],
         energies=found.energies,
+        converged=found.converged,
         **about,
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_image, check_masks, check_same, check_version_weights
 from cvtimg.averaging import Averaging, averaged
-from cvtimg.color import peak, to_space
+from cvtimg.color import to_space
 from cvtimg.places import has_alpha
 
 Floats = NDArray[np.float32]
@@ -186,8 +186,7 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
     if weights is not None:
         trust = check_version_weights(weights, versions.n_versions)
     else:
-        values = versions.values
-        finest = _FINEST_NOISE * (peak(versions.dtype) if versions.dtype.kind == "u" else float(np.ptp(values)) or 1.0)
+        finest = _FINEST_NOISE * (float(np.ptp(versions.values)) or 1.0)
         # A version that knows too little to tell is taken for as noisy as the others.
         usual = np.nanmedian(noise) if np.isfinite(noise).any() else finest
         trust = 1 / np.maximum(np.where(np.isnan(noise), usual, noise), finest) ** 2

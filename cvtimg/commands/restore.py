@@ -268,6 +268,7 @@ def _restore(task: Task, read: _Read, how: Mapping[str, Any], seconds: float, ov
         "edge_weight": result.edge_weight,
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
+        "converged": result.converged,
         "seconds": {"read": seconds, "cluster": clustered - start, "write": written - clustered},
     }
 
