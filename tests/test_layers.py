@@ -55,12 +55,17 @@ LAYERS: list[set[str]] = [
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},
+    # several versions
+    {"versions"},
+    {"alignment"},
+    {"masked", "patches", "renormalization"},
+    {"restoration"},
     {"plot"},
     # the command line
     {"batch"},
     {"commands"},
     {"commands._options", "commands._animations", "commands._segment_files"},
-    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "restore", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
