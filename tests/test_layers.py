@@ -14,6 +14,7 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    {"samples", "points", "columns", "color"},
     # files and pictures
     {"images"},
     {"images.opening"},
@@ -27,7 +28,6 @@ LAYERS: list[set[str]] = [
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     # the engine
-    {"samples", "points", "columns", "color"},
     {"tables", "places"},
     {"seeding"},
     {"methods._iteration"},
@@ -45,7 +45,8 @@ LAYERS: list[set[str]] = [
     {"quantization"},
     {"animation"},
     # segments
-    {"edge_weight", "noise", "levels", "components", "averaging", "values"},
+    {"edge_weight", "noise", "levels", "components"},
+    {"averaging", "values"},
     {"segment_energies"},
     {"segmentation"},
     {"superpixels"},
