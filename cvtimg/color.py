@@ -121,8 +121,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     -------
     (N, C) array
         Grey has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
-        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1 and twice
-        its opponent channels.
+        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
+        and twice its opponent channels.
 
     Raises
     ------

@@ -13,7 +13,11 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    # samples of colors
+    {"samples", "points", "columns", "color"},
+    {"places"},
+    # files and pictures
     {"images"},
     {"images.opening"},
     {"images.arrays"},
@@ -21,30 +25,42 @@ LAYERS: list[set[str]] = [
     {"images.metadata"},
     {"images.decoding", "images.encoding"},
     {"images.header", "images.animated"},
-    {"palettes"},
+    {"io", "frames", "palettes"},
     {"palettes.swatches"},
-    {"io", "samples", "points", "columns", "color", "dithering", "edge_weight", "frames"},
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
+    # the engine
     {"tables"},
-    {"places", "targets"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
     {"methods.macqueen"},
     {"methods"},
     {"search", "elbow_rules", "chain"},
-    {"elbow"},
     {"cvt"},
-    {"elbow_plot"},
-    {"remapping", "estimator"},
+    {"elbow"},
+    {"estimator", "elbow_plot"},
+    # few colors
+    {"targets", "dithering"},
+    {"remapping"},
     {"palette_search"},
-    {"quantization", "animation"},
+    {"quantization"},
+    {"animation"},
+    # segments
+    {"edge_weight", "noise", "levels", "components", "averaging"},
+    {"values"},
+    {"segment_curve"},
+    {"segmentation"},
+    {"superpixels"},
+    {"edges", "regions", "cracks", "simplification"},
+    {"contours"},
+    {"segment_files"},
     {"plot"},
+    # the command line
     {"batch"},
     {"commands"},
-    {"commands._options", "commands._animations"},
-    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize")},
+    {"commands._options", "commands._animations", "commands._segment_files"},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, reason, run
 from cvtimg.commands import _options as options
 from cvtimg.commands._animations import quantize_animation, stays_animated
 
@@ -49,7 +49,7 @@ MaxBytes = Annotated[
     Option(
         metavar="N",
         parser=options.whole_number(1, 1 << 62),
-        help="Keep the most colors whose file has no more bytes.",
+        help="Keep the most colors, up to 256 or -k, whose file has no more bytes.",
     ),
 ]
 PaletteFile = Annotated[
@@ -174,9 +174,9 @@ def quantize(
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
     files = (keep_metadata, optimize, per_frame)
     if palette:
-        how = _How(mapping, {"palette": read_palette(palette)}, depth, None, *files)
+        how = _How(mapping, {"palette": _read("--palette", palette, read_palette)}, depth, None, *files)
     else:
-        weights = _read_weights(weight_map) if weight_map else None
+        weights = _read("--weight-map", weight_map, _read_weights) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
         how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes, *files)
 
@@ -229,6 +229,14 @@ def _locked(colors: list[str]) -> NDArray[np.uint8]:
     return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
 
 
+def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
+    """Read a file that all inputs need."""
+    try:
+        return reader(path)
+    except (OSError, ValueError) as error:
+        raise WrongUsageError(f"{option}: {path}: {reason(path, error)}") from error
+
+
 def _read_weights(path: Path) -> NDArray[Any]:
     """Read a grey picture, one channel or the same in all."""
     from cvtimg import read_image
@@ -237,7 +245,7 @@ def _read_weights(path: Path) -> NDArray[Any]:
     if weights.ndim == 2:
         return weights
     if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
-        raise WrongUsageError(f"--weight-map: {path} must be a grey picture")
+        raise ValueError("must be a grey picture")
     return weights[..., 0]
 
 
@@ -280,6 +288,7 @@ def _quantize(task: Task, overwrite: bool, how: _How) -> Row:
 def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:
     """Quantize all frames, if what is asked for can be done to them."""
     aims = {"--psnr": how.options.get("psnr"), "--max-bytes": how.max_bytes, "--weight-map": how.options.get("weights")}
+    aims |= {"-k auto": True if how.options.get("n_colors") == "auto" else None}
     aims |= {"--depth 16": how.depth == "16" or None, "--optimize": how.optimize or None}
     for option, value in aims.items():
         if value is not None:
@@ -312,7 +321,7 @@ def _result(image: NDArray[Any], how: _How, suffix: str, file: Mapping[str, Any]
         pixels, palette = result.content
         return len(encode_image(suffix, pixels, palette=palette, **file))
 
-    sought = {name: value for name, value in how.options.items() if name != "psnr"}
+    sought = {name: value for name, value in how.options.items() if value is not None}
     return quantize_to_size(image, how.max_bytes, size, **sought, **given)
 
 
