@@ -42,8 +42,10 @@ lint: $(VENV)/extra-test $(VENV)/extra-lint
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
 	$(BIN)/python benchmarks/whole_process.py
+	$(BIN)/python benchmarks/dithering.py
 	$(BIN)/python benchmarks/kernels.py
 	$(BIN)/python benchmarks/engine.py
+	$(BIN)/python benchmarks/restoration.py
 
 clean:
 	rm -rf $(VENV) build dist out
