@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import shutil
 import statistics
 import sys
 import tempfile
@@ -38,6 +39,10 @@ from scipy.ndimage import gaussian_filter
 from skimage.color import deltaE_ciede2000, rgb2lab
 from whole_process import Spelling, find_cvtimg, spell_cvtimg, spell_magick, spell_pngquant
 
+import cvtimg
+
+#: It reads only GIF, and gets one of 256 colors made by cvtimg; its file is a GIF.
+GIFSICLE = "gifsicle, from 256 colors"
 #: Standard deviation of the blur, in pixels.
 BLUR = 1.0
 #: CIEDE2000 is taken at every so many pixels, in rows and in columns.
@@ -102,12 +107,21 @@ def programs(words: Sequence[str] | None) -> dict[str, Spelling]:
     known["pngquant"] = (pngquant.missing(), spell_pngquant(pngquant.program))
     known["ImageMagick"] = (magick.missing(), spell_magick(magick.program))
     no_imagequant = "" if importlib.util.find_spec("imagequant") else "imagequant cannot be imported"
+    gifsicle = shutil.which("gifsicle") or ""
+    known[GIFSICLE] = ("" if gifsicle else "no program gifsicle on this machine", _gifsicle(gifsicle))
     known["imagequant and Pillow"] = (no_imagequant, _script(IMAGEQUANT))
     known["Pillow"] = ("", _script(PILLOW))
     chosen = {name: of for name, of in known.items() if words is None or any(word in name for word in words)}
     for name, (why, _) in chosen.items():
         print(f"- {name}{': left out: ' + why if why else ''}")
     return {name: spelling for name, (why, spelling) in chosen.items() if not why}
+
+
+def _gifsicle(path: str) -> Spelling:
+    return lambda before, after, k, dithered: [
+        path, "--colors", str(k), *(["--dither=floyd-steinberg"] if dithered else []), "--output", after,
+        before.with_suffix(".gif"),
+    ]  # fmt: skip
 
 
 def _script(code: str) -> Spelling:
@@ -134,11 +148,13 @@ def measure(name: str, picture: Picture, k: int, commands: dict[str, Spelling], 
     """Run every program on a picture, plain and dithered, and look at what it wrote."""
     before, after = folder / "before.png", folder / "after.png"
     Image.fromarray(picture.pixels).save(before)
+    few = cvtimg.quantize(picture.pixels, 256)
+    cvtimg.write_image(before.with_suffix(".gif"), few.indices, palette=few.palette, overwrite=True)
     originals = {False: picture.pixels.astype(np.float32), True: blurred(picture.pixels)}
     records = []
     for program, command in commands.items():
         for dithered, original in originals.items():
-            if not dithered and "--dither" in program:
+            if (not dithered and "--dither" in program) or (k >= 256 and program == GIFSICLE):
                 continue
             progress(f"{name} {picture.name} k={k} {program}{' dithered' if dithered else ''}")
             cost = run_process(command(before, after, k, dithered))

@@ -1,8 +1,10 @@
 from .animation import QuantizedFrames, quantize_frames
 from .averaging import Averaging
 from .color import SPACES
+from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .edges import find_edges
 from .elbow import EnergyCurve, energy_curve
 from .elbow_rules import RULES
 from .estimator import CVT
@@ -13,6 +15,7 @@ from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
+from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
 from .renormalization import RENORMALIZATIONS
 from .restoration import Restoration, restore
@@ -33,9 +36,11 @@ __all__ = [
     "SPACES",
     "Averaging",
     "ColorSamples",
+    "Contours",
     "EnergyCurve",
     "Frames",
     "Palette",
+    "Polygon",
     "Quantized",
     "QuantizedFrames",
     "Restoration",
@@ -44,6 +49,8 @@ __all__ = [
     "color_samples",
     "energy_curve",
     "estimate_noise",
+    "find_contours",
+    "find_edges",
     "find_images",
     "find_palette",
     "image_info",
@@ -56,6 +63,8 @@ __all__ = [
     "read_image",
     "read_metadata",
     "read_palette",
+    "region_means",
+    "region_table",
     "restore",
     "segment",
     "superpixels",

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 #: Sample types that the kernels read as they are.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
+#: Pillow's modes whose samples are grey or RGB, perhaps with alpha: others have indices, ink or other coordinates.
+_PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
 
 
 def check_choice(name: str, value: str, choices: Collection[str]) -> str:
@@ -63,10 +65,36 @@ def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
     """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
+    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
+        image = image.convert("RGBA" if image.has_transparency_data else "RGB")
     array = np.asarray(image)
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")
     return _as_samples(name, array)
+
+
+def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
+    """Return `labels` as a C-contiguous (H, W) int32 array of whole numbers >= 0."""
+    array = np.asarray(labels)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (H, W), none of them 0")
+    if array.dtype.kind not in "biu":
+        raise TypeError(f"{name} of type {array.dtype} must be integers")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= np.iinfo(np.int32).max:
+        raise ValueError(f"{name} in {low}..{high} must be in 0..{np.iinfo(np.int32).max - 1}")
+    return np.ascontiguousarray(array, np.int32)
+
+
+def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDArray[Any]:
+    """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
+    array = np.asarray(image)
+    if array.shape[:2] != labels.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be {labels.shape}, as the labels, with channels or none")
+    if array.dtype.kind == "f":
+        masked = (labels == 0).reshape(labels.shape + (1,) * (array.ndim - 2))
+        array = np.where(masked & ~np.isfinite(array), array.dtype.type(0), array)
+    return check_image(name, array).reshape(*labels.shape, -1)
 
 
 def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:

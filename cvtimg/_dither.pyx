@@ -4,7 +4,7 @@
 Places have four coordinates here, of which the last may be 0 everywhere: one loop serves grey, color and alpha, and
 four floats are what a processor adds at once. Each argument is marked IN, OUT or INOUT.
 """
-from libc.math cimport fmaxf, fminf
+from libc.math cimport sqrtf
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memset
 
@@ -130,7 +130,6 @@ cdef struct Grid:
     const int32_t *bounds
     const uint16_t *candidates
     float low[WIDTH]
-    float high[WIDTH]
     float cells_a_unit[WIDTH]
     int32_t strides[WIDTH]
     int32_t n_cells
@@ -147,16 +146,25 @@ cdef inline Py_ssize_t look_up(const Grid *grid, const float *place, Py_ssize_t 
 
 
 cdef Grid grid_of(
-    const float[:, ::1] palette, const float[:, ::1] box, const float[::1] cells_a_unit, const int32_t[::1] strides,
+    const float[:, ::1] palette, const float[::1] low, const float[::1] cells_a_unit, const int32_t[::1] strides,
     const int32_t[:, :, ::1] bounds, const uint16_t[::1] candidates,
 ) noexcept:
     cdef Grid grid
     grid.palette, grid.bounds, grid.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
     for d in range(WIDTH):
-        grid.low[d], grid.high[d] = box[0, d], box[1, d]
-        grid.cells_a_unit[d], grid.strides[d] = cells_a_unit[d], strides[d]
+        grid.low[d], grid.cells_a_unit[d], grid.strides[d] = low[d], cells_a_unit[d], strides[d]
     grid.n_cells = <int32_t>bounds.shape[1]
     return grid
+
+
+cdef inline void miss(
+    const float *place, const float *entry, float strength, float most, float *missed
+) noexcept nogil:
+    """What is handed on: the part `strength` of the step from an entry to a place, of a length of at most `most`."""
+    cdef float length = sqrtf(squared_distance(place, entry))
+    cdef float part = strength * most / length if length > most else strength
+    for d in range(WIDTH):
+        missed[d] = (place[d] - entry[d]) * part
 
 
 def diffuse(
@@ -164,22 +172,23 @@ def diffuse(
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
     const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
     const float[:, ::1] palette,      # IN (K, 4)
-    const float[:, ::1] box,          # IN (2, 4): lowest and highest place that a pixel may be at
+    const float[::1] low,             # IN (4,): the lowest corner of the grid
     const float[::1] cells_a_unit,    # IN (4,)
     const int32_t[::1] strides,       # IN (4,)
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
     const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
     float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; what is handed to this row and the next, from column 1
     uint8_t[::1] row_kinds,           # OUT (W,): scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
     """Give each pixel its nearest entry, and what this misses to its neighbors: there and back, row after row."""
-    cdef Grid grid = grid_of(palette, box, cells_a_unit, strides, bounds, candidates)
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
-    cdef float missed, strength
+    cdef float missed[WIDTH]
     cdef float *here
     cdef float *below
     with nogil:
@@ -196,16 +205,15 @@ def diffuse(
             x = 0 if step > 0 else width - 1
             for i in range(width):
                 for d in range(WIDTH):
-                    place[d] = fminf(fmaxf(here[WIDTH * x + d] + ahead[d], grid.low[d]), grid.high[d])
-                strength = strengths[row_kinds[x]]
+                    place[d] = here[WIDTH * x + d] + ahead[d]
                 label = look_up(&grid, place, row_kinds[x])
                 labels[y, x] = <int32_t>label
+                miss(place, grid.palette + WIDTH * label, strengths[row_kinds[x]], most, missed)
                 for d in range(WIDTH):
-                    missed = (place[d] - grid.palette[WIDTH * label + d]) * strength
-                    ahead[d] = missed * <float>(7. / 16)
-                    below[WIDTH * (x - step) + d] += missed * <float>(3. / 16)
-                    below[WIDTH * x + d] += missed * <float>(5. / 16)
-                    below[WIDTH * (x + step) + d] += missed * <float>(1. / 16)
+                    ahead[d] = missed[d] * <float>(7. / 16)
+                    below[WIDTH * (x - step) + d] += missed[d] * <float>(3. / 16)
+                    below[WIDTH * x + d] += missed[d] * <float>(5. / 16)
+                    below[WIDTH * (x + step) + d] += missed[d] * <float>(1. / 16)
                 x += step
 
 
@@ -213,17 +221,18 @@ def mix(
     const float[:, ::1] places,       # IN (M, 4): of the colors
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
     const float[:, ::1] palette,      # IN (K, 4)
-    const float[:, ::1] box,          # IN (2, 4): lowest and highest place that may be looked up
+    const float[::1] low,             # IN (4,): the lowest corner of the grid
     const float[::1] cells_a_unit,    # IN (4,)
     const int32_t[::1] strides,       # IN (4,)
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
     const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
     const uint16_t[::1] ranks,        # IN (K,): where an entry stands among all
     uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
 ):
     """List for each color the entries to mix: each is the nearest to the color and what those before it missed."""
-    cdef Grid grid = grid_of(palette, box, cells_a_unit, strides, bounds, candidates)
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
     cdef Py_ssize_t n_colors = places.shape[0], n_mixed = mixtures.shape[1], color, i, at, d, entry
     cdef float place[WIDTH]
     cdef float missed[WIDTH]
@@ -234,10 +243,9 @@ def mix(
             memset(missed, 0, sizeof(missed))
             for i in range(n_mixed):
                 for d in range(WIDTH):
-                    place[d] = fminf(fmaxf(places[color, d] + missed[d], grid.low[d]), grid.high[d])
+                    place[d] = places[color, d] + missed[d]
                 entry = look_up(&grid, place, kinds[color])
-                for d in range(WIDTH):
-                    missed[d] = (place[d] - palette[entry, d]) * strengths[kinds[color]]
+                miss(place, grid.palette + WIDTH * entry, strengths[kinds[color]], most, missed)
                 at = i
                 while at > 0 and ranks[mixture[at - 1]] > ranks[entry]:
                     mixture[at] = mixture[at - 1]

@@ -26,7 +26,8 @@ _TO_CONES = np.array(
         [0.0883024619, 0.2817188376, 0.6299787005],
     ]
 )
-_TO_OPPONENT = np.array(
+# The opponent channels count twice: measured by CIEDE2000, plain ones let lightness weigh too much.
+_TO_OPPONENT = np.array([[1], [2], [2]]) * np.array(
     [
         [0.2104542553, 0.7936177850, -0.0040720468],
         [1.9779984951, -2.4285922050, 0.4505937099],
@@ -120,7 +121,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     -------
     (N, C) array
         Grey has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
-        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1.
+        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
+        and twice its opponent channels.
 
     Raises
     ------

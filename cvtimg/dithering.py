@@ -20,6 +20,8 @@ from cvtimg._threads import in_parts
 
 #: The part of the error that is handed on by default: nearly all, since the last of it costs most of the grain.
 STRENGTH = 0.9
+#: Of large palettes some entries tell how far from each other they are: so many comparisons.
+_COMPARISONS = 1 << 22
 #: Most coordinates of a place.
 MAX_DIMS = _dither.DIMS
 #: Cells for each entry of the palette: with fewer a cell has more candidates, with more listing them takes longer.
@@ -38,8 +40,8 @@ class Grid(NamedTuple):
     ----------
     palette : (K, 4) float32 array
         Places of the entries.
-    box : (2, 4) float32 array
-        Lowest and highest place.
+    low : (4,) float32 array
+        Its lowest corner.
     cells_a_unit : (4,) float32 array
     strides : (4,) int32 array
         From a cell to the next in each direction.
@@ -49,7 +51,7 @@ class Grid(NamedTuple):
     """
 
     palette: NDArray[np.float32]
-    box: NDArray[np.float32]
+    low: NDArray[np.float32]
     cells_a_unit: NDArray[np.float32]
     strides: NDArray[np.int32]
     bounds: NDArray[np.int32]
@@ -113,22 +115,23 @@ def dither(
     kinds = np.zeros(len(places), np.uint8) if kinds is None else np.asarray(kinds, np.uint8)
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
-    wide = _widened(places)
-    return chosen(wide, kinds, inverse, _grid(wide, _widened(palette), allowed), strengths)
+    (wide, entries), _ = _inward(places, palette)
+    most = _usual_step(entries)
+    return chosen(wide, kinds, inverse, _grid(wide, entries, allowed, most), strengths, most)
 
 
 def energy_of(
     places: NDArray[Any], inverse: NDArray[np.int32], palette: NDArray[Any], labels: NDArray[np.int32]
 ) -> float:
     """Sum over the pixels of the squared distance to their entry; arrays as `dither` takes and returns them."""
-    wide, entries = _widened(places), _widened(palette)
+    (wide, entries), scale = _inward(places, palette)
     energies = np.empty(len(inverse))
 
     def measure(start: int, stop: int) -> None:
         _dither.measure(wide, entries, inverse[start:stop], labels[start:stop], energies[start:stop])
 
     in_parts(measure, len(inverse), work=4 * inverse.size)
-    return float(energies.sum())
+    return float(energies.sum()) / scale**2
 
 
 def _floyd_steinberg(
@@ -137,12 +140,13 @@ def _floyd_steinberg(
     inverse: NDArray[np.int32],
     grid: Grid,
     strengths: NDArray[np.float32],
+    most: float,
 ) -> NDArray[np.int32]:
     """Hand on what a pixel misses to those that come after it: 7/16 ahead, 3/16, 5/16 and 1/16 to the next row."""
     labels = np.empty(inverse.shape, np.int32)
     width = inverse.shape[1]
     rows, row_kinds = np.zeros((2, width + 2, MAX_DIMS), np.float32), np.empty(width, np.uint8)
-    _dither.diffuse(places, kinds, inverse, *grid, strengths, rows, row_kinds, labels)
+    _dither.diffuse(places, kinds, inverse, *grid, strengths, most, rows, row_kinds, labels)
     return labels
 
 
@@ -152,19 +156,15 @@ def _blue_noise(
     inverse: NDArray[np.int32],
     grid: Grid,
     strengths: NDArray[np.float32],
+    most: float,
 ) -> NDArray[np.int32]:
     """Mix entries for each color, and let a mask choose among them: the same choice wherever the color is there."""
-    mixtures = np.empty((len(places), _N_MIXED), np.uint16)
-    labels = np.empty(inverse.shape, np.int32)
-    ranks, levels = _ranks(grid.palette), _levels()
-
-    def mix_part(start: int, stop: int) -> None:
-        _dither.mix(places[start:stop], kinds[start:stop], *grid, strengths, ranks, mixtures[start:stop])
+    mixtures = _mixtures(places, kinds, grid, strengths, most, _N_MIXED)
+    labels, levels = np.empty(inverse.shape, np.int32), _levels()
 
     def arrange_part(start: int, stop: int) -> None:
         _dither.arrange(mixtures, inverse[start:stop], levels, start, labels[start:stop])
 
-    in_parts(mix_part, len(places), work=32 * mixtures.size)
     in_parts(arrange_part, len(inverse), work=inverse.size)
     return labels
 
@@ -174,6 +174,39 @@ DITHERS: dict[str, Callable[..., NDArray[np.int32]]] = {
     "floyd-steinberg": _floyd_steinberg,
     "blue-noise": _blue_noise,
 }
+
+
+def _mixtures(
+    places: NDArray[np.float32],
+    kinds: NDArray[np.uint8],
+    grid: Grid,
+    strengths: NDArray[np.float32],
+    most: float,
+    n_mixed: int,
+) -> NDArray[np.uint16]:
+    """(M, n_mixed) entries whose mean is the color, each the nearest to it and to what those before it missed."""
+    mixtures = np.empty((len(places), n_mixed), np.uint16)
+    ranks = _ranks(grid.palette)
+
+    def mix(start: int, stop: int) -> None:
+        _dither.mix(places[start:stop], kinds[start:stop], *grid, strengths, most, ranks, mixtures[start:stop])
+
+    in_parts(mix, len(places), work=32 * mixtures.size)
+    return mixtures
+
+
+def _usual_step(palette: NDArray[np.float32]) -> float:
+    """Root of the mean squared distance from an entry to the nearest other one.
+
+    Longer errors come from colors that no mixture of the palette reaches. They would add up, and end in spots of far
+    colors: no more than this is handed on.
+    """
+    some = np.arange(0, len(palette), max(1, len(palette) ** 2 // _COMPARISONS))
+    norms = np.einsum("kd,kd->k", palette, palette, dtype=np.float64)
+    squares = norms[some, None] + norms - 2 * (palette[some].astype(np.float64) @ palette.T.astype(np.float64))
+    squares[np.arange(len(some)), some] = np.inf
+    nearest = squares.min(axis=1)
+    return float(np.sqrt(np.maximum(nearest, 0).mean())) if len(palette) > 1 else 0.0
 
 
 def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:
@@ -193,26 +226,32 @@ def _levels() -> NDArray[np.uint8]:
     return levels
 
 
-def _widened(places: NDArray[Any]) -> NDArray[np.float32]:
-    """Fill up to four coordinates with 0."""
-    if places.shape[1] > MAX_DIMS:
-        raise ValueError(f"places of {places.shape[1]} coordinates cannot be dithered: at most {MAX_DIMS} can")
-    wide = np.zeros((len(places), _dither.DIMS), np.float32)
-    wide[:, : places.shape[1]] = places
-    return wide
+def _inward(*arrays: NDArray[Any]) -> tuple[list[NDArray[np.float32]], float]:
+    """Bring (n, D) places to four coordinates, from 0 up, at a scale whose squares float32 holds; tell the scale."""
+    n_dims = arrays[0].shape[1]
+    if n_dims > MAX_DIMS:
+        raise ValueError(f"places of {n_dims} coordinates cannot be dithered: at most {MAX_DIMS} can")
+    low = np.min([array.min(axis=0) for array in arrays], axis=0).astype(np.float64)
+    size = float((np.max([array.max(axis=0) for array in arrays], axis=0) - low).max())
+    scale = 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
+    inside = [np.zeros((len(array), MAX_DIMS), np.float32) for array in arrays]
+    for places, array in zip(inside, arrays, strict=True):
+        places[:, :n_dims] = (array - low) * scale
+    return inside, scale
 
 
-def _grid(places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_]) -> Grid:
+def _grid(places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_], most: float) -> Grid:
     """Put cells around all places, and list the candidates of each: again where there was too little room for them."""
-    box = np.stack([np.minimum(places.min(0), palette.min(0)), np.maximum(places.max(0), palette.max(0))])
-    size = box[1] - box[0]
-    varies = size > 0
+    low, high = places.min(axis=0), places.max(axis=0)
+    varies = np.minimum(low, palette.min(axis=0)) < np.maximum(high, palette.max(axis=0))
+    # What is handed to a pixel, a part by each of its neighbors, is not longer than what one of them hands on at most.
+    margin = np.where(varies, np.float32(1.01 * most) + np.float32(1e-5) * high.max(), np.float32(0))
+    low, size = low - margin, high - low + 2 * margin
     n_blocks = np.where(varies, _blocks_on_a_side(len(palette), int(varies.sum())), 1).astype(np.int32)
     n_in_block = np.where(varies, _BLOCK, 1).astype(np.int32)
     n_cells = n_blocks * n_in_block
-    low, sides = box[0], (size / n_cells).astype(np.float32)
-    # The highest place belongs to the last cell.
-    cells_a_unit = np.divide(n_cells * np.float32(1 - 1e-6), size, out=np.zeros_like(size), where=varies)
+    sides = (size / n_cells).astype(np.float32)
+    cells_a_unit = np.divide(n_cells.astype(np.float32), size, out=np.zeros_like(size), where=size > 0)
     strides = np.append(np.cumprod(n_cells[:0:-1])[::-1], 1).astype(np.int32)
     bounds = np.empty((len(allowed), int(n_cells.prod()), 2), np.int32)
     in_block, in_cell = np.empty((2, len(palette)), np.uint16)
@@ -225,7 +264,7 @@ def _grid(places: NDArray[np.float32], palette: NDArray[np.float32], allowed: ND
                 palette, names, low, sides, n_blocks, n_in_block, in_block, in_cell, of_kind, candidates, end
             )  # fmt: skip
         if end <= n_candidates:
-            return Grid(palette, box, cells_a_unit, strides, bounds, candidates)
+            return Grid(palette, low, cells_a_unit, strides, bounds, candidates)
         n_candidates = end
 
 

@@ -13,7 +13,7 @@ from cvtimg._checks import check_alone, check_count, check_image, check_non_nega
 from cvtimg.color import peak
 from cvtimg.dithering import STRENGTH
 from cvtimg.elbow import EnergyCurve, auto_count
-from cvtimg.palette_search import EngineOptions, find_palette, fixed_colors
+from cvtimg.palette_search import EngineOptions, check_room, find_palette, fixed_colors
 from cvtimg.places import has_alpha, with_alpha
 from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
 from cvtimg.samples import color_samples
@@ -104,7 +104,8 @@ def quantize(
     quality = check_non_negative("psnr", psnr)
     if n_colors == "auto":
         raise ValueError("n_colors='auto' and psnr exclude each other")
-    results = source.first_reaching(lambda result: result.psnr, quality, n_colors, _DECIBEL, engine)
+    most = MAX_COLORS if n_colors is None else n_colors
+    results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
     if True not in results:
         best = results[False]
         raise ValueError(f"psnr={psnr} is not reached by {len(best.palette)} colors, only {best.psnr:.2f} dB")
@@ -115,7 +116,7 @@ def quantize_to_size(
     image: Any,
     max_bytes: int,
     size: Callable[[Quantized], int],
-    n_colors: int | None = None,
+    n_colors: int = 256,
     *,
     space: str = "rgb",
     locked: ArrayLike | None = None,
@@ -134,8 +135,8 @@ def quantize_to_size(
         The largest size, >= 1.
     size : callable
         Tells how many bytes a file of the result would have.
-    n_colors : int, optional
-        The most colors to take.
+    n_colors : int
+        The most colors to take; by default as many as an indexed file holds.
     space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
         As in `quantize`.
 
@@ -220,7 +221,7 @@ class _Source:
         self,
         value: Callable[[Quantized], float],
         target: float,
-        n_colors: int | None,
+        n_colors: int,
         per_octave: float,
         engine: EngineOptions,
     ) -> dict[bool, Quantized]:
@@ -231,7 +232,8 @@ class _Source:
         Low effort tells where to look. Each trial is a search of its own, so that its result is what `quantize` gives
         for its size: from the generators of another trial it would end at more energy.
         """
-        most = check_count("n_colors", MAX_COLORS if n_colors is None else n_colors, MAX_COLORS, "the largest palette")
+        least = self.least
+        check_room(n_colors, least)
         n = _FIRST_TRIAL
         for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
             results: dict[bool, Quantized] = {}
@@ -242,7 +244,7 @@ class _Source:
                 results[reached >= target] = result
                 return reached
 
-            n = first_reaching(measure, target, self.least, most, first=n, per_octave=per_octave)
+            n = first_reaching(measure, target, least, n_colors, first=n, per_octave=per_octave)
         return results
 
 

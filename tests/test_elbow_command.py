@@ -53,7 +53,7 @@ def test_json_has_the_curve_and_the_picks(drawing: Path, table: Path, capsys: py
 def test_the_csv_has_a_line_for_each_k_of_each_input(drawing: Path, table: Path, tmp_path: Path) -> None:
     out = tmp_path / "curves.csv"
     assert main(["elbow", str(drawing), str(table), "--k-max", "8", "--csv", str(out), "--quiet"]) == 0
-    rows = list(csv.DictReader(out.open()))
+    rows = list(csv.DictReader(out.read_text().splitlines()))
     assert [row["input"] for row in rows] == ["drawing"] * 6 + ["table"] * 8
     assert [(row["input"], row["k"]) for row in rows if row["chosen"] == "1"] == [("drawing", "6"), ("table", "3")]
 

@@ -98,3 +98,8 @@ def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDA
 def test_a_size_too_small_for_the_fewest_colors_is_refused(photograph: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match="max_bytes=4 must be at least 5, for the fewest colors, 1"):
         quantize_to_size(photograph, 4, size)
+
+
+def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match="n_colors=2 must be at least 3: locked colors"):
+        quantize(photograph, 2, psnr=30, locked=[[1, 2, 3], [4, 5, 6], [7, 8, 9]])

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg.images.opening import open_picture
+from cvtimg.images.png import chunk
 from cvtimg.profiles import kept_profile, profile_space
 
 __all__ = ["Metadata", "decode_metadata"]
@@ -45,8 +46,8 @@ class Metadata:
         """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
         grey = mode in ("1", "L", "I;16")
         fits = self.icc and profile_space(self.icc) == ("GRAY" if grey else "RGB")
-        values = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
-        given: dict[str, Any] = {name: values[name] for name in kept if values[name]}
+        values: dict[str, Any] = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
+        given = {name: values[name] for name in kept if values[name]}
         if "exif" in given and form == "TIFF":
             given["exif"] = _first_part(given["exif"])
         return given
@@ -56,12 +57,12 @@ class Metadata:
         given = self.options("PNG", mode, ("icc_profile", "dpi", "exif"))
         chunks = b""
         if "icc_profile" in given:
-            chunks += _chunk(b"iCCP", b"icc\0\0" + zlib.compress(given["icc_profile"]))
+            chunks += chunk(b"iCCP", b"icc\0\0" + zlib.compress(given["icc_profile"]))
         if "dpi" in given:
             per_meter = [round(value * _INCHES_A_METER).to_bytes(4, "big") for value in given["dpi"]]
-            chunks += _chunk(b"pHYs", b"".join(per_meter) + b"\1")
+            chunks += chunk(b"pHYs", b"".join(per_meter) + b"\1")
         if "exif" in given:
-            chunks += _chunk(b"eXIf", given["exif"].removeprefix(b"Exif\0\0"))
+            chunks += chunk(b"eXIf", given["exif"].removeprefix(b"Exif\0\0"))
         return chunks
 
 
@@ -107,7 +108,3 @@ def _first_part(content: bytes) -> bytes:
     for tag in (_EXIF_PART, _GPS_PART):
         exif.pop(tag, None)
     return exif.tobytes()
-
-
-def _chunk(name: bytes, data: bytes) -> bytes:
-    return len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
