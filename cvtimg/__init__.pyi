@@ -1,38 +1,56 @@
 from .animation import QuantizedFrames, quantize_frames
+from .averaging import Averaging
 from .color import SPACES
+from .contours import Contours, Polygon, find_contours
 from .cvt import Tessellation, tessellate
 from .dithering import DITHERS
+from .edges import find_edges
 from .elbow import EnergyCurve, energy_curve
 from .elbow_rules import RULES
 from .estimator import CVT
 from .frames import Frames, read_frames, write_frames
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
+from .noise import estimate_noise
 from .palette import read_palette, write_palette
 from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
+from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
+from .renormalization import RENORMALIZATIONS
+from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
+from .segmentation import Segmentation, segment, segment_curve
+from .superpixels import superpixels
 
 __all__ = [
     "CVT",
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RENORMALIZATIONS",
     "RULES",
     "SEEDINGS",
     "SPACES",
+    "Averaging",
     "ColorSamples",
+    "Contours",
     "EnergyCurve",
     "Frames",
     "Palette",
+    "Polygon",
     "Quantized",
     "QuantizedFrames",
+    "Restoration",
+    "Segmentation",
     "Tessellation",
     "color_samples",
     "energy_curve",
+    "estimate_noise",
+    "find_contours",
+    "find_edges",
     "find_images",
     "find_palette",
     "image_info",
@@ -45,6 +63,12 @@ __all__ = [
     "read_image",
     "read_metadata",
     "read_palette",
+    "region_means",
+    "region_table",
+    "restore",
+    "segment",
+    "segment_curve",
+    "superpixels",
     "tessellate",
     "write_frames",
     "write_image",

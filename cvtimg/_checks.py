@@ -5,7 +5,7 @@ Every message gives the name, the value and what is allowed.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,46 @@ def check_image(name: str, image: Any) -> NDArray[Any]:
     return _as_samples(name, array)
 
 
+def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
+    """Return `labels` as a C-contiguous (H, W) int32 array of whole numbers >= 0."""
+    array = np.asarray(labels)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (H, W), none of them 0")
+    if array.dtype.kind not in "biu":
+        raise TypeError(f"{name} of type {array.dtype} must be integers")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= np.iinfo(np.int32).max:
+        raise ValueError(f"{name} in {low}..{high} must be in 0..{np.iinfo(np.int32).max - 1}")
+    return np.ascontiguousarray(array, np.int32)
+
+
+def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDArray[Any]:
+    """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
+    array = np.asarray(image)
+    if array.shape[:2] != labels.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be {labels.shape}, as the labels, with channels or none")
+    if array.dtype.kind == "f":
+        masked = (labels == 0).reshape(labels.shape + (1,) * (array.ndim - 2))
+        array = np.where(masked & ~np.isfinite(array), array.dtype.type(0), array)
+    return check_image(name, array).reshape(*labels.shape, -1)
+
+
+def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite."""
+    array = np.asarray(image)
+    finite = np.isfinite(array) if array.dtype.kind == "f" else np.True_
+    array = check_image(name, array if np.all(finite) else np.where(finite, array, array.dtype.type(0)))
+    array = array.reshape(*array.shape[:2], -1)
+    inside = np.ones(array.shape[:2], bool) if mask is None else np.asarray(mask) != 0
+    if inside.shape != array.shape[:2]:
+        raise ValueError(f"mask of shape {inside.shape} must be {array.shape[:2]}, as the {name}")
+    if not np.all(finite):
+        inside = inside & np.all(np.reshape(finite, array.shape), axis=2)
+    if not inside.any():
+        raise ValueError(f"{name} must have at least one pixel that is in the mask and finite")
+    return array, inside
+
+
 def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
     """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
     if density is None:
@@ -136,3 +176,46 @@ def _as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite: it contains NaN or infinity")
     return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
+
+
+def check_same(what: str, found: Sequence[object]) -> None:
+    """Refuse versions that differ in what they must share."""
+    for number, other in enumerate(found):
+        if other != found[0]:
+            raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
+
+
+def check_masks(
+    masks: Sequence[ArrayLike | None] | None, n_versions: int, shape: tuple[int, ...]
+) -> list[NDArray[np.bool_]]:
+    """Return a (H, W) bool mask for each version, True where it is known; all known by default."""
+    if masks is None:
+        return [np.ones(shape, np.bool_)] * n_versions
+    if len(masks) != n_versions:
+        raise ValueError(f"masks has {len(masks)} masks and must have {n_versions}, one for each version, or None")
+    checked = []
+    for number, mask in enumerate(masks):
+        array = np.ones(shape, np.bool_) if mask is None else np.asarray(mask)
+        if array.shape != shape:
+            raise ValueError(f"masks[{number}] of shape {array.shape} must be {shape}, the size of the versions")
+        checked.append(array != 0)
+    return checked
+
+
+def check_version_weights(weights: ArrayLike, n_versions: int) -> NDArray[np.float64]:
+    """Return the weights of versions: finite and > 0."""
+    array = np.asarray(weights, dtype=np.float64)
+    if array.shape != (n_versions,):
+        raise ValueError(f"weights of shape {array.shape} must be ({n_versions},), one for each version")
+    if not (np.isfinite(array).all() and array.min() > 0):
+        raise ValueError(f"weights={array.tolist()} must be finite and > 0")
+    return array
+
+
+def check_edge_weight(edge_weight: float | str, automatic: float) -> float:
+    """Return a weight of edges >= 0, and for "auto" the one given."""
+    if isinstance(edge_weight, str):
+        if edge_weight != "auto":
+            raise ValueError(f"edge_weight={edge_weight!r} must be a finite number >= 0, or 'auto'")
+        return automatic
+    return check_non_negative("edge_weight", edge_weight)

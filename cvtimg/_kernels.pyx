@@ -142,6 +142,47 @@ def accumulate(
             add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
 
 
+def move_often(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    double[:, ::1] generators,      # INOUT (K, D): moved to the means of their cells, once less than there are energies
+    double[:, ::1] sums,            # OUT (K, D + 1): density times (point, 1) of the last cells
+    float[:, ::1] single,           # OUT (K, D): the generators
+    float[::1] half_norms,          # OUT (K,): |generator|^2 / 2
+    int32_t[::1] labels,            # OUT (n_tiles * LANES,): the last cells
+    double[::1] energies,           # OUT (n_moves + 1,): before each move and at the end, less the points' spread
+):
+    """Make so many moves of Lloyd's method; a generator whose cell is empty stays. For points that are few."""
+    cdef Py_ssize_t n_tiles = tiles.shape[0], n_energies = energies.shape[0], n, t, k, d
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef nearest_function *nearest = nearest_by_level[level]
+    cdef sum_function *add_tile = sum_by_level[level]
+    cdef double norm, cross, total
+    with nogil:
+        for n in range(n_energies):
+            for k in range(n_generators):
+                if n > 0 and sums[k, dims] > 0:
+                    for d in range(dims):
+                        generators[k, d] = sums[k, d] / sums[k, dims]
+                norm = 0
+                for d in range(dims):
+                    single[k, d] = <float>generators[k, d]
+                    norm = norm + <double>single[k, d] * single[k, d]
+                half_norms[k] = <float>(0.5 * norm)
+            sums[:, :] = 0
+            for t in range(n_tiles):
+                nearest(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+                add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+            total = 0
+            for k in range(n_generators):
+                norm = cross = 0
+                for d in range(dims):
+                    norm = norm + generators[k, d] * generators[k, d]
+                    cross = cross + generators[k, d] * sums[k, d]
+                total = total + sums[k, dims] * norm - 2 * cross
+            energies[n] = total
+
+
 def measure(
     const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)

@@ -7,7 +7,8 @@ surrounds the picture, so that no pixel with a label has a neighbor outside of t
 neighbor. A disc is given by the steps, in the flat padded picture, from a pixel to each of its neighbors.
 """
 from libc.math cimport pow
-from libc.stdint cimport int32_t, uint8_t, uint16_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
+from libc.string cimport memcpy
 
 
 def count_others(
@@ -138,28 +139,37 @@ def sweep(
     bint backward,                   # IN: from the last pixel to the first
 ):
     """Transfer boundary pixels to the cell where the energy is least, one after the other; return how many."""
-    cdef Py_ssize_t height = values.shape[0], width = values.shape[1], dims = values.shape[2]
-    cdef Py_ssize_t n_steps = steps.shape[0], stride = width + 2 * margin, n_pixels = height * width
-    cdef Py_ssize_t t, p, q, s, f, n_found, n_moved = 0, column = 0
+    cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
+    cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1], n_padded = labels.shape[0] * stride
+    cdef Py_ssize_t t, p, q, s, f, n_found, n_moved = 0
     cdef int32_t own, label, best
     cdef double cost, least, own_cost, best_cost, mass, size, before, after
     cdef const float *value
     cdef const float *weight = NULL
     cdef int32_t *at
+    cdef int32_t *label_of = &labels[0, 0]
+    cdef uint16_t *other = &others[0, 0]
+    cdef uint8_t *is_stale = &stale[0, 0]
+    cdef uint64_t eight
     cdef bint weighted = weights is not None
-    q = labels.shape[0] * stride - margin * (stride + 1) if backward else margin * (stride + 1) - 1
     with nogil:
-        for t in range(n_pixels):
-            p = n_pixels - 1 - t if backward else t
-            if column == width:
-                column = 0
-                q = q + (-2 * margin if backward else 2 * margin)
-            column += 1
-            q = q + (-1 if backward else 1)
-            at = &labels[0, 0] + q
-            if (&others[0, 0])[q] == 0 or (&stale[0, 0])[q] == 0:
+        t = 0
+        while t < n_padded:
+            q = n_padded - 1 - t if backward else t
+            # Mostly there is nothing to do: eight pixels are passed over at a time.
+            if t + 8 <= n_padded:
+                memcpy(&eight, is_stale + (q - 7 if backward else q), 8)
+                if eight == 0:
+                    t += 8
+                    continue
+            t += 1
+            if is_stale[q] == 0:
                 continue
-            (&stale[0, 0])[q] = 0
+            is_stale[q] = 0
+            if other[q] == 0:
+                continue
+            at = label_of + q
+            p = (q // stride - margin) * width + q % stride - margin
             own = at[0]
             if connected and not is_simple(at, stride):
                 continue
@@ -216,11 +226,89 @@ def sweep(
                 move_pixel(value, weight, &means[own, 0], &masses[own, 0], dims, -1)
                 move_pixel(value, weight, &means[best, 0], &masses[best, 0], dims, 1)
                 at[0] = best
-                (&others[0, 0])[q] = <uint16_t>((&others[0, 0])[q] + counts[own] - counts[best])
+                other[q] = <uint16_t>(other[q] + counts[own] - counts[best])
                 for s in range(n_steps):
                     label = at[steps[s]]
-                    (&others[0, 0])[q + steps[s]] += (label == own) - (label == best)
-                    (&stale[0, 0])[q + steps[s]] = 1
+                    other[q + steps[s]] += (label == own) - (label == best)
+                    is_stale[q + steps[s]] = 1
                 counts[best] = 0
             counts[own] = 0
     return n_moved
+
+
+cdef inline int32_t root_of(int32_t *parents, int32_t region) noexcept nogil:
+    while parents[region] != region:
+        parents[region] = parents[parents[region]]
+        region = parents[region]
+    return region
+
+
+def absorb(
+    int64_t[::1] sizes,        # INOUT (R,): pixels of each region
+    double[:, ::1] means,      # INOUT (R, D)
+    int32_t[::1] heads,        # INOUT (R,): first border of each region, or -1
+    int32_t[::1] tails,        # INOUT (R,): last border
+    int32_t[::1] following,    # INOUT (B,): the next border of the same region, or -1
+    const int32_t[::1] others,  # IN (B,): the region beyond each border
+    const double[::1] lengths,  # IN (B,)
+    int32_t[::1] parents,      # INOUT (R,): each its own; then the region that absorbed it, and at the end its root
+    int32_t[::1] queues,       # INOUT (min_size,): first entry of the regions of each size, or -1
+    int32_t[::1] entries,      # INOUT (2 R,): the next entry of the same queue
+    int32_t[::1] queued,       # INOUT (2 R,): the region of each entry
+    int64_t n_entries,         # IN: entries so far
+    double length_price,       # IN: what a pixel's length of border costs
+    double[::1] touching,      # scratch (R,), zeros
+    int32_t[::1] found,        # scratch (R,)
+):
+    """Let regions smaller than min_size be absorbed, the smallest first, by the neighbor whose energy rises least."""
+    cdef Py_ssize_t dims = means.shape[1], size, f, n_found, d
+    cdef int32_t region, other, best, border, entry
+    cdef int32_t *parent = &parents[0]
+    cdef double cost, least, step, share
+    with nogil:
+        for size in range(1, queues.shape[0]):
+            entry = queues[size]
+            while entry >= 0:
+                region = queued[entry]
+                entry = entries[entry]
+                if parent[region] != region or sizes[region] != size:
+                    continue
+                n_found = 0
+                border = heads[region]
+                while border >= 0:
+                    other = root_of(parent, others[border])
+                    if other != region:
+                        if touching[other] == 0:
+                            found[n_found] = other
+                            n_found += 1
+                        touching[other] += lengths[border]
+                    border = following[border]
+                best = -1
+                least = 0
+                for f in range(n_found):
+                    other = found[f]
+                    cost = 0
+                    for d in range(dims):
+                        step = means[region, d] - means[other, d]
+                        cost = cost + step * step
+                    cost = cost * size * sizes[other] / (size + sizes[other]) - length_price * touching[other]
+                    if best < 0 or cost < least or (cost == least and other < best):
+                        best = other
+                        least = cost
+                    touching[other] = 0
+                if best < 0:
+                    continue
+                share = size / <double>(size + sizes[best])
+                for d in range(dims):
+                    means[best, d] += share * (means[region, d] - means[best, d])
+                sizes[best] += size
+                parent[region] = best
+                following[tails[best]] = heads[region]
+                tails[best] = tails[region]
+                if sizes[best] < queues.shape[0]:
+                    queued[n_entries] = best
+                    entries[n_entries] = queues[sizes[best]]
+                    queues[sizes[best]] = <int32_t>n_entries
+                    n_entries += 1
+        for region in range(parents.shape[0]):
+            parent[region] = root_of(parent, region)

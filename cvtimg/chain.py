@@ -14,6 +14,7 @@ import numpy as np
 
 from cvtimg.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.methods.breathing import add, breathe, remove
+from cvtimg.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.methods.transfer import weighted_energy
 from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, thin
 from cvtimg.seeding import TooFewSamplesError, divide_worst, split
@@ -23,10 +24,12 @@ _COARSER = (32, 16, 8, 4, 2)
 _POINTS_PER_GENERATOR = 36
 _ENOUGH_POINTS = 1 << 11
 #: From one number of generators to the next little moves.
-_LINK = Stopping(tolerance=1e-3, max_iterations=20)
+_LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, where fewer have shown the way.
-_LAST = Stopping(tolerance=0, max_iterations=2)
+_LAST = Stopping(tolerance=0, max_iterations=1)
+#: Energies below this part of that about the origin are summed point by point.
+_SMALL = 1e-7
 #: Shares of the generators that come and go at first and at last, where a search begins from scratch.
 _BREATHS = (1 / 6, 1 / 16)
 
@@ -34,7 +37,7 @@ _BREATHS = (1 / 6, 1 / 16)
 def chain(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
 
-    The energies of an end are those of its cells, summed point by point: the last one never rises from end to end.
+    The last energy of each end never rises from one to the next.
     """
     ends: list[Iteration] = []
     for found in _over_fewer(points, n_max, method, conditions):
@@ -49,6 +52,8 @@ def chain(points: Points, n_max: int, method: Method, conditions: Conditions) ->
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     fewer = _fewer(points, n_max, conditions.rng)
+    if method is lloyd:
+        method = lloyd_in_rounds
     links = _links(fewer, n_max, method, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
@@ -99,7 +104,9 @@ def _fresh(points: Points, n_generators: int, method: Method, conditions: Condit
 
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
-    """Sum the energy of the cells point by point, which is exact where it is small."""
+    """Sum the energy of the cells point by point where it is small, and the moments of the cells lose digits."""
+    if end.energies and end.energies[-1] > _SMALL * points.spread:
+        return end
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, len(end.generators))
     parts = cell_energies(points, end.generators, labels)

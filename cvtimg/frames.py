@@ -18,6 +18,7 @@ from cvtimg.images.animated import FRAME_WRITERS, Cel
 from cvtimg.images.arrays import upright
 from cvtimg.images.decoding import decode, to_srgb
 from cvtimg.images.encoding import check_indexed
+from cvtimg.images.metadata import Metadata
 from cvtimg.images.opening import check_size, open_picture, orientation, reading
 
 __all__ = ["Frames", "is_animated", "read_frames", "write_frames"]
@@ -111,6 +112,7 @@ def write_frames(
     frames: Frames,
     *,
     palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None = None,
+    metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write an animation whole or not at all, in the format that the suffix names.
@@ -123,6 +125,8 @@ def write_frames(
         With uint8 images, or with integer (H, W) indices where there are palettes.
     palettes : (K, 3) or (K, 4) uint8 array, or one for each frame, 1 <= K <= 256, optional
         A .gif needs them, each color opaque or clear. A .png with one for all frames is indexed.
+    metadata : Metadata, optional
+        As in `write_image`; a .gif has no room for it.
     overwrite : bool
         Replace an existing file.
 
@@ -145,7 +149,7 @@ def write_frames(
     cels = _cels(frames.images, palettes, indexed_png=Path(path).suffix.lower() == ".png")
     with whole_file(path, overwrite=overwrite) as file:
         try:
-            write(file, cels, frames.durations, frames.plays)
+            write(file, cels, frames.durations, frames.plays, metadata or Metadata())
         except ValueError:
             raise
         except Exception as error:  # encoders raise OSError, SystemError and others

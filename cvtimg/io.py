@@ -116,7 +116,8 @@ def read_metadata(path: StrPath) -> Metadata:
     Returns
     -------
     Metadata
-        Color profile, pixels an inch, and EXIF without orientation; nothing of arrays and of TIFF of many bands.
+        Color profile, pixels an inch, EXIF without orientation, and where a GeoTIFF lies; of a TIFF of bands, the
+        last alone.
 
     Raises
     ------
@@ -142,6 +143,7 @@ def write_image(
     *,
     palette: NDArray[np.uint8] | None = None,
     metadata: Metadata | None = None,
+    optimize: bool = False,
     overwrite: bool = False,
 ) -> None:
     """Write a picture whole or not at all, in the format that the suffix names.
@@ -160,11 +162,15 @@ def write_image(
     metadata : Metadata, optional
         What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
         gets the first part of EXIF alone, and none with 16-bit color or bands.
+    optimize : bool
+        Make a .png smaller with oxipng (``pip install 'cvtimg[oxipng]'``), which takes longer and loses nothing.
     overwrite : bool
         Replace an existing file.
 
     Raises
     ------
+    ModuleNotFoundError
+        If oxipng is wanted and not there.
     ValueError
         If the suffix is unknown, or the array or palette does not fit the format.
     FileExistsError
@@ -181,9 +187,11 @@ def write_image(
     ...     image_info(f"{folder}/a.png").bits
     1
     """
-    write = encoder(Path(path).suffix, image, palette, metadata)
+    write = encoder(Path(path).suffix, image, palette, metadata, optimize)
     with whole_file(path, overwrite=overwrite) as file:
         try:
             write(file)
+        except ModuleNotFoundError:
+            raise
         except Exception as error:  # encoders raise ValueError, OSError, SystemError and others
             raise OSError(f"{path}: cannot be written ({one_line(error)})") from error

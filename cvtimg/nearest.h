@@ -72,10 +72,8 @@ INLINE void subtract_products(const float *restrict tile, int n_dims, const floa
 }
 
 INLINE void score_generators(const float *restrict tile, int dims, const float *restrict generators,
-                             const float *restrict half_norms, int first, int n_generators,
-                             float *restrict least, int32_t *restrict nearest)
+                             const float *restrict half_norms, int first, int n_generators, float score[][LANES])
 {
-    float score[GENERATORS_AT_ONCE][LANES];
     int d = 0;
 
     for (int g = 0; g < n_generators; g++)
@@ -86,24 +84,43 @@ INLINE void score_generators(const float *restrict tile, int dims, const float *
         subtract_products(tile + d * LANES, DIMS_AT_ONCE, generators + d, dims, n_generators, score);
     for (; d < dims; d++)
         subtract_products(tile + d * LANES, 1, generators + d, dims, n_generators, score);
-    for (int g = 0; g < n_generators; g++)
-        keep_nearer(score[g], first + g, least, nearest);
 }
 
 INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *restrict generators,
                              const float *restrict half_norms, int n_generators, int32_t *restrict nearest)
 {
-    float least[LANES];
+    float least[LANES], score[GENERATORS_AT_ONCE][LANES];
     int k = 0;
 
     for (int i = 0; i < LANES; i++) {
         least[i] = FLT_MAX;
         nearest[i] = 0;
     }
-    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE)
-        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, least, nearest);
-    for (; k < n_generators; k++)
-        score_generators(tile, dims, generators, half_norms, k, 1, least, nearest);
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_nearer(score[g], k + g, least, nearest);
+    }
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_nearer(score[0], k, least, nearest);
+    }
+}
+
+struct two {
+    float least[LANES], next[LANES];
+    int32_t index[LANES], next_index[LANES];
+};
+
+INLINE void keep_two(const float *restrict score, int generator, struct two *restrict kept)
+{
+    for (int i = 0; i < LANES; i++) {
+        int closer = score[i] < kept->least[i], close = score[i] < kept->next[i];
+        kept->next[i] = closer ? kept->least[i] : close ? score[i] : kept->next[i];
+        kept->next_index[i] = closer ? kept->index[i] : close ? generator : kept->next_index[i];
+        kept->least[i] = closer ? score[i] : kept->least[i];
+        kept->index[i] = closer ? generator : kept->index[i];
+    }
 }
 
 /* The nearest and the second nearest generator, and how much farther (squared) the second is. */
@@ -111,30 +128,27 @@ INLINE void nearest_two(const float *restrict tile, int dims, const float *restr
                         const float *restrict half_norms, int n_generators, int32_t *restrict nearest,
                         int32_t *restrict second, float *restrict gap)
 {
-    float least[LANES], next[LANES];
-    int32_t index[LANES], next_index[LANES];
+    struct two kept;
+    float score[GENERATORS_AT_ONCE][LANES];
+    int k = 0;
 
     for (int i = 0; i < LANES; i++) {
-        least[i] = next[i] = FLT_MAX;
-        index[i] = next_index[i] = 0;
+        kept.least[i] = kept.next[i] = FLT_MAX;
+        kept.index[i] = kept.next_index[i] = 0;
     }
-    for (int k = 0; k < n_generators; k++) {
-        const float *z = generators + (ptrdiff_t)k * dims;
-        for (int i = 0; i < LANES; i++) {
-            float score = half_norms[k];
-            for (int d = 0; d < dims; d++)
-                score -= tile[d * LANES + i] * z[d];
-            int closer = score < least[i], close = score < next[i];
-            next[i] = closer ? least[i] : close ? score : next[i];
-            next_index[i] = closer ? index[i] : close ? k : next_index[i];
-            least[i] = closer ? score : least[i];
-            index[i] = closer ? k : index[i];
-        }
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_two(score[g], k + g, &kept);
     }
-    memcpy(nearest, index, sizeof index);
-    memcpy(second, next_index, sizeof next_index);
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_two(score[0], k, &kept);
+    }
+    memcpy(nearest, kept.index, sizeof kept.index);
+    memcpy(second, kept.next_index, sizeof kept.next_index);
     for (int i = 0; i < LANES; i++)
-        gap[i] = 2 * (next[i] - least[i]);
+        gap[i] = 2 * (kept.next[i] - kept.least[i]);
 }
 
 /* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */

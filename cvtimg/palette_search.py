@@ -27,6 +27,8 @@ from cvtimg.remapping import MAX_COLORS, nearest_of_kind
 from cvtimg.samples import ColorSamples
 
 _REST = Stopping(tolerance=1e-4, max_iterations=100)
+#: Moves to the means of cells would undo what their weights have done.
+_AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
 
 
 class EngineOptions(TypedDict, total=False):
@@ -168,7 +170,8 @@ def _tessellated(
     generators = tessellation.generators
     if has_alpha(fixed.shape[1]):
         end = opaque_end(fixed.shape[1], space, fixed.dtype)
-        generators = _keep_opaque(places, density, (kinds_of(colors), kinds_of(fixed)), tessellation, end)
+        rest = _AT_ONCE if engine.get("volume_power") else _REST
+        generators = _keep_opaque(places, density, (kinds_of(colors), kinds_of(fixed)), tessellation, end, rest)
     found = from_places(generators, space, fixed.dtype)
     found[: len(fixed)] = fixed
     return Palette(_in_order(found), tessellation)
@@ -180,6 +183,7 @@ def _keep_opaque(
     kinds: tuple[NDArray[np.uint8], NDArray[np.uint8]],
     tessellation: Tessellation,
     end: float,
+    rest: Stopping,
 ) -> NDArray[np.float64]:
     """Make the generators of mostly opaque cells opaque, and let all move until they rest under that condition.
 
@@ -195,19 +199,18 @@ def _keep_opaque(
         opaque[n_locked + np.argmax(masses[n_locked:])] = True
     ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
     ends[:n_locked] = kinds[1]
-    generators[opaque, -1] = end
     energies: list[float] = []
     while True:
+        generators[opaque, -1] = end
         labels = nearest_of_kind(places, kinds[0], generators, ends)
         energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
-        if _REST.converged(energies) or len(energies) > _REST.max_iterations:
+        if rest.converged(energies) or len(energies) > rest.max_iterations:
             return generators
         masses = np.bincount(labels, density, n_generators)
         moved = free & (masses > 0)
         for dim in range(places.shape[1]):
             sums = np.bincount(labels, density * places[:, dim], n_generators)
             generators[moved, dim] = sums[moved] / masses[moved]
-        generators[opaque, -1] = end
 
 
 def _in_order(colors: NDArray[Any]) -> NDArray[Any]:

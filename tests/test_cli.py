@@ -32,7 +32,7 @@ DEEP = RNG.integers(0, 65536, (24, 32), np.uint16)
 #: Seven colors, fewer than are asked for below.
 FEW = RGB.reshape(-1, 3)[RNG.integers(0, 7, (24, 32))]
 
-KEYS = ["input", "output", "width", "height", "channels", "distinct_colors", "k"]
+KEYS = ["input", "output", "width", "height", "channels", "distinct_colors", "k", "elbow"]
 KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "seconds"]
 
 
@@ -456,12 +456,12 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "-k", "4", "--dither", "blue-noise", "--dither-strength", "2"], ["'2' must be a number in 0..1"]),
         ([PICTURE, "-k", "4", "--depth", "12"], ["--depth: '12' must be one of 8, 16"]),
         (["-k", "4"], ["INPUT"]),
-        ([PICTURE, "-k", "abc"], ["-k", "'abc' must be a whole number in 1..65536"]),
-        ([PICTURE, "-k", "0"], ["-k", "'0' must be a whole number in 1..65536"]),
-        ([PICTURE, "-k", "-3"], ["-k", "'-3' must be a whole number in 1..65536"]),
-        ([PICTURE, "-k", "1000000000"], ["-k", "'1000000000' must be a whole number in 1..65536"]),
-        ([PICTURE, "-k", "9" * 5000], ["-k", "must be a whole number in 1..65536"]),
-        ([PICTURE, "-k", "2.5"], ["-k", "'2.5' must be a whole number"]),
+        ([PICTURE, "-k", "abc"], ["-k", "'abc' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "0"], ["-k", "'0' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "-3"], ["-k", "'-3' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "1000000000"], ["-k", "'1000000000' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "9" * 5000], ["-k", "must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "2.5"], ["-k", "'2.5' must be auto or a whole number"]),
         ([PICTURE, "-k", "4", "--seed", "-1"], ["--seed", "'-1' must be a whole number in 0.."]),
         ([PICTURE, "-k", "4", "--init", "luck"], ["--init: 'luck' must be one of split, k-means++, maximin, random"]),
         ([PICTURE, "-k", "4", "--effort", "heroic"], ["--effort: 'heroic' must be one of fast, balanced, best"]),
@@ -619,8 +619,8 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
 
 # Tables
 
-TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "energy", "explained", "n_iter", "converged"]
-TABLE_KEYS += ["seconds"]
+TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "elbow", "energy", "explained", "n_iter"]
+TABLE_KEYS += ["converged", "seconds"]
 #: Three groups far from each other, in two columns of which one is a thousand times the other.
 ROWS = np.array([[0, 0], [0, 2000], [90, 0]])[RNG.integers(0, 3, 40)] + RNG.normal(size=(40, 2)) * [1, 20]
 COUNTS = RNG.integers(1, 5, 40)
@@ -736,7 +736,7 @@ def test_a_table_that_fails_is_one_line_and_nothing_is_written(
     ("options", "parts"),
     [
         ([], ["Missing option '-k'"]),
-        (["-k", "0"], ["'0' must be a whole number in 1.."]),
+        (["-k", "0"], ["'0' must be auto or a whole number in 1.."]),
         (["-k", "3", "--missing", "guess"], ["--missing: 'guess' must be one of error, drop"]),
         (["-k", "3", "--effort", "heroic"], ["--effort: 'heroic' must be one of fast, balanced, best"]),
         (["-k", "3", "--init", "luck"], ["--init: 'luck' must be one of split,"]),

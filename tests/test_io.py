@@ -7,12 +7,14 @@ import os
 import re
 import stat
 import struct
+import sys
 import tempfile
 import warnings
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import FrozenInstanceError
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,17 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 from PIL.PngImagePlugin import PngImageFile
 
-from cvtimg.io import find_images, image_info, read_image, whole_file, write_image
+from cvtimg import quantize
+from cvtimg.io import (
+    Metadata,
+    encode_image,
+    find_images,
+    image_info,
+    read_image,
+    read_metadata,
+    whole_file,
+    write_image,
+)
 
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and devices")
 RNG = np.random.default_rng(5)
@@ -618,6 +630,50 @@ def test_what_does_not_fit_is_refused_before_a_file_appears(
     with pytest.raises(ValueError, match=reason):
         write_image(tmp_path / name, image, palette=palette)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("dither", [None, "floyd-steinberg"])
+def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: NDArray[Any], dither: str | None) -> None:
+    for picture in (photograph, np.kron(photograph[:8, :8], np.ones((30, 30, 1), np.uint8))):
+        pixels, palette = quantize(picture, 32, dither=dither).content
+        assert palette is not None
+        twin = Image.fromarray(np.asarray(pixels, np.uint8))
+        twin.putpalette(palette.tobytes())
+        buffer = BytesIO()
+        twin.save(buffer, "PNG", optimize=True)
+        assert len(encode_image(".png", pixels, palette=palette)) < buffer.tell()
+
+
+@pytest.mark.parametrize("bands", [3, 4])
+def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: NDArray[Any], bands: int) -> None:
+    pixels, palette = quantize(photograph, 64).content
+    assert palette is not None
+    palette = np.column_stack([palette, np.arange(192, 256)])[:, :bands].astype(np.uint8)
+    write_image(tmp_path / "a.png", pixels, palette=palette, metadata=Metadata(dpi=(300, 300)))
+    write_image(tmp_path / "b.png", pixels, palette=palette, metadata=Metadata(dpi=(300, 300)), optimize=True)
+    np.testing.assert_array_equal(read_image(tmp_path / "b.png"), read_image(tmp_path / "a.png"))
+    assert (tmp_path / "b.png").stat().st_size < (tmp_path / "a.png").stat().st_size
+    assert read_metadata(tmp_path / "b.png").dpi == pytest.approx((300, 300), abs=0.1)
+
+
+def test_optimizing_is_for_png_and_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match=r"optimize is for \.png, and not for \.tif"):
+        write_image(tmp_path / "a.tif", RGB, optimize=True)
+    monkeypatch.setitem(sys.modules, "oxipng", None)
+    with pytest.raises(ModuleNotFoundError, match=r"optimize needs oxipng: pip install 'cvtimg\[oxipng\]'"):
+        write_image(tmp_path / "a.png", RGB, optimize=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_more_than_256_colors_with_alpha_are_written_as_pixels(tmp_path: Path) -> None:
+    picture = np.random.default_rng(8).integers(0, 256, (20, 30, 4), np.uint8)
+    pixels, palette = quantize(picture, 300).content
+    assert palette is None
+    for suffix in (".png", ".tif", ".webp"):
+        write_image(tmp_path / f"a{suffix}", pixels)
+        np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), pixels)
+    with pytest.raises(ValueError, match=r"\.gif cannot hold transparency; use one of \.png, \.tif"):
+        write_image(tmp_path / "a.gif", pixels)
 
 
 # --- writing: whole or not at all

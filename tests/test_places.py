@@ -73,12 +73,13 @@ def test_opaque_pictures_are_quantized_as_without_alpha(space: str, photograph: 
     assert (result.energy, result.psnr) == (plain.energy, plain.psnr)
 
 
-def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(photograph: NDArray[Any]) -> None:
+@pytest.mark.parametrize("space", SPACES)
+def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
     holed = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
     holed[:5, :5, 3] = 0
     weights = np.where(holed[..., 3] > 0, 1, 0)
-    result, plain = quantize(holed, 13), quantize(picture, 12, weights=weights)
+    result, plain = quantize(holed, 13, space=space), quantize(picture, 12, space=space, weights=weights)
     np.testing.assert_array_equal(result.image[weights > 0, :3], plain.image[weights > 0])
     assert (result.image[weights == 0] == 0).all()
 
@@ -173,3 +174,7 @@ def test_fewer_colors_than_opaque_and_transparent_pixels_need_are_refused() -> N
 def test_alpha_of_floating_point_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"alpha in 0\.0\.\.2\.0 must be in 0\.\.1"):
         quantize(scene(np.float64) * [1, 1, 1, 2], 4)
+
+
+def test_weighted_cells_stay_so_with_transparency() -> None:
+    assert quantize(SCENE, 12, volume_power=2).energy > 1.05 * quantize(SCENE, 12).energy

@@ -123,6 +123,17 @@ def test_a_picture_serves_as_palette(run: Run, picture: NDArray[Any]) -> None:
     assert colors_of("out.png") == colors_of("few.png")
 
 
+@pytest.mark.parametrize("option", ["--palette", "--weight-map"])
+def test_files_that_all_inputs_need_are_named(option: str, run: Run, picture: NDArray[Any]) -> None:
+    Path("p.gpl").write_text("hello")
+    words = [] if option == "--palette" else ["-k", "4"]
+    for name in ("p.gpl", "missing.gpl"):
+        error = run("in.png", *words, option, name)
+        assert error["status"] == 2
+        assert error["error"].startswith(f"cvtimg: {option}: {name}: ")
+        assert error["error"].count("\n") == 1
+
+
 @pytest.mark.parametrize("channels", [1, 3])
 def test_a_weight_map_tells_what_counts(channels: int, run: Run, picture: NDArray[Any]) -> None:
     weights = np.zeros(picture.shape[:2], np.uint8)
@@ -136,7 +147,7 @@ def test_weight_maps_that_do_not_fit_are_refused(run: Run, picture: NDArray[Any]
     write_image("w.png", np.ones((3, 5), np.uint8))
     assert "weights of shape (3, 5) must be (64, 64)" in run("in.png", "-k", "8", "--weight-map", "w.png")["error"]
     error = run("in.png", "-k", "8", "--weight-map", "in.png")
-    assert "--weight-map: in.png must be a grey picture" in error["error"]
+    assert "--weight-map: in.png: must be a grey picture" in error["error"]
     assert error["status"] == 2
 
 

@@ -69,6 +69,7 @@ EFFORT_HELP = "Time to take: fast, balanced or best."
 METHOD_NAMES = "lloyd, transfer, macqueen, probabilistic or optimal1d"
 SPACE_NAMES = "rgb, linear, lab or oklab"
 DITHER_NAMES = "none, floyd-steinberg or blue-noise"
+PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css or .png"
 SEEDING_NAMES = "split, k-means++, maximin or random"
 
 SEED = whole_number(0, 2**63 - 1)

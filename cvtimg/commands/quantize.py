@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, check_outputs, find, reason, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._animations import quantize_animation, stays_animated
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +31,7 @@ EXAMPLES = """Examples:
   cvtimg quantize photo.jpg --psnr 38
   cvtimg quantize drawing.png -k auto
   cvtimg quantize sprite.png --palette game.gpl --dither blue-noise
+  cvtimg quantize film.gif -k 64 -o smaller.gif
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output")
@@ -70,7 +72,15 @@ Depth = Annotated[
 ]
 SavePalette = Annotated[
     Path | None,
-    Option(metavar="FILE", help="Write the colors, .gpl, .json, .hex, .act, .ase, .css or .png; for one input."),
+    Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}; for one input."),
+]
+KeepMetadata = Annotated[
+    bool,
+    Option("--keep-metadata", help="Keep color profile, pixels an inch, EXIF and place, as far as they stay true."),
+]
+Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; takes longer.")]
+PerFrame = Annotated[
+    bool, Option("--palette-per-frame", help="Find a palette for each frame of an animation, not one for all.")
 ]
 
 
@@ -88,12 +98,17 @@ class _How:
         Bits a sample to work with.
     max_bytes : int or None
         Size of the file.
+    keep_metadata, optimize, per_frame : bool
+        As the options of these names.
     """
 
     options: Mapping[str, Any]
     colors: Mapping[str, Any]
     depth: str | None
     max_bytes: int | None
+    keep_metadata: bool
+    optimize: bool
+    per_frame: bool
 
 
 def quantize(
@@ -116,6 +131,9 @@ def quantize(
     init: options.Init = "split",
     seed: options.Seed = 0,
     save_palette: SavePalette = None,
+    keep_metadata: KeepMetadata = False,
+    optimize: Optimize = False,
+    per_frame: PerFrame = False,
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
@@ -127,6 +145,7 @@ def quantize(
     Without -o and --out-dir, one input gives NAME-quantized.png beside it. Up to 256 colors of 8 bits make an indexed
     PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
     in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
+    An animation stays one in .gif, .png and .webp, with one palette for all frames.
     """
     from cvtimg import find_images, read_palette
     from cvtimg.io import lossless_suffixes
@@ -145,16 +164,21 @@ def quantize(
     check_outputs(len(sources) + len(missing), out_dir, {"-o": output, "--save-palette": save_palette})
     if output:
         check_choice("-o", output.suffix.lower(), lossless_suffixes())
+    if optimize:
+        _check_optimize(output)
+    if save_palette and per_frame:
+        raise WrongUsageError("--save-palette and --palette-per-frame exclude each other")
     if save_palette:
         check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
     extra = {"palette": save_palette} if save_palette else {}
     tasks = [Task(source, {"picture": output or _name_output(source, out_dir), **extra}) for source in sources]
+    files = (keep_metadata, optimize, per_frame)
     if palette:
-        how = _How(mapping, {"palette": read_palette(palette)}, depth, None)
+        how = _How(mapping, {"palette": _read("--palette", palette, read_palette)}, depth, None, *files)
     else:
-        weights = _read_weights(weight_map) if weight_map else None
+        weights = _read("--weight-map", weight_map, _read_weights) if weight_map else None
         sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
-        how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes)
+        how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes, *files)
 
     def work(task: Task) -> Row:
         return _quantize(task, overwrite, how)
@@ -173,6 +197,15 @@ def _check_aims(aims: Mapping[str, Any], palette: Path | None) -> None:
         raise WrongUsageError("--psnr and --max-bytes exclude each other")
     if not palette and not {"-k", "--psnr", "--max-bytes"} & set(given):
         raise WrongUsageError("one of -k, --psnr, --max-bytes and --palette must be given")
+
+
+def _check_optimize(output: Path | None) -> None:
+    from importlib.util import find_spec
+
+    if output and output.suffix.lower() != ".png":
+        raise WrongUsageError(f"--optimize is for .png, and not for {output}")
+    if find_spec("oxipng") is None:
+        raise WrongUsageError("--optimize needs oxipng: pip install 'cvtimg[oxipng]'")
 
 
 def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
@@ -196,6 +229,14 @@ def _locked(colors: list[str]) -> NDArray[np.uint8]:
     return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
 
 
+def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
+    """Read a file that all inputs need."""
+    try:
+        return reader(path)
+    except (OSError, ValueError) as error:
+        raise WrongUsageError(f"{option}: {path}: {reason(path, error)}") from error
+
+
 def _read_weights(path: Path) -> NDArray[Any]:
     """Read a grey picture, one channel or the same in all."""
     from cvtimg import read_image
@@ -204,7 +245,7 @@ def _read_weights(path: Path) -> NDArray[Any]:
     if weights.ndim == 2:
         return weights
     if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
-        raise WrongUsageError(f"--weight-map: {path} must be a grey picture")
+        raise ValueError("must be a grey picture")
     return weights[..., 0]
 
 
@@ -213,14 +254,17 @@ def _name_output(source: Path, out_dir: Path | None) -> Path:
 
 
 def _quantize(task: Task, overwrite: bool, how: _How) -> Row:
-    from cvtimg import read_image
+    from cvtimg import read_image, read_metadata
 
+    if stays_animated(task):
+        return _quantize_animation(task, overwrite, how)
     start = perf_counter()
     image = read_image(task.source)
+    file = {"metadata": read_metadata(task.source) if how.keep_metadata else None, "optimize": how.optimize}
     read = perf_counter()
-    result = _result(image, how, task.outputs["picture"].suffix)
+    result = _result(image, how, task.outputs["picture"].suffix, file)
     clustered = perf_counter()
-    _write(task.outputs, result, overwrite)
+    _write(task.outputs, result, overwrite, file)
     written = perf_counter()
     tessellation = result.tessellation  # None: the picture had no more colors than asked for
     return {
@@ -241,7 +285,24 @@ def _quantize(task: Task, overwrite: bool, how: _How) -> Row:
     }
 
 
-def _result(image: NDArray[Any], how: _How, suffix: str) -> Quantized:
+def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:
+    """Quantize all frames, if what is asked for can be done to them."""
+    aims = {"--psnr": how.options.get("psnr"), "--max-bytes": how.max_bytes, "--weight-map": how.options.get("weights")}
+    aims |= {"--depth 16": how.depth == "16" or None, "--optimize": how.optimize or None}
+    for option, value in aims.items():
+        if value is not None:
+            raise ValueError(f"is an animation, which {option} cannot be used for")
+    given = {name: value for name, value in how.options.items() if name not in ("psnr", "weights")}
+    return quantize_animation(
+        task,
+        {**given, **how.colors},
+        per_frame=how.per_frame,
+        keep_metadata=how.keep_metadata,
+        overwrite=overwrite,
+    )
+
+
+def _result(image: NDArray[Any], how: _How, suffix: str, file: Mapping[str, Any]) -> Quantized:
     """Quantize a picture as its file and its depth need."""
     import numpy as np
 
@@ -257,18 +318,18 @@ def _result(image: NDArray[Any], how: _How, suffix: str) -> Quantized:
 
     def size(result: Quantized) -> int:
         pixels, palette = result.content
-        return len(encode_image(suffix, pixels, palette=palette))
+        return len(encode_image(suffix, pixels, palette=palette, **file))
 
     sought = {name: value for name, value in how.options.items() if value is not None}
     return quantize_to_size(image, how.max_bytes, size, **sought, **given)
 
 
-def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool) -> None:
+def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool, file: Mapping[str, Any]) -> None:
     from cvtimg import write_image
     from cvtimg.palette import write_palette
 
     pixels, palette = result.content
-    write_image(outputs["picture"], pixels, palette=palette, overwrite=overwrite)
+    write_image(outputs["picture"], pixels, palette=palette, overwrite=overwrite, **file)
     if "palette" in outputs:
         import numpy as np
 

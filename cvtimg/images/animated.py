@@ -7,7 +7,6 @@ for palettes of its own.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, BinaryIO, NamedTuple
@@ -17,6 +16,8 @@ from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
 from cvtimg.images.encoding import encode_image
+from cvtimg.images.metadata import Metadata
+from cvtimg.images.png import chunk
 
 __all__ = ["FRAME_WRITERS", "Cel"]
 
@@ -71,7 +72,7 @@ def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
         before = image
 
 
-def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int) -> None:
+def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, _: Metadata) -> None:
     """Write frames with at most 256 colors each, none of them half transparent."""
     palettes = [cel.palette for cel in cels if cel.palette is not None]
     if len(palettes) < len(cels):
@@ -114,28 +115,28 @@ def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict
     return GifImagePlugin.getdata(picture, (box.left, box.top), **options)
 
 
-def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int) -> None:
+def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
     """Write frames that have one palette, or none."""
     height, width = cels[0].pixels.shape[:2]
     number = 0
     for cel, changed, duration in zip(cels, _changes(cels), durations, strict=True):
         box = _box(changed) if number else _Box(0, 0, width, height)
-        chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette)))
+        chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata)))
         if not number:
             file.write(b"\x89PNG\r\n\x1a\n")
             for name, data in chunks[: [name for name, _ in chunks].index(b"IDAT")]:
-                _put(file, name, data)
-            _put(file, b"acTL", struct.pack(">II", len(cels), plays))
+                file.write(chunk(name, data))
+            file.write(chunk(b"acTL", struct.pack(">II", len(cels), plays)))
         control = struct.pack(">IIIII", number, *box.size, box.left, box.top)
-        _put(file, b"fcTL", control + struct.pack(">HHBB", *_seconds(duration), 0, 0))
+        file.write(chunk(b"fcTL", control + struct.pack(">HHBB", *_seconds(duration), 0, 0)))
         pixels = b"".join(data for name, data in chunks if name == b"IDAT")
         if number:
             number += 1
-            _put(file, b"fdAT", struct.pack(">I", number) + pixels)
+            file.write(chunk(b"fdAT", struct.pack(">I", number) + pixels))
         else:
-            _put(file, b"IDAT", pixels)
+            file.write(chunk(b"IDAT", pixels))
         number += 1
-    _put(file, b"IEND", b"")
+    file.write(chunk(b"IEND", b""))
 
 
 def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -146,10 +147,6 @@ def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
         at += 12 + length
 
 
-def _put(file: BinaryIO, name: bytes, data: bytes) -> None:
-    file.write(struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)))
-
-
 def _seconds(duration: float) -> tuple[int, int]:
     """Numerator and denominator of a duration in milliseconds, each of 16 bits."""
     seconds = Fraction(duration) / 1000
@@ -157,11 +154,15 @@ def _seconds(duration: float) -> tuple[int, int]:
     return min(near.numerator, _MOST), near.denominator
 
 
-def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int) -> None:
+def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
     """Write frames of any colors, without loss."""
     height, width = cels[0].pixels.shape[:2]
     alpha = any(cel.image.ndim == 3 and cel.image.shape[2] == 4 for cel in cels)
-    body = _riff(b"VP8X", bytes([0x02 | 0x10 * alpha, 0, 0, 0]) + _three(width - 1) + _three(height - 1))
+    kept = metadata.options("WEBP", "RGB", ("icc_profile", "exif"))
+    flags = 0x02 | 0x10 * alpha | 0x20 * ("icc_profile" in kept) | 0x08 * ("exif" in kept)
+    body = _riff(b"VP8X", bytes([flags, 0, 0, 0]) + _three(width - 1) + _three(height - 1))
+    if "icc_profile" in kept:
+        body += _riff(b"ICCP", kept["icc_profile"])
     body += _riff(b"ANIM", struct.pack("<IH", 0, min(plays, _MOST)))
     for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 1, _MOST_OF_THREE), strict=True):
         box = _box(changed, step=2)
@@ -169,6 +170,8 @@ def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
         frame = b"".join(map(_three, (box.left // 2, box.top // 2, box.size[0] - 1, box.size[1] - 1, length)))
         replaces = b"\x02"  # what is below, in place of being blended with it
         body += _riff(b"ANMF", frame + replaces + picture[12:])
+    if "exif" in kept:
+        body += _riff(b"EXIF", kept["exif"].removeprefix(b"Exif\0\0"))
     file.write(b"RIFF" + struct.pack("<I", 4 + len(body)) + b"WEBP" + body)
 
 
@@ -187,7 +190,7 @@ def _whole(durations: Sequence[float], unit: float, most: int) -> list[int]:
 
 
 #: By suffix.
-FRAME_WRITERS: dict[str, Callable[[BinaryIO, Sequence[Cel], Sequence[float], int], None]] = {
+FRAME_WRITERS: dict[str, Callable[[BinaryIO, Sequence[Cel], Sequence[float], int, Metadata], None]] = {
     ".gif": write_gif,
     ".png": write_apng,
     ".webp": write_webp,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg.images.metadata import Metadata
-from cvtimg.images.png import encode_deep_png
+from cvtimg.images.png import encode_deep_png, encode_indexed_png, optimized
 from cvtimg.images.tiff import encode_tiff
 
 __all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
@@ -33,11 +33,8 @@ class _Format(NamedTuple):
     keeps: tuple[str, ...] = ()  # of Metadata, in the words of Pillow
 
 
-# Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph, one core of two:
-#   256 colours: level 1 170 ms 4.7 MB, 3 190 ms 4.3 MB, 6 (Pillow's own choice) 490 ms 4.0 MB
-#   16 colours:  level 1 125 ms 1.7 MB, 3 175 ms 1.6 MB, 6 460 ms 1.5 MB
-#   24-bit RGB:  level 1 0.7 s 12.3 MB, 3 1.0 s 11.4 MB, 6 3.2 s 10.5 MB
-# Run-length coding alone makes 16 colours smaller (1.4 MB, 100 ms), but doubles a page of text.
+# Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph in 24-bit RGB, one core of two: level 1 0.7 s 12.3 MB,
+# 3 1.0 s 11.4 MB, 6 (Pillow's own choice) 3.2 s 10.5 MB.
 _PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3}, _ALL)
 _TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
@@ -76,6 +73,7 @@ def encode_image(
     *,
     palette: NDArray[np.uint8] | None = None,
     metadata: Metadata | None = None,
+    optimize: bool = False,
 ) -> bytes:
     """Give what `write_image` would write into a file of this suffix.
 
@@ -83,7 +81,7 @@ def encode_image(
     ----------
     suffix : str
         Such as ``".png"``, of those that `write_image` knows.
-    image, palette, metadata
+    image, palette, metadata, optimize
         As in `write_image`.
 
     Returns
@@ -102,12 +100,16 @@ def encode_image(
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette, metadata)(buffer)
+    encoder(suffix, image, palette, metadata, optimize)(buffer)
     return buffer.getvalue()
 
 
 def encoder(
-    suffix: str, image: NDArray[Any], palette: NDArray[np.uint8] | None, metadata: Metadata | None
+    suffix: str,
+    image: NDArray[Any],
+    palette: NDArray[np.uint8] | None,
+    metadata: Metadata | None,
+    optimize: bool,
 ) -> Callable[[BinaryIO], None]:
     """Check that a picture fits a format, and give the function that writes it into a file."""
     suffix = suffix.lower()
@@ -124,7 +126,18 @@ def encoder(
     if mode not in form.modes:
         able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
-    return lambda file: _write(file, picture, form, metadata or Metadata())
+    if optimize and form.name != "PNG":
+        raise ValueError(f"optimize is for .png, and not for {suffix}")
+
+    def write(file: BinaryIO) -> None:
+        _write(file, picture, form, metadata or Metadata())
+
+    def write_optimized(file: BinaryIO) -> None:
+        buffer = BytesIO()
+        write(buffer)
+        file.write(optimized(buffer.getvalue()))
+
+    return write_optimized if optimize else write
 
 
 def lossless_suffixes() -> list[str]:
@@ -136,12 +149,15 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata)
     mode = _mode(picture)
     if form.name == "NPY":
         np.save(file, np.asarray(picture), allow_pickle=False)
+    elif form.name == "PNG" and mode == "P":
+        encode_indexed_png(file, *_parts(picture), metadata.png_chunks(mode))
     elif isinstance(picture, Image.Image):
         picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
     elif form.name == "PNG":
         encode_deep_png(file, picture, metadata.png_chunks(mode))
     else:
-        encode_tiff(file, picture, **metadata.options(form.name, mode, ("icc_profile", "dpi")))
+        given = metadata.options("", mode, ("icc_profile", "dpi"))
+        encode_tiff(file, picture, **given, geo=metadata.geo)
 
 
 def _direct(image: NDArray[Any]) -> _Picture:
@@ -180,6 +196,14 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
     if len(clear):
         picture.info["transparency"] = int(clear[0]) if gif_clear else alpha.tobytes()
     return picture
+
+
+def _parts(picture: _Picture) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Give indices, (K, 3) colors and (K,) alpha of an indexed picture."""
+    assert isinstance(picture, Image.Image)
+    colors = np.frombuffer(bytes(picture.getpalette() or []), np.uint8).reshape(-1, 3)
+    alpha = picture.info.get("transparency", b"\xff" * len(colors))
+    return np.asarray(picture), colors, np.frombuffer(alpha, np.uint8)
 
 
 def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:

@@ -1,0 +1,85 @@
+"""Samples as the smallest whole numbers that tell them apart, where they are evenly spaced.
+
+A picture of 8 bits keeps its levels whatever type holds it: 16-bit integers 257 times as large, or floating point in
+0..1. What is computed from the levels is then the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST_LEVELS = 65535
+#: So many samples show whether all can be levels, before all are looked at.
+_PROBES = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """Samples are ``offset + step * levels``.
+
+    Attributes
+    ----------
+    levels : array of uint8, uint16 or float32
+        From 0; whole numbers where samples are evenly spaced, and from 0 to 1 where they are not.
+    offset, step : float
+        In the units of the samples.
+    """
+
+    levels: NDArray[Any]
+    offset: float
+    step: float
+
+
+def to_levels(samples: NDArray[Any]) -> Levels:
+    """Find the levels of finite samples: uint8, uint16 or floating point, of any shape, at least one."""
+    low, high = float(samples.min()), float(samples.max())
+    if low == high:
+        return Levels(np.zeros(samples.shape, np.uint8), low, 1.0)
+    if samples.dtype.kind == "u":
+        present = np.zeros(int(high) + 1, bool)
+        present[samples] = True
+        step = int(np.gcd.reduce(np.flatnonzero(present) - int(low)))
+        levels = samples if low == 0 and step == 1 else (samples - samples.dtype.type(low)) // step
+        return Levels(levels.astype(_type_for((high - low) / step), copy=False), low, float(step))
+    shares = (samples.astype(np.float64) - low) / (high - low)
+    rounding = 4 * float(np.finfo(samples.dtype).eps) * max(abs(low), abs(high)) / (high - low)
+    n_steps = _even_steps(shares, rounding)
+    if n_steps == 0:
+        return Levels(shares.astype(np.float32), low, high - low)
+    return Levels(np.rint(shares * n_steps).astype(_type_for(n_steps)), low, (high - low) / n_steps)
+
+
+def _type_for(largest: float) -> type[np.uint8] | type[np.uint16]:
+    return np.uint8 if largest <= 255 else np.uint16
+
+
+def _even_steps(shares: NDArray[np.float64], rounding: float) -> int:
+    """Return in how many even steps from 0 to 1 all shares lie, but for rounding; 0 if in none."""
+    flat = shares.reshape(-1)
+    probes = flat[:: max(1, flat.size // _PROBES)]
+    n_steps = 0
+    # Probes may share a divisor that not all have: go on from there.
+    while True:
+        n_steps = _fitting(probes, rounding, n_steps + 1)
+        if n_steps == 0:
+            return 0
+        apart = np.abs(flat * n_steps - np.rint(flat * n_steps)) > n_steps * rounding
+        if not apart.any():
+            return n_steps
+        probes = np.append(probes, flat[np.argmax(apart)])
+
+
+def _fitting(probes: NDArray[np.float64], rounding: float, first: int) -> int:
+    """Return the least number of steps, from `first` on, that all probes fit; 0 if none does."""
+    for start in range(first, _MOST_LEVELS + 1, 1024):
+        steps = np.arange(start, min(start + 1024, _MOST_LEVELS + 1))
+        steps = steps[steps * rounding < 0.05]
+        at = steps[:, None] * probes
+        fits = (np.abs(at - np.rint(at)) <= steps[:, None] * rounding).all(axis=1)
+        if fits.any():
+            return int(steps[np.argmax(fits)])
+    return 0

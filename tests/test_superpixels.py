@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cvtimg import superpixels
+
+
+@pytest.mark.parametrize("n", [1, 50, 400])
+def test_superpixels_are_connected_and_about_as_many_as_asked(photograph: NDArray[Any], n: int) -> None:
+    result = superpixels(photograph, n)
+    assert abs(result.n_segments - n) <= max(0.1 * n, 0)
+    assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
+    assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
+
+
+def test_superpixels_follow_an_edge() -> None:
+    rows, columns = np.mgrid[:90, :120]
+    truth = (rows - 40) ** 2 + (columns - 65) ** 2 < 30**2
+    labels = superpixels((truth * 100).astype(np.uint8), 30).labels
+    inside, outside = np.unique(labels[truth]), np.unique(labels[~truth])
+    assert not set(inside) & set(outside)
+
+
+def test_compact_superpixels_have_shorter_borders(photograph: NDArray[Any]) -> None:
+    lengths = []
+    for compactness in (1, 100):
+        labels = superpixels(photograph, 100, compactness=compactness).labels
+        lengths.append(np.count_nonzero(labels[1:] != labels[:-1]) + np.count_nonzero(labels[:, 1:] != labels[:, :-1]))
+    assert lengths[1] < 0.7 * lengths[0]
+
+
+def test_superpixels_cover_the_mask_and_nothing_else(photograph: NDArray[Any]) -> None:
+    rows, columns = np.mgrid[:256, :256]
+    mask = (rows - 128) ** 2 + (columns - 128) ** 2 < 100**2
+    result = superpixels(photograph, 100, mask=mask)
+    np.testing.assert_array_equal(result.labels > 0, mask)
+    assert abs(result.n_segments - 100) <= 15
+    assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
+
+
+def test_superpixels_do_not_depend_on_the_type(photograph: NDArray[Any]) -> None:
+    expected = superpixels(photograph, 60).labels
+    np.testing.assert_array_equal(superpixels(photograph * np.uint16(257), 60).labels, expected)
+    np.testing.assert_array_equal(superpixels(photograph / np.float32(255), 60).labels, expected)
+
+
+def test_more_superpixels_than_pixels_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"n_superpixels=7 must be in 1\.\.6"):
+        superpixels(np.zeros((2, 3)), 7)
