@@ -25,6 +25,7 @@ _RADIUS_OF_AUTO = 3
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
 _MAX_SEGMENTS = 1 << 16
+_BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +117,8 @@ def segment(
         that the mask parts from all others.
     border_price : float
         With `components`: join neighbors as long as their joint squared distances rise by less than this for each
-        pixel of the border between them.
+        pixel of the border between them. Where the picture shades, the step across the border counts and not the
+        difference of the means.
     mask : (H, W) array, optional
         Pixels where it is not 0 are segmented; the others have label 0 and no influence.
     effort, rng
@@ -249,7 +251,7 @@ def _regions(
     pieces = connected_pieces(labels)
     kept = absorb_small(pieces, data, min_size, max(length_price, border_price))
     if components:
-        return join_regions(kept, data, border_price) if border_price else kept
+        return join_regions(kept, averaged(data, _BESIDE_BORDERS, labels > 0), border_price) if border_price else kept
     label_of = np.zeros(int(pieces.max()) + 1, np.int32)
     label_of[pieces] = labels
     return label_of[kept]
