@@ -44,6 +44,7 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/whole_process.py
 	$(BIN)/python benchmarks/kernels.py
 	$(BIN)/python benchmarks/engine.py
+	$(BIN)/python benchmarks/segmentation.py
 
 clean:
 	rm -rf $(VENV) build dist out
