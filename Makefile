@@ -42,6 +42,7 @@ lint: $(VENV)/extra-test $(VENV)/extra-lint
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
 	$(BIN)/python benchmarks/whole_process.py
+	$(BIN)/python benchmarks/dithering.py
 	$(BIN)/python benchmarks/kernels.py
 	$(BIN)/python benchmarks/engine.py
 	$(BIN)/python benchmarks/segmentation.py

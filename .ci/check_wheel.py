@@ -18,11 +18,13 @@ def main(wheel: str) -> None:
         if path.is_file() and path.suffix not in NOT_INSTALLED and "__pycache__" not in path.parts
     }
     in_package = {name for name in names if name.startswith("cvtimg/")}
-    kernels = {name for name in in_package if name.startswith("cvtimg/_kernels.") and name.endswith((".so", ".pyd"))}
+    compiled = {name for name in in_package if name.endswith((".so", ".pyd"))}
+    modules = sorted(path.stem for path in (ROOT / "cvtimg").glob("*.pyx"))
     others = {name for name in names - in_package if ".dist-info/" not in name}
     problems = [f"missing: {name}" for name in sorted(wanted - in_package)]
-    problems += [f"unexpected: {name}" for name in sorted((in_package - wanted - kernels) | others)]
-    problems += ["the compiled kernels are missing"] if len(kernels) != 1 else []
+    problems += [f"unexpected: {name}" for name in sorted((in_package - wanted - compiled) | others)]
+    if sorted(Path(name).name.partition(".")[0] for name in compiled) != modules:
+        problems.append(f"compiled modules: {sorted(compiled)}, not one for each of {modules}")
     print(f"{Path(wheel).name}: {len(names)} files", *problems, sep="\n")
     sys.exit(bool(problems))
 

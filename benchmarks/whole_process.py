@@ -2,9 +2,10 @@
 
 Prints for each program the median seconds on the clock, the median of its ratio to cvtimg in the same round, the
 seconds of processors, the size of the file and the squared error of a pixel. Programs take turns, in one order and
-then in the other. Everything counts: starting, decoding, clustering, encoding. Nobody dithers.
+then in the other. Everything counts: starting, decoding, clustering, encoding. With --dither all do, by
+Floyd-Steinberg; otherwise nobody does.
 
-    python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256]
+    python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256] [--dither]
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from rivals import ImageMagick, Pngquant
 #: The program that the others are compared with.
 MEASURE = "cvtimg quantize"
 
-#: From input, output and k to a command.
-Spelling = Callable[[Path, Path, int], list[str | Path]]
+#: From input, output, k and whether to dither to a command.
+Spelling = Callable[[Path, Path, int, bool], list[str | Path]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ def options() -> argparse.Namespace:
     read = parser(__doc__)
     read.add_argument("--k", type=int, default=256, metavar="K", help="number of colors (256)")
     read.add_argument("--rounds", type=int, metavar="N", help="times of which to take the median (5; quick: 2)")
+    read.add_argument("--dither", action="store_true", help="with Floyd-Steinberg dithering")
     given = read.parse_args()
     given.rounds = given.rounds or (2 if given.quick else 5)
     return given
@@ -73,11 +75,11 @@ def programs() -> dict[str, Spelling]:
     path, reason = find_cvtimg()
     for effort in ("", "fast"):
         name = f"{MEASURE} --effort {effort}" if effort else MEASURE
-        known[name] = (reason, path, _cvtimg(path, effort))
+        known[name] = (reason, path, spell_cvtimg(path, *(["--effort", effort] if effort else [])))
     for speed in ("", "11"):
         name = f"pngquant --speed {speed}" if speed else "pngquant"
-        known[name] = (pngquant.missing(), pngquant.program, _pngquant(pngquant.program, speed))
-    known["ImageMagick"] = (magick.missing(), magick.program, _magick(magick.program))
+        known[name] = (pngquant.missing(), pngquant.program, spell_pngquant(pngquant.program, speed))
+    known["ImageMagick"] = (magick.missing(), magick.program, spell_magick(magick.program))
     versions = {"pngquant": pngquant, "ImageMagick": magick}
     for name, (why, _, _) in known.items():
         rival = versions.get(name.partition(" ")[0])
@@ -93,20 +95,27 @@ def find_cvtimg() -> tuple[str, str]:
     return path, run_process([path, "quantize", "--help"]).failure
 
 
-def _cvtimg(path: str, effort: str) -> Spelling:
-    extra = ["--effort", effort] if effort else []
-    return lambda before, after, k: [
-        path, "quantize", before, "-k", str(k), "-o", after, "--overwrite", "--quiet", *extra
+def spell_cvtimg(path: str, *extra: str, method: str = "floyd-steinberg") -> Spelling:
+    """Spell `cvtimg quantize`."""
+    return lambda before, after, k, dithered: [
+        path, "quantize", before, "-k", str(k), "-o", after, "--overwrite", "--quiet", *extra,
+        *(["--dither", method] if dithered else []),
     ]  # fmt: skip
 
 
-def _pngquant(path: str, speed: str) -> Spelling:
+def spell_pngquant(path: str, speed: str = "") -> Spelling:
+    """Spell pngquant, which dithers unless it is told not to."""
     extra = ["--speed", speed] if speed else []
-    return lambda before, after, k: [path, "--nofs", *extra, "--force", "--output", after, str(k), "--", before]
+    return lambda before, after, k, dithered: [
+        path, *([] if dithered else ["--nofs"]), *extra, "--force", "--output", after, str(k), "--", before
+    ]  # fmt: skip
 
 
-def _magick(path: str) -> Spelling:
-    return lambda before, after, k: [path, before, "+dither", "-colors", str(k), f"png8:{after}"]
+def spell_magick(path: str) -> Spelling:
+    """Spell ImageMagick."""
+    return lambda before, after, k, dithered: [
+        path, before, *(["-dither", "FloydSteinberg"] if dithered else ["+dither"]), "-colors", str(k), f"png8:{after}"
+    ]  # fmt: skip
 
 
 def take_turns(
@@ -117,7 +126,7 @@ def take_turns(
     for turn in range(given.rounds + 1):
         for name in list(runs)[:: 1 if turn % 2 else -1]:
             progress(f"{picture.stem} round {turn} of {given.rounds}: {name}")
-            cost = run_process(commands[name](picture, output(folder, name), given.k))
+            cost = run_process(commands[name](picture, output(folder, name), given.k, given.dither))
             if cost.failure:
                 print(f"- {name} is left out: it failed on {picture.name}: {cost.failure}")
                 del runs[name]
@@ -181,7 +190,8 @@ def main() -> None:
     """Measure, print, write."""
     given = options()
     pin_threads(given.threads)
-    print(f"PNG to PNG at k={given.k}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
+    how = "with Floyd-Steinberg dithering" if given.dither else "no dithering"
+    print(f"PNG to PNG at k={given.k}, {how}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
     commands = programs()
     records: list[Record] = []
     for picture in large_pictures(given.data)[: 1 if given.quick else None]:
@@ -192,7 +202,8 @@ def main() -> None:
         if of_picture:
             report(pixels, of_picture)
         records += of_picture
-    write_results("whole_process", {"threads": given.threads, "k": given.k}, [asdict(record) for record in records])
+    about = {"threads": given.threads, "k": given.k, "dither": given.dither}
+    write_results("whole_process", about, [asdict(record) for record in records])
 
 
 if __name__ == "__main__":

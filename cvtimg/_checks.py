@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 #: Sample types that the kernels read as they are.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
+#: Pillow's modes whose samples are grey or RGB, perhaps with alpha: others have indices, ink or other coordinates.
+_PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
 
 
 def check_choice(name: str, value: str, choices: Collection[str]) -> str:
@@ -31,11 +33,25 @@ def check_count(name: str, value: int, largest: int, reason: str) -> int:
     return int(value)
 
 
+def check_alone(name: str, others: Collection[str]) -> None:
+    """Refuse other arguments, by their names, beside one that leaves nothing for them to do."""
+    if others:
+        raise ValueError(f"{name} must not be given with {' or '.join(others)}")
+
+
 def check_non_negative(name: str, value: float) -> float:
     """Return `value` as a finite float >= 0."""
     number = float(value)
     if not 0 <= number < np.inf:
         raise ValueError(f"{name}={value!r} must be a finite number >= 0")
+    return number
+
+
+def check_in_unit_range(name: str, value: float) -> float:
+    """Return `value` as a float in 0..1."""
+    number = float(value)
+    if not 0 <= number <= 1:
+        raise ValueError(f"{name}={value!r} must be in 0..1")
     return number
 
 
@@ -49,10 +65,36 @@ def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
     """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
+    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
+        image = image.convert("RGBA" if image.has_transparency_data else "RGB")
     array = np.asarray(image)
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")
     return _as_samples(name, array)
+
+
+def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
+    """Return `labels` as a C-contiguous (H, W) int32 array of whole numbers >= 0."""
+    array = np.asarray(labels)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (H, W), none of them 0")
+    if array.dtype.kind not in "biu":
+        raise TypeError(f"{name} of type {array.dtype} must be integers")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= np.iinfo(np.int32).max:
+        raise ValueError(f"{name} in {low}..{high} must be in 0..{np.iinfo(np.int32).max - 1}")
+    return np.ascontiguousarray(array, np.int32)
+
+
+def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDArray[Any]:
+    """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
+    array = np.asarray(image)
+    if array.shape[:2] != labels.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be {labels.shape}, as the labels, with channels or none")
+    if array.dtype.kind == "f":
+        masked = (labels == 0).reshape(labels.shape + (1,) * (array.ndim - 2))
+        array = np.where(masked & ~np.isfinite(array), array.dtype.type(0), array)
+    return check_image(name, array).reshape(*labels.shape, -1)
 
 
 def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -75,12 +117,32 @@ def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float
     """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
     if density is None:
         return np.ones(n_samples)
-    array = np.asarray(density, dtype=np.float64)
-    if array.shape != (n_samples,):
-        raise ValueError(f"density of shape {array.shape} must be ({n_samples},), one weight for each sample")
+    return check_weights("density", density, (n_samples,), "sample")
+
+
+def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> NDArray[np.float64]:
+    """Return weights, one for each pixel of a picture of this shape: finite, >= 0 and not all 0."""
+    array = np.asarray(weights, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"{name} of shape {array.shape} must be {shape}, one weight for each {of}")
     if not (np.isfinite(array).all() and array.min() >= 0 and array.any()):
-        raise ValueError("density must be finite and >= 0, and not all 0")
+        raise ValueError(f"{name} must be finite and >= 0, and not all 0")
     return array
+
+
+def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
+    array = np.asarray(colors)
+    array = array[:, np.newaxis] if array.ndim == 1 else array
+    if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
+        raise ValueError(f"{name} of shape {array.shape} must be numbers, (K,) or (K, C), and have colors")
+    fits = np.isfinite(array).all()
+    if fits and dtype.kind == "u":
+        fits = array.min() >= 0 and array.max() <= np.iinfo(dtype).max and (array == np.rint(array)).all()
+    if not fits:
+        allowed = f"whole numbers in 0..{np.iinfo(dtype).max}" if dtype.kind == "u" else "finite"
+        raise ValueError(f"{name} must be {allowed}, as the picture is of {dtype}")
+    return np.ascontiguousarray(array, dtype)
 
 
 def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> NDArray[np.float64]:

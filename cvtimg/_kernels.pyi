@@ -40,6 +40,16 @@ def accumulate(
     labels: NDArray[np.int32],
     sums: NDArray[np.float64],
 ) -> None: ...
+def move_often(
+    tiles: NDArray[np.float32],
+    density: NDArray[np.float64],
+    generators: NDArray[np.float64],
+    sums: NDArray[np.float64],
+    single: NDArray[np.float32],
+    half_norms: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    energies: NDArray[np.float64],
+) -> None: ...
 def measure(
     tiles: NDArray[np.float32],
     density: NDArray[np.float64],

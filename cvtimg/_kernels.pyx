@@ -23,9 +23,12 @@ cdef extern from "nearest.h" nogil:
     ctypedef void group_function(
         const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
         const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
+    ctypedef void sum_function(
+        const float *tile, int dims, const double *density, const int32_t *labels, double *sums)
     nearest_function *nearest_by_level[3]
     two_function *two_by_level[3]
     group_function *group_by_level[3]
+    sum_function *sum_by_level[3]
     int supported_simd_level()
 
 SIMD_LEVELS = ("baseline", "avx2", "avx512")
@@ -131,17 +134,53 @@ def accumulate(
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
     double[:, ::1] sums,            # INOUT (K, D + 1): += density times (point, 1), by label
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
-    cdef double weight
-    cdef double *cell
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    cdef int dims = tiles.shape[1]
+    cdef sum_function *add_tile = sum_by_level[level]
     with nogil:
         for t in range(n_tiles):
-            for i in range(LANES):
-                weight = density[t * LANES + i]
-                cell = &sums[labels[t * LANES + i], 0]
+            add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+
+
+def move_often(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    double[:, ::1] generators,      # INOUT (K, D): moved to the means of their cells, once less than there are energies
+    double[:, ::1] sums,            # OUT (K, D + 1): density times (point, 1) of the last cells
+    float[:, ::1] single,           # OUT (K, D): the generators
+    float[::1] half_norms,          # OUT (K,): |generator|^2 / 2
+    int32_t[::1] labels,            # OUT (n_tiles * LANES,): the last cells
+    double[::1] energies,           # OUT (n_moves + 1,): before each move and at the end, less the points' spread
+):
+    """Make so many moves of Lloyd's method; a generator whose cell is empty stays. For points that are few."""
+    cdef Py_ssize_t n_tiles = tiles.shape[0], n_energies = energies.shape[0], n, t, k, d
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef nearest_function *nearest = nearest_by_level[level]
+    cdef sum_function *add_tile = sum_by_level[level]
+    cdef double norm, cross, total
+    with nogil:
+        for n in range(n_energies):
+            for k in range(n_generators):
+                if n > 0 and sums[k, dims] > 0:
+                    for d in range(dims):
+                        generators[k, d] = sums[k, d] / sums[k, dims]
+                norm = 0
                 for d in range(dims):
-                    cell[d] = cell[d] + weight * tiles[t, d, i]
-                cell[dims] = cell[dims] + weight
+                    single[k, d] = <float>generators[k, d]
+                    norm = norm + <double>single[k, d] * single[k, d]
+                half_norms[k] = <float>(0.5 * norm)
+            sums[:, :] = 0
+            for t in range(n_tiles):
+                nearest(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+                add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+            total = 0
+            for k in range(n_generators):
+                norm = cross = 0
+                for d in range(dims):
+                    norm = norm + generators[k, d] * generators[k, d]
+                    cross = cross + generators[k, d] * sums[k, d]
+                total = total + sums[k, dims] * norm - 2 * cross
+            energies[n] = total
 
 
 def measure(

@@ -20,6 +20,7 @@ __all__ = [
     "Row",
     "Task",
     "WrongUsageError",
+    "check_can_be_written",
     "check_choice",
     "check_outputs",
     "complain",
@@ -32,7 +33,7 @@ Row = dict[str, Any]
 Missing = list[tuple[str, OSError]]
 
 #: Columns that are set flush left.
-TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc")
+TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
 
 
 class WrongUsageError(Exception):
@@ -130,7 +131,7 @@ def run(
             for task in steps:
                 try:
                     for path in task.outputs.values():
-                        _check_can_be_written(path, overwrite)
+                        check_can_be_written(path, overwrite)
                     row = work(task)
                 except Exception as error:  # one bad input, whatever is wrong with it, must not stop the others
                     report.failed(task.source, error)
@@ -161,7 +162,7 @@ def _identity(path: Path) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _check_can_be_written(path: Path, overwrite: bool) -> None:
+def check_can_be_written(path: Path, overwrite: bool) -> None:
     """Fail now rather than after the work: begin to write, and do not go through with it."""
     from cvtimg.files import whole_file
 
@@ -270,7 +271,9 @@ def _cell(column: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return ",".join(value)
+        return ",".join(value) if len(value) <= 4 else f"{value[0]}..{value[-1]}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
     return text.encode(errors="replace").decode()  # names of files need not be text
 

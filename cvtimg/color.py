@@ -26,7 +26,8 @@ _TO_CONES = np.array(
         [0.0883024619, 0.2817188376, 0.6299787005],
     ]
 )
-_TO_OPPONENT = np.array(
+# The opponent channels count twice: measured by CIEDE2000, plain ones let lightness weigh too much.
+_TO_OPPONENT = np.array([[1], [2], [2]]) * np.array(
     [
         [0.2104542553, 0.7936177850, -0.0040720468],
         [1.9779984951, -2.4285922050, 0.4505937099],
@@ -47,6 +48,12 @@ def _encode(light: _Floats) -> _Floats:
     return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
 
 
+def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
+    # Not by BLAS, whose bits depend on the number of its threads.
+    transformed: _Floats = np.einsum("cd,nd->nc", matrix, colors)
+    return transformed
+
+
 def _to_lab(rgb: _Floats) -> _Floats:
     from skimage.color import rgb2lab
 
@@ -65,12 +72,11 @@ def _from_lab(lab: _Floats) -> _Floats:
 
 
 def _to_oklab(rgb: _Floats) -> _Floats:
-    opponent: _Floats = np.cbrt(_decode(rgb) @ _TO_CONES.T) @ _TO_OPPONENT.T
-    return opponent
+    return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
 
 
 def _from_oklab(oklab: _Floats) -> _Floats:
-    return _encode((oklab @ _FROM_OPPONENT.T) ** 3 @ _FROM_CONES.T)
+    return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
 
 
 def _unchanged(rgb: _Floats) -> _Floats:
@@ -115,7 +121,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     -------
     (N, C) array
         Grey has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
-        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1.
+        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
+        and twice its opponent channels.
 
     Raises
     ------
@@ -133,7 +140,7 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
         return colors
     _check_channels(colors.shape[1], space)
     unit = colors / peak(colors.dtype)
-    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+    if colors.dtype.kind == "f" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
         raise ValueError(f"space={space!r} needs floating point samples in 0..1, not in {unit.min()}..{unit.max()}")
     places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
@@ -173,6 +180,21 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
 def peak(dtype: np.dtype[Any]) -> float:
     """Return the value of white: 255, 65535, or 1 for floating point."""
     return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
+
+
+def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
+    if colors.dtype == dtype:
+        return colors
+    unit: NDArray[Any] = colors / np.asarray(
+        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
+    )
+    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+        raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
+    unit *= unit.dtype.type(peak(dtype))
+    if dtype.kind == "u":
+        np.rint(unit, out=unit)
+    return unit.astype(dtype, copy=False)
 
 
 def _check_channels(n_channels: int, space: str) -> None:

@@ -112,8 +112,9 @@ def tessellate(
         Each level first searches over fewer points: neighbouring colors of an image taken together, or a part of
         the rows of a table. "fast" then moves the generators at most 4 times. "balanced" breathes in that search,
         which leaves most local minima, and then moves until that lowers the energy by 1e-4 of it or less: up to
-        twice the time of "fast". "best" searches 12 times (4 from K = 128 on), breathes longer, and moves until
-        1e-6: 3 to 12 times the time of "balanced" on photographs, for an energy some tenths of a percent lower.
+        twice the time of "fast". "best" searches up to 12 times (4 from K = 128 on), until three searches end alike,
+        breathes longer, and moves until 1e-6: 2 to 10 times the time of "balanced" on photographs, for an energy some
+        tenths of a percent lower.
     volume_power : float
         Power p >= 0 of the volume in the weighted energy, the sum of (mass of the cell / mass of all)^p times the
         energy of the cell. With 0 all cells are equal; with 1 or 2 a heavy cell counts for more, so that rare

@@ -72,10 +72,8 @@ INLINE void subtract_products(const float *restrict tile, int n_dims, const floa
 }
 
 INLINE void score_generators(const float *restrict tile, int dims, const float *restrict generators,
-                             const float *restrict half_norms, int first, int n_generators,
-                             float *restrict least, int32_t *restrict nearest)
+                             const float *restrict half_norms, int first, int n_generators, float score[][LANES])
 {
-    float score[GENERATORS_AT_ONCE][LANES];
     int d = 0;
 
     for (int g = 0; g < n_generators; g++)
@@ -86,24 +84,43 @@ INLINE void score_generators(const float *restrict tile, int dims, const float *
         subtract_products(tile + d * LANES, DIMS_AT_ONCE, generators + d, dims, n_generators, score);
     for (; d < dims; d++)
         subtract_products(tile + d * LANES, 1, generators + d, dims, n_generators, score);
-    for (int g = 0; g < n_generators; g++)
-        keep_nearer(score[g], first + g, least, nearest);
 }
 
 INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *restrict generators,
                              const float *restrict half_norms, int n_generators, int32_t *restrict nearest)
 {
-    float least[LANES];
+    float least[LANES], score[GENERATORS_AT_ONCE][LANES];
     int k = 0;
 
     for (int i = 0; i < LANES; i++) {
         least[i] = FLT_MAX;
         nearest[i] = 0;
     }
-    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE)
-        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, least, nearest);
-    for (; k < n_generators; k++)
-        score_generators(tile, dims, generators, half_norms, k, 1, least, nearest);
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_nearer(score[g], k + g, least, nearest);
+    }
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_nearer(score[0], k, least, nearest);
+    }
+}
+
+struct two {
+    float least[LANES], next[LANES];
+    int32_t index[LANES], next_index[LANES];
+};
+
+INLINE void keep_two(const float *restrict score, int generator, struct two *restrict kept)
+{
+    for (int i = 0; i < LANES; i++) {
+        int closer = score[i] < kept->least[i], close = score[i] < kept->next[i];
+        kept->next[i] = closer ? kept->least[i] : close ? score[i] : kept->next[i];
+        kept->next_index[i] = closer ? kept->index[i] : close ? generator : kept->next_index[i];
+        kept->least[i] = closer ? score[i] : kept->least[i];
+        kept->index[i] = closer ? generator : kept->index[i];
+    }
 }
 
 /* The nearest and the second nearest generator, and how much farther (squared) the second is. */
@@ -111,30 +128,27 @@ INLINE void nearest_two(const float *restrict tile, int dims, const float *restr
                         const float *restrict half_norms, int n_generators, int32_t *restrict nearest,
                         int32_t *restrict second, float *restrict gap)
 {
-    float least[LANES], next[LANES];
-    int32_t index[LANES], next_index[LANES];
+    struct two kept;
+    float score[GENERATORS_AT_ONCE][LANES];
+    int k = 0;
 
     for (int i = 0; i < LANES; i++) {
-        least[i] = next[i] = FLT_MAX;
-        index[i] = next_index[i] = 0;
+        kept.least[i] = kept.next[i] = FLT_MAX;
+        kept.index[i] = kept.next_index[i] = 0;
     }
-    for (int k = 0; k < n_generators; k++) {
-        const float *z = generators + (ptrdiff_t)k * dims;
-        for (int i = 0; i < LANES; i++) {
-            float score = half_norms[k];
-            for (int d = 0; d < dims; d++)
-                score -= tile[d * LANES + i] * z[d];
-            int closer = score < least[i], close = score < next[i];
-            next[i] = closer ? least[i] : close ? score : next[i];
-            next_index[i] = closer ? index[i] : close ? k : next_index[i];
-            least[i] = closer ? score : least[i];
-            index[i] = closer ? k : index[i];
-        }
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_two(score[g], k + g, &kept);
     }
-    memcpy(nearest, index, sizeof index);
-    memcpy(second, next_index, sizeof next_index);
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_two(score[0], k, &kept);
+    }
+    memcpy(nearest, kept.index, sizeof kept.index);
+    memcpy(second, kept.next_index, sizeof kept.next_index);
     for (int i = 0; i < LANES; i++)
-        gap[i] = 2 * (next[i] - least[i]);
+        gap[i] = 2 * (kept.next[i] - kept.least[i]);
 }
 
 /* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */
@@ -294,9 +308,77 @@ typedef void nearest_function(const float *tile, int dims, const float *generato
 typedef void two_function(const float *tile, int dims, const float *generators, const float *half_norms,
                           int n_generators, int32_t *nearest, int32_t *second, float *gap);
 
+typedef void sum_function(const float *tile, int dims, const double *density, const int32_t *labels, double *sums);
 typedef void group_function(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns,
                             ptrdiff_t width, const float *generators, const float *half_norms, int n_generators,
                             int32_t *nearest);
+
+/* Points that follow each other mostly share few cells. While a cell has so many points left in a tile, summing it in
+ * all lanes at once takes less than going from point to point. */
+enum { WORTH_ALL_LANES = 10, SUMS_AT_ONCE = 8 };
+
+static const float ONES[LANES] = {
+#define EIGHT_ONES 1, 1, 1, 1, 1, 1, 1, 1
+    EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES,
+};
+
+INLINE double sum_products(const double *restrict weight, const float *restrict values)
+{
+    double sums[SUMS_AT_ONCE] = {0};
+
+    for (int i = 0; i < LANES; i += SUMS_AT_ONCE)
+        for (int lane = 0; lane < SUMS_AT_ONCE; lane++)
+            sums[lane] += weight[i + lane] * values[i + lane];
+    for (int half = SUMS_AT_ONCE / 2; half; half /= 2)
+        for (int lane = 0; lane < half; lane++)
+            sums[lane] += sums[lane + half];
+    return sums[0];
+}
+
+/* Add the points of one cell in a tile to its sums, strike them off the labels left, and count them. */
+INLINE int sum_one_cell(const float *restrict tile, int dims, const double *restrict density, int32_t label,
+                        int32_t *restrict left, double *restrict cell)
+{
+    double weight[LANES];
+    int n_members = 0;
+
+    for (int i = 0; i < LANES; i++) {
+        int member = left[i] == label;
+        weight[i] = member ? density[i] : 0;
+        left[i] = member ? -1 : left[i];
+        n_members += member;
+    }
+    for (int d = 0; d < dims; d++)
+        cell[d] += sum_products(weight, tile + d * LANES);
+    cell[dims] += sum_products(weight, ONES);
+    return n_members;
+}
+
+/* Add density times (point, 1) to the sums of each point's cell. */
+INLINE void sum_tile(const float *restrict tile, int dims, const double *restrict density,
+                     const int32_t *restrict labels, double *restrict sums)
+{
+    int32_t left[LANES];
+    int n_left = LANES, n_members = dims <= FEW_DIMS ? LANES : 0, first = 0;
+
+    memcpy(left, labels, sizeof left);
+    while (n_left && n_members >= WORTH_ALL_LANES) {
+        while (left[first] < 0)
+            first++;
+        n_members = sum_one_cell(tile, dims, density, labels[first], left,
+                                 sums + (ptrdiff_t)labels[first] * (dims + 1));
+        n_left -= n_members;
+    }
+    for (int i = first; n_left && i < LANES; i++) {
+        if (left[i] < 0)
+            continue;
+        double *cell = sums + (ptrdiff_t)left[i] * (dims + 1);
+        for (int d = 0; d < dims; d++)
+            cell[d] += density[i] * tile[d * LANES + i];
+        cell[dims] += density[i];
+        n_left--;
+    }
+}
 
 #define BY_DIMS(dims, call) \
     switch (dims) {         \
@@ -317,6 +399,8 @@ typedef void group_function(const float *tiles, const float *boxes, int n_tiles,
 #define NEAREST_IN_GROUP(D) \
     nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
 
+#define SUM(D) sum_tile(tile, D ? D : dims, density, labels, sums)
+
 #define DEFINE_NEAREST(level, target)                                                                              \
     target static void nearest_##level(const float *tile, int dims, const float *generators,                       \
                                        const float *half_norms, int n_generators, int32_t *nearest)                \
@@ -334,6 +418,11 @@ typedef void group_function(const float *tiles, const float *boxes, int n_tiles,
     {                                                                                                              \
         struct columns z = {columns, width, NULL};                                                                     \
         BY_DIMS(dims, NEAREST_IN_GROUP)                                                                            \
+    }                                                                                                              \
+    target static void sum_##level(const float *tile, int dims, const double *density, const int32_t *labels,      \
+                                   double *sums)                                                                   \
+    {                                                                                                              \
+        BY_DIMS(dims, SUM)                                                                                         \
     }
 
 DEFINE_NEAREST(baseline, )
@@ -361,6 +450,7 @@ static int supported_simd_level(void)
 static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_avx2, nearest_avx512};
 static two_function *const two_by_level[] = {two_baseline, two_avx2, two_avx512};
 static group_function *const group_by_level[] = {group_baseline, group_avx2, group_avx512};
+static sum_function *const sum_by_level[] = {sum_baseline, sum_avx2, sum_avx512};
 #else
 static int supported_simd_level(void)
 {
@@ -370,6 +460,7 @@ static int supported_simd_level(void)
 static nearest_function *const nearest_by_level[] = {nearest_baseline, nearest_baseline, nearest_baseline};
 static two_function *const two_by_level[] = {two_baseline, two_baseline, two_baseline};
 static group_function *const group_by_level[] = {group_baseline, group_baseline, group_baseline};
+static sum_function *const sum_by_level[] = {sum_baseline, sum_baseline, sum_baseline};
 #endif
 
 #endif

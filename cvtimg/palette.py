@@ -1,36 +1,81 @@
-"""Palettes as files that other programs read.
+"""Palettes as files that other programs write and read.
 
-A format is one function from a palette to bytes, registered by its suffix in `PALETTE_WRITERS`.
+A format is a module of `cvtimg.palettes`, registered here by its suffix. A picture serves as a palette, too.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._checks import check_choice, check_density
 from cvtimg.files import StrPath, whole_file
+from cvtimg.images.opening import reading
+from cvtimg.palettes import act, ase, css, gpl, hexlist, jsonlist, picture
+from cvtimg.palettes.swatches import Swatches
 
-__all__ = ["PALETTE_WRITERS", "write_palette"]
+__all__ = ["PALETTE_FORMATS", "read_palette", "write_palette"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Swatches:
-    """What a writer gets: (K, 3) or (K, 4) uint8 colors, and for each its share of the pixels where that is known."""
+class PaletteFormat(NamedTuple):
+    """How a palette is read from the bytes of a file, and written."""
 
-    name: str
-    colors: NDArray[np.uint8]
-    shares: list[float] | None
+    read: Callable[[bytes], NDArray[np.uint8]]
+    write: Callable[[Swatches], bytes]
 
-    def hexes(self) -> list[str]:
-        """Each color as ``#rrggbb``, or as ``#rrggbbaa`` where the palette has transparency."""
-        return [f"#{color.tobytes().hex()}" for color in self.colors]
+
+#: By suffix.
+PALETTE_FORMATS = {
+    ".gpl": PaletteFormat(gpl.read, gpl.write),
+    ".json": PaletteFormat(jsonlist.read, jsonlist.write),
+    ".hex": PaletteFormat(hexlist.read, hexlist.write),
+    ".act": PaletteFormat(act.read, act.write),
+    ".ase": PaletteFormat(ase.read, ase.write),
+    ".css": PaletteFormat(css.read, css.write),
+    ".png": PaletteFormat(picture.read, picture.write),
+}
+
+
+def read_palette(path: StrPath) -> NDArray[np.uint8]:
+    r"""Read the colors of a palette file or of a picture.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe) or .css; any other file is taken for a picture.
+
+    Returns
+    -------
+    (K, 3) or (K, 4) uint8 array
+        RGB, or RGBA where the file tells of transparency, in sRGB and in the order of the file. Of an indexed picture
+        its palette, of another one its distinct colors in the order in which they come.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, or is not what its suffix says; or if a picture without a palette has more than
+        65536 colors.
+
+    Notes
+    -----
+    CMYK in an .ase is converted without a profile, where what it looks like depends on the print.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg.palette import read_palette
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flag.hex").write_text("0000ff\nffff00\n")
+    ...     read_palette(f"{folder}/flag.hex").tolist()
+    [[0, 0, 255], [255, 255, 0]]
+    """
+    form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
+    with reading(path) as file:
+        return form.read(file.read())
 
 
 def write_palette(
@@ -41,7 +86,8 @@ def write_palette(
     Parameters
     ----------
     path : str or path-like
-        Ends in .json or .gpl (GIMP, Inkscape, Krita). The palette is named after the file.
+        Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
+        properties) or .png (a picture with a field for each color). The palette is named after the file.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
         Grey, RGB or RGBA, in sRGB. uint8 is written as it is; uint16 and floating point in 0..1 are rounded to
         8 bits, which is what these formats hold.
@@ -61,7 +107,8 @@ def write_palette(
 
     Notes
     -----
-    A .gpl has no transparency: there the alpha of a color is in its name alone, ``#rrggbbaa``.
+    A .gpl and an .ase have no transparency: there the alpha of a color is in its name alone, ``#rrggbbaa``, where
+    `read_palette` finds it. An .act holds at most 256 colors, of which one can be clear.
 
     Examples
     --------
@@ -75,42 +122,17 @@ def write_palette(
     {'hex': '#ffff00', 'rgb': [255, 255, 0], 'share': 0.75}
     """
     target = Path(path)
-    writer = PALETTE_WRITERS[check_choice(f"{path}: suffix", target.suffix.lower(), PALETTE_WRITERS)]
+    form = PALETTE_FORMATS[check_choice(f"{path}: suffix", target.suffix.lower(), PALETTE_FORMATS)]
     colors = _eight_bit(np.asarray(palette))
     shares = None
     if density is not None:
         weights = check_density(density, len(colors))
         shares = (weights / weights.sum()).tolist()
-    content = writer(_Swatches(" ".join(target.stem.split()), colors, shares))
+    # A file name need not be text; replacing what is not is better than refusing the palette.
+    name = " ".join(target.stem.encode("utf-8", "replace").decode().split())
+    content = form.write(Swatches(name, colors, shares))
     with whole_file(path, overwrite=overwrite) as file:
-        # A file name need not be text; replacing what is not is better than refusing the palette.
-        file.write(content.encode("utf-8", "replace"))
-
-
-def _json(swatches: _Swatches) -> str:
-    entries: list[dict[str, Any]] = []
-    for number, (color, code) in enumerate(zip(swatches.colors.tolist(), swatches.hexes(), strict=True)):
-        entry: dict[str, Any] = {"hex": code, "rgb": color[:3]}
-        if len(color) == 4:
-            entry["alpha"] = color[3]
-        if swatches.shares is not None:
-            entry["share"] = swatches.shares[number]
-        entries.append(entry)
-    # A line for each color: short to read, and to compare.
-    lines = ",\n".join("    " + json.dumps(entry) for entry in entries)
-    return f'{{\n  "name": {json.dumps(swatches.name)},\n  "colors": [\n{lines}\n  ]\n}}\n'
-
-
-def _gpl(swatches: _Swatches) -> str:
-    rows = (
-        f"{red:3} {green:3} {blue:3}\t{code}"
-        for (red, green, blue), code in zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)
-    )
-    return "\n".join(["GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows, ""])
-
-
-#: From the colors to the text of the file, by suffix.
-PALETTE_WRITERS: dict[str, Callable[[_Swatches], str]] = {".gpl": _gpl, ".json": _json}
+        file.write(content)
 
 
 def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:

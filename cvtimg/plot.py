@@ -15,12 +15,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from cvtimg._checks import check_count, check_density, check_image, check_rows
+from cvtimg._checks import (
+    check_count,
+    check_density,
+    check_image,
+    check_labeled_image,
+    check_labels,
+    check_rows,
+)
+from cvtimg.edges import find_edges
 
 BACKGROUND = (255, 255, 255)
 MAT = (240, 240, 240)
 INK = (24, 24, 24)
 PALE_INK = (92, 92, 92)
+YELLOW = (255, 255, 0)
 CHECKERS = (200, 232)
 CHECKER_SIDE = 8
 
@@ -162,6 +171,69 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
         sheet.paste(block, (MARGIN, top))
         top += block.height + ROW_GAP
     return np.array(sheet)
+
+
+def draw_edges(
+    image: Any,
+    labels: ArrayLike,
+    *,
+    color: Sequence[int] = YELLOW,
+    thickness: int = 1,
+    ignore: int | None = None,
+) -> NDArray[np.uint8]:
+    """Draw the edges of segments over the picture that they are of.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        As in `Panel`; pixels of label 0 may be NaN.
+    labels : (H, W) integer array
+        Segment of each pixel.
+    color : sequence of three int
+        In 0..255.
+    thickness : int
+        Width of the edges in pixels. An odd one is centered on inner edges, an even one on the border.
+    ignore : int, optional
+        A label whose borders are no edges, as in `find_edges`.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+        A picture that is not 8-bit is stretched from the least to the greatest value outside of `ignore`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here.
+
+    Examples
+    --------
+    >>> drawn = draw_edges(np.zeros((1, 4), np.uint8), np.array([[1, 1, 2, 2]]), color=(255, 0, 0))
+    >>> drawn[0, :, 0].tolist()
+    [0, 0, 255, 0]
+    """
+    from skimage.morphology import isotropic_dilation
+
+    segments = check_labels("labels", labels)
+    check_count("thickness", thickness, LONGEST, "the longest side")
+    values = check_labeled_image("image", image, segments)
+    drawn = np.array(_over_checkers(Image.fromarray(_as_bytes(values, _limits([values[segments != ignore]])))))
+    edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
+    radius = (thickness - 1) // 2
+    if radius and edges.any():
+        edges = isotropic_dilation(edges, radius)  # type: ignore[no-untyped-call]
+    drawn[edges] = color
+    return drawn
+
+
+def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: int | None = None) -> NDArray[np.uint8]:
+    """Give colors as they look where `draw_edges` draws: (K, C) in the units of the image to (K, 3) uint8."""
+    segments = check_labels("labels", labels)
+    values = check_labeled_image("image", image, segments)
+    rows = np.asarray(colors)
+    if values.dtype == np.uint8:
+        rows = np.rint(rows).astype(np.uint8)
+    return _as_bytes(rows, _limits([values[segments != ignore]]))[:, :3]
 
 
 def _draw_title(title: str, width: int) -> Image.Image:

@@ -95,7 +95,11 @@ def pack(
     """Pack (N, D) rows and their weights; the rows are copied once, here. The center is their mean by default."""
     if center is None:
         some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
-        center = weights @ some / weights.sum() if weights.any() else some.mean(axis=0, dtype=np.float64)
+        center = (
+            np.einsum("n,nd->d", weights, some) / weights.sum()
+            if weights.any()
+            else some.mean(axis=0, dtype=np.float64)
+        )
         if rows.dtype.kind == "u":
             center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
     scale = _scale(rows, center) if rows.dtype.kind == "f" else 1.0
@@ -140,7 +144,7 @@ def _points(
         part = tiles[start : start + _TILES_AT_ONCE]
         squares = np.einsum("tdi,tdi->ti", part, part, dtype=np.float64).reshape(-1)
         first = start * _kernels.TILE
-        spread += float(density[first : first + len(squares)] @ squares)
+        spread += float(np.einsum("n,n->", density[first : first + len(squares)], squares))
     return Points(tiles, boxes, density, frame, n_points, in_order, spread)
 
 

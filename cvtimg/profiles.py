@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
-__all__ = ["apply_profile", "profile_name"]
+__all__ = ["apply_profile", "convert_deep", "kept_profile", "profile_name", "profile_space"]
+
+# Relative colorimetric keeps each colour that sRGB can show as it is, where the perceptual
+# intent shifts all of them to make room for the few that it cannot; black point compensation
+# keeps the dark parts of print profiles apart.
+_INTENT = ImageCms.Intent.RELATIVE_COLORIMETRIC
+_FLAGS = ImageCms.Flags.BLACKPOINTCOMPENSATION
 
 # What littleCMS and Pillow raise for a profile that is damaged.
 UNREADABLE = (ImageCms.PyCMSError, OSError, ValueError, TypeError)
@@ -23,6 +31,66 @@ def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
         return _convert(image, ImageCms.ImageCmsProfile(io.BytesIO(icc)), grey)
     except UNREADABLE:
         return image
+
+
+def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
+    """Bring uint16 (H, W, 3) or (H, W, 4) with alpha to sRGB, at full depth; as `apply_profile` else."""
+    try:
+        profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
+        if profile.profile.xcolor_space.strip() != "RGB":
+            return values
+        if not _changes_colors(_transform(profile, "RGB", "RGB"), "RGB"):
+            return values
+    except UNREADABLE:
+        return values
+    import imagecodecs
+
+    colors = imagecodecs.cms_transform(
+        np.ascontiguousarray(values[..., :3]),
+        icc,
+        _srgb_profile(),
+        colorspace="rgb",
+        outcolorspace="rgb",
+        intent=int(_INTENT),
+        flags=int(_FLAGS),
+    )
+    return np.concatenate([colors, values[..., 3:]], axis=-1)
+
+
+def kept_profile(icc: bytes, mode: str) -> bytes | None:
+    """Give the profile of a picture once it is read: its own if that changed nothing, sRGB if it was converted.
+
+    None if it does not serve for pictures of Pillow's `mode`, so that it was ignored.
+    """
+    space = profile_space(icc)
+    if mode.startswith(("I", "F")):  # measurements, which are not converted
+        return icc if space == "GRAY" else None
+    grey = mode in ("1", "L", "LA")
+    bands = "CMYK" if mode == "CMYK" else "RGB"
+    if space != bands and not (grey and space == "GRAY"):
+        return None
+    try:
+        profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
+        if space == "RGB" and not _changes_colors(_transform(profile, "RGB", "RGB"), "RGB"):
+            return icc
+    except UNREADABLE:
+        return None
+    return _srgb_profile()
+
+
+def profile_space(icc: bytes) -> str | None:
+    """Give the color space that a profile is for, such as RGB or GRAY; None for a damaged one."""
+    try:
+        return ImageCms.ImageCmsProfile(io.BytesIO(icc)).profile.xcolor_space.strip()
+    except UNREADABLE:
+        return None
+
+
+def _srgb_profile() -> bytes:
+    """Build the profile of sRGB, without the date of its making, so that a file is the same tomorrow."""
+    content = bytearray(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
+    content[24:36] = bytes(12)
+    return bytes(content)
 
 
 def profile_name(icc: bytes | None) -> str | None:
@@ -53,16 +121,13 @@ def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) 
 
 
 def _transform(profile: ImageCms.ImageCmsProfile, source: str, target: str) -> ImageCms.ImageCmsTransform:
-    # Relative colorimetric keeps each colour that sRGB can show as it is, where the perceptual
-    # intent shifts all of them to make room for the few that it cannot; black point compensation
-    # keeps the dark parts of print profiles apart.
     return ImageCms.buildTransform(
         profile,
         ImageCms.createProfile("sRGB"),
         source,
         target,
-        ImageCms.Intent.RELATIVE_COLORIMETRIC,
-        ImageCms.Flags.BLACKPOINTCOMPENSATION,
+        _INTENT,
+        _FLAGS,
     )
 
 

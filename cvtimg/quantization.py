@@ -2,93 +2,70 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._checks import check_count
-from cvtimg.cvt import Tessellation, tessellate
-from cvtimg.methods import Method
-from cvtimg.points import assign, cell_energies, pack
-from cvtimg.samples import ColorSamples, color_samples
+from cvtimg._checks import check_alone, check_count, check_image, check_non_negative
+from cvtimg.color import peak
+from cvtimg.dithering import STRENGTH
+from cvtimg.elbow import EnergyCurve, auto_count
+from cvtimg.palette_search import EngineOptions, check_room, find_palette, fixed_colors
+from cvtimg.places import has_alpha, with_alpha
+from cvtimg.remapping import MAX_COLORS, Quantized, map_to_palette
+from cvtimg.samples import color_samples
+from cvtimg.targets import first_reaching
 
-#: Labels of pixels have at most 16 bits.
-MAX_COLORS = 1 << 16
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Quantized:
-    """A picture in few colors.
-
-    Attributes
-    ----------
-    palette : (K, D) array of the picture's type
-        Its colors, from dark to bright. K can be less than was asked for: a picture with few colors keeps them
-        all, and generators that round to the same color are one color.
-    indices : (H, W) uint8 array, or uint16 if K > 256
-        For each pixel the index of the nearest color of the palette.
-    shape : tuple of int
-        Shape of the picture: (H, W) or (H, W, C).
-    energy : float
-        Sum over the pixels of the squared distance to their color of the palette, in squared color units.
-    tessellation : Tessellation or None
-        What the palette was rounded from; None where the picture had at most as many colors as were asked for.
-    n_distinct : int
-        Distinct colors of the picture before.
-    """
-
-    palette: NDArray[Any]
-    indices: NDArray[Any]
-    shape: tuple[int, ...]
-    energy: float
-    tessellation: Tessellation | None
-    n_distinct: int
-
-    def __post_init__(self) -> None:
-        for array in (self.palette, self.indices):
-            array.flags.writeable = False
-
-    @property
-    def image(self) -> NDArray[Any]:
-        """The picture in its new colors, (H, W) or (H, W, C), of the type of the original."""
-        pixels: NDArray[Any] = self.palette[self.indices]
-        return pixels.reshape(self.shape)
-
-    @property
-    def mse(self) -> float:
-        """Mean squared error of a sample, as in skimage.metrics.mean_squared_error."""
-        return self.energy / float(np.prod(self.shape))
-
-    @property
-    def psnr(self) -> float:
-        """Peak signal-to-noise ratio in dB; the peak is 255, 65535, or 1 for floating point. Infinite if exact."""
-        peak = np.iinfo(self.palette.dtype).max if self.palette.dtype.kind == "u" else 1.0
-        return float(10 * np.log10(peak**2 / self.mse)) if self.energy else float("inf")
+#: Colors to begin with, and what twice as many bring at least, where a target is to be reached.
+_FIRST_TRIAL = 32
+_DECIBEL = 2.0
+_BYTES_A_PIXEL = 0.05
 
 
 def quantize(
     image: Any,
-    n_colors: int,
+    n_colors: int | Literal["auto"] | None = None,
     *,
-    method: str | Method | None = None,
-    init: str | ArrayLike = "split",
-    effort: str = "balanced",
-    volume_power: float = 0,
-    rng: int | np.random.Generator = 0,
+    space: str = "rgb",
+    palette: ArrayLike | None = None,
+    locked: ArrayLike | None = None,
+    psnr: float | None = None,
+    dither: str | None = None,
+    dither_strength: float = STRENGTH,
+    weights: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
 ) -> Quantized:
     """Find the colors that stand best for a picture, and give each pixel the nearest of them.
 
     The palette is rounded to the depth of the picture before the pixels are mapped to it. A picture that has at
-    most `n_colors` colors comes back exactly.
+    most `n_colors` colors comes back exactly. This is `find_palette` and then `map_to_palette`.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point.
+        uint8, uint16 or floating point. Of two or four channels the last is alpha: colors count as far as they are
+        seen, opaque pixels stay opaque, and what is fully transparent stays so.
     n_colors : int
-        Size of the palette, in 1..65536.
+        Size of the palette, in 1..65536, with the locked colors and, if there are such pixels, with full transparency.
+        With `psnr` the largest size, and not needed; not to be given with `palette`. "auto" takes the elbow of the
+        energy curve, which the result then has; see `EnergyCurve.elbow`.
+    space : {"rgb", "linear", "lab", "oklab"}
+        Where distances are measured, and means are taken. All but "rgb" are for grey and RGB, with alpha or without.
+    palette : (K, C) array, optional
+        Colors to map the picture to, in its units, in place of finding some.
+    locked : (L, C) array, optional
+        Colors that are in the palette exactly, in the units of the picture.
+    psnr : float, optional
+        Quality in dB: take the fewest colors that reach it.
+    dither : {"floyd-steinberg", "blue-noise"}, optional
+        How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
+    dither_strength : float
+        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
+    weights : (H, W) array, optional
+        How much each pixel counts when the palette is sought, >= 0; by default all count alike.
     method, init, effort, volume_power, rng
         As in `tessellate`. Pixels go to the nearest color whatever the `volume_power` that the palette is made with.
 
@@ -99,7 +76,7 @@ def quantize(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is not what is said here, or `psnr` is not reached; the message names it.
 
     Examples
     --------
@@ -109,39 +86,170 @@ def quantize(
     >>> result = quantize(picture, 2)
     >>> result.image.tolist(), result.energy
     ([[11, 11, 201], [11, 201, 201]], 4.0)
+    >>> len(quantize(picture, psnr=40).palette)
+    2
     """
-    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
-    samples = color_samples(image)
-    shape = samples.inverse.shape + np.shape(image)[2:]
-    if samples.n_colors <= n_colors:
-        tessellation, palette = None, samples.colors
-    else:
-        tessellation = tessellate(
-            samples, n_colors, method=method, init=init, effort=effort, volume_power=volume_power, rng=rng
+    source = _Source(image, locked, weights, space, dither, dither_strength)
+    if palette is not None:
+        others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}
+        check_alone("palette", [name for name, value in others.items() if value is not None])
+        return source.mapped(palette)
+    if psnr is None:
+        if n_colors is None:
+            raise TypeError("n_colors, psnr or palette must be given")
+        if n_colors == "auto":
+            n_colors, curve = source.elbow(engine)
+            return replace(source.quantized(n_colors, engine), curve=curve)
+        return source.quantized(n_colors, engine)
+    quality = check_non_negative("psnr", psnr)
+    if n_colors == "auto":
+        raise ValueError("n_colors='auto' and psnr exclude each other")
+    most = MAX_COLORS if n_colors is None else n_colors
+    results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
+    if True not in results:
+        best = results[False]
+        raise ValueError(f"psnr={psnr} is not reached by {len(best.palette)} colors, only {best.psnr:.2f} dB")
+    return results[True]
+
+
+def quantize_to_size(
+    image: Any,
+    max_bytes: int,
+    size: Callable[[Quantized], int],
+    n_colors: int = 256,
+    *,
+    space: str = "rgb",
+    locked: ArrayLike | None = None,
+    dither: str | None = None,
+    dither_strength: float = STRENGTH,
+    weights: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Quantized:
+    """Find the most colors whose file is no larger than so many bytes.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        As in `quantize`.
+    max_bytes : int
+        The largest size, >= 1.
+    size : callable
+        Tells how many bytes a file of the result would have.
+    n_colors : int
+        The most colors to take; by default as many as an indexed file holds.
+    space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
+        As in `quantize`.
+
+    Returns
+    -------
+    Quantized
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or no palette is small enough; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import quantize_to_size
+    >>> picture = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    >>> result = quantize_to_size(picture, 400, lambda result: result.indices.nbytes + 3 * len(result.palette))
+    >>> len(result.palette)
+    48
+    """
+    check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
+    source = _Source(image, locked, weights, space, dither, dither_strength)
+    results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
+    if False not in results:
+        fewest = results[True]
+        raise ValueError(
+            f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
         )
-        palette = _to_depth(tessellation.generators, samples.colors.dtype)
-    palette = _dark_to_bright(palette)
-    nearest, energy = _map_to_palette(samples, palette)
-    indices = nearest.astype(np.uint8 if len(palette) <= 256 else np.uint16)[samples.inverse]
-    return Quantized(palette, indices, shape, energy, tessellation, samples.n_colors)
+    return results[False]
 
 
-def _to_depth(generators: NDArray[np.float64], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Round to integers where the picture has integers; means are always within range."""
-    return (np.rint(generators) if dtype.kind == "u" else generators).astype(dtype)
+class _Source:
+    """A picture that palettes of several sizes are tried on, and how they are found and used."""
+
+    def __init__(
+        self,
+        image: Any,
+        locked: ArrayLike | None,
+        weights: ArrayLike | None,
+        space: str,
+        dither: str | None,
+        dither_strength: float,
+    ) -> None:
+        array = check_image("image", image)
+        seen = _without_idle_alpha(array)
+        self._shape, self._has_idle_alpha = array.shape, seen is not array
+        self._samples = color_samples(seen)
+        self._counted = self._samples if weights is None else self._samples.weighted(weights)
+        self._locked, self._space = locked, space
+        self._dither, self._strength = dither, dither_strength
+        self.n_pixels = self._samples.inverse.size
+
+    @property
+    def least(self) -> int:
+        """How many colors its palettes must have."""
+        return fixed_colors(self._samples, self._locked)[2]
+
+    def quantized(self, n_colors: int, engine: EngineOptions) -> Quantized:
+        """Find a palette and map the picture to it."""
+        found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
+        return replace(self.mapped(found.colors), tessellation=found.tessellation)
+
+    def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
+        """Pick the number of colors by the elbow of their energies."""
+        options: dict[str, Any] = {name: value for name, value in engine.items() if name in ("volume_power", "rng")}
+        n_colors, curve = auto_count(self._counted, space=self._space, **options)
+        return max(n_colors, self.least), curve
+
+    def mapped(self, palette: ArrayLike) -> Quantized:
+        """Map the picture to a palette."""
+        result = map_to_palette(
+            self._samples, palette, space=self._space, dither=self._dither, dither_strength=self._strength
+        )
+        if self._has_idle_alpha and not has_alpha(result.palette.shape[1]):
+            result = replace(result, palette=with_alpha(result.palette))
+        n_channels = result.palette.shape[1]
+        as_before = n_channels == 1 or self._shape[2:] == (n_channels,)
+        return replace(result, shape=self._shape if as_before else (*self._shape[:2], n_channels))
+
+    def first_reaching(
+        self,
+        value: Callable[[Quantized], float],
+        target: float,
+        n_colors: int,
+        per_octave: float,
+        engine: EngineOptions,
+    ) -> dict[bool, Quantized]:
+        """Return the result of the first size of palette whose value reaches the target, under True.
+
+        Under False is that of one color less; either can be missing.
+
+        Low effort tells where to look. Each trial is a search of its own, so that its result is what `quantize` gives
+        for its size: from the generators of another trial it would end at more energy.
+        """
+        least = self.least
+        check_room(n_colors, least)
+        n = _FIRST_TRIAL
+        for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
+            results: dict[bool, Quantized] = {}
+
+            def measure(n: int, effort: str = effort, results: dict[bool, Quantized] = results) -> float:
+                result = self.quantized(n, {**engine, "effort": effort})
+                reached = value(result)
+                results[reached >= target] = result
+                return reached
+
+            n = first_reaching(measure, target, least, n_colors, first=n, per_octave=per_octave)
+        return results
 
 
-def _dark_to_bright(palette: NDArray[Any]) -> NDArray[Any]:
-    """Distinct colors by the sum of their channels."""
-    ordered = palette[np.lexsort((*palette.T[::-1], palette.sum(axis=1, dtype=np.float64)))]
-    is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
-    distinct: NDArray[Any] = ordered[is_new]
-    return distinct
-
-
-def _map_to_palette(samples: ColorSamples, palette: NDArray[Any]) -> tuple[NDArray[np.int32], float]:
-    """(M,) index of the nearest color of the palette to each sample, and the energy of that map."""
-    points = pack(samples.colors, samples.density)
-    inside = points.frame.inward(palette)
-    labels = assign(points, inside)
-    return labels[: points.n_points], points.frame.energy(cell_energies(points, inside, labels).sum())
+def _without_idle_alpha(image: NDArray[Any]) -> NDArray[Any]:
+    """Return a picture that is opaque all over without its alpha: three bytes a pixel are counted sooner than four."""
+    if image.ndim == 2 or not has_alpha(image.shape[2]) or (image[..., -1] != peak(image.dtype)).any():
+        return image
+    return np.ascontiguousarray(image[..., :-1])

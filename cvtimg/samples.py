@@ -6,14 +6,15 @@ colors, weighted by their density, so its cost does not depend on the size of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cvtimg import _kernels
-from cvtimg._checks import check_image
+from cvtimg._checks import check_image, check_weights
 from cvtimg._threads import in_parts
 
 #: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
@@ -54,6 +55,16 @@ class ColorSamples:
     def n_colors(self) -> int:
         """Number of distinct colors, M."""
         return len(self.colors)
+
+    def weighted(self, weights: ArrayLike) -> ColorSamples:
+        """Let pixels count by (H, W) weights, finite, >= 0 and not all 0: the density of a color is their sum."""
+        checked = check_weights("weights", weights, self.inverse.shape)
+        density = np.bincount(self.inverse.reshape(-1), checked.reshape(-1), self.n_colors)
+        return replace(self, density=density.astype(np.float64))
+
+    def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
+        """Return some of the colors, without a way back to pixels."""
+        return ColorSamples(self.colors[chosen], self.density[chosen], np.empty((0, 0), np.int32), self.in_order)
 
 
 def color_samples(image: Any) -> ColorSamples:
@@ -101,6 +112,42 @@ def color_samples(image: Any) -> ColorSamples:
             rank[order] = np.arange(len(order), dtype=np.int32)
             colors, density, inverse = colors[order], density[order], rank[inverse]
     return ColorSamples(colors.view(rows.dtype), density, inverse.reshape(height, width), in_order)
+
+
+def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
+    """Add the densities of several pictures, or of parts of one, as if their pixels were those of one picture.
+
+    Parameters
+    ----------
+    several : sequence of ColorSamples
+        At least one; all of the same type and number of channels.
+
+    Returns
+    -------
+    ColorSamples
+        The colors of all. Its `inverse`, (1, N), leads to them from the N colors of the given samples one after the
+        other, not from pixels.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or they differ in type or number of channels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import color_samples, merge_samples
+    >>> frames = np.array([[[0, 7, 7]], [[7, 9, 0]]], dtype=np.uint8)
+    >>> merged = merge_samples([color_samples(frame) for frame in frames])
+    >>> merged.colors.ravel().tolist(), merged.density.tolist()
+    ([0, 7, 9], [2.0, 3.0, 1.0])
+    """
+    kinds = {(str(samples.colors.dtype), samples.colors.shape[1]) for samples in several}
+    if len(kinds) != 1:
+        found = ", ".join(f"{dtype} x {n_channels}" for dtype, n_channels in sorted(kinds)) or "none"
+        raise ValueError(f"samples to merge must have one type and number of channels, not {found}")
+    merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis])
+    return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])
 
 
 _Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]

@@ -24,8 +24,8 @@ class Effort:
     Attributes
     ----------
     n_starts : int
-        Searches on coarsened samples, each from seeds of its own; the one that ends lowest is followed. From 43
-        generators on they become fewer, down to a third: each costs more, and the ends differ less.
+        Searches on coarsened samples at most, each from seeds of its own; the one that ends lowest is followed. From
+        43 generators on they become fewer, down to a third: each costs more, and the ends differ less.
     breaths : tuple of float
         When such a search breathes, the largest and the least share of the generators that come and go; 0 for none.
     stopping : Stopping
@@ -44,6 +44,8 @@ EFFORTS: dict[str, Effort] = {
     "best": Effort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
+#: No search follows once so many ended within this share of the lowest energy: with few generators nearly all do.
+_AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 #: A search goes over so many times fewer points, the first of these that leaves so many for each and for all.
 _COARSER = (32, 16, 8, 4, 2)
@@ -66,9 +68,9 @@ def search(
 
     def search_over(some: Points) -> NDArray[np.float64]:
         ends: list[Iteration] = []
-        while len(ends) < n_starts and not conditions.watch.stopped:
+        while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
             # Seeds that draw nothing serve once.
-            seeding = SEEDINGS["k-means++" if ends else init]
+            seeding = SEEDINGS["random" if ends else init]
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
             ends.append(_breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
         return min(ends, key=lambda end: end.energies[-1]).generators
@@ -80,6 +82,12 @@ def search(
         if fewer is points:
             raise
         return search_over(points)  # among fewer points rare samples can be lost
+
+
+def _agree(ends: list[Iteration]) -> bool:
+    """Whether so many searches ended at about the lowest energy that another would hardly end below."""
+    energies = [end.energies[-1] for end in ends]
+    return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
 
 
 def _fewer(points: Points, n_generators: int, rng: np.random.Generator) -> Points:

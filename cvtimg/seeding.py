@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import _kernels
-from cvtimg.points import Points, cell_energies
+from cvtimg.points import Points, cell_energies, cell_moments
 
 #: From points, the number of generators and a random generator to (K, D) initial generators, centered as the points.
 Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
@@ -108,6 +108,21 @@ def refill(
     return refilled
 
 
+def divide_worst(
+    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """(K + 1, D) means and labels of the points after the cell of greatest energy was divided across its main axis."""
+    worst = np.argsort(cell_energies(points, generators, labels))[-1:]
+    lower, upper = halves(points, labels, worst, len(generators))
+    members = np.flatnonzero((labels == worst) & (points.density > 0))
+    above = (points.rows(members) - (lower + upper) / 2) @ (upper - lower)[0] > 0
+    divided = labels.copy()
+    divided[members[above]] = len(generators)
+    masses, sums = cell_moments(points, divided, len(generators) + 1)
+    means = np.concatenate([generators, upper])
+    return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
+
+
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw points in proportion to their energy; of several draws keep the one that leaves least energy.
 
@@ -122,7 +137,7 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
             raise TooFewSamplesError(n_generators, len(chosen))
         draws = np.searchsorted(cumulative, cumulative[-1] * rng.random(n_draws), side="right")
         candidates = [_distances(points, draw, nearest) for draw in draws]
-        best = int(np.argmin([points.density @ distances for distances in candidates]))
+        best = int(np.argmin([np.einsum("n,n->", points.density, distances) for distances in candidates]))
         nearest = candidates[best]
         chosen.append(draws[best])
     return points.rows(np.array(chosen))

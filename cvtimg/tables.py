@@ -179,7 +179,7 @@ class Scaling:
 def spread(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
     """Sum of weight times squared distance to the mean: the energy of a single generator."""
     squares = ((rows - np.average(rows, axis=0, weights=weights)) ** 2).sum(axis=1)
-    return float(squares.sum() if weights is None else weights @ squares)
+    return float(squares.sum() if weights is None else np.einsum("n,n->", weights, squares))
 
 
 def write_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:

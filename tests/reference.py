@@ -28,6 +28,21 @@ def lloyd_step(samples: NDArray[Any], density: NDArray[Any], generators: NDArray
     return moved
 
 
+def composite(image: NDArray[Any], background: float) -> NDArray[np.float64]:
+    """(H, W, C - 1) a picture with alpha over a plain grey, in 0..1."""
+    peak = np.iinfo(image.dtype).max if image.dtype.kind == "u" else 1
+    unit = image / peak
+    return unit[..., :-1] * unit[..., -1:] + background * (1 - unit[..., -1:])
+
+
+def seen_energy(one: NDArray[Any], other: NDArray[Any]) -> float:
+    """Sum of squared differences; with alpha, the mean of what is seen over black and over white."""
+    peak = float(np.iinfo(one.dtype).max) if one.dtype.kind == "u" else 1.0
+    if one.ndim == 2 or one.shape[2] not in (2, 4):
+        return float(((one.astype(float) - other) ** 2).sum())
+    return sum(float(((composite(one, b) - composite(other, b)) ** 2).sum()) for b in (0, 1)) / 2 * peak**2
+
+
 def edge_weighted_energy(
     values: NDArray[Any],
     labels: NDArray[Any],

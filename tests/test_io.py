@@ -7,12 +7,14 @@ import os
 import re
 import stat
 import struct
+import sys
 import tempfile
 import warnings
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import FrozenInstanceError
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,17 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 from PIL.PngImagePlugin import PngImageFile
 
-from cvtimg.io import find_images, image_info, read_image, whole_file, write_image
+from cvtimg import quantize
+from cvtimg.io import (
+    Metadata,
+    encode_image,
+    find_images,
+    image_info,
+    read_image,
+    read_metadata,
+    whole_file,
+    write_image,
+)
 
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and devices")
 RNG = np.random.default_rng(5)
@@ -34,15 +46,16 @@ RGB = RNG.integers(0, 256, (5, 7, 3), np.uint8)
 RGBA = RNG.integers(0, 256, (5, 7, 4), np.uint8)
 DEEP = RNG.integers(0, 65536, (5, 7), np.uint16)
 BITS = RNG.integers(0, 2, (5, 7)).astype(bool)
-LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm"]
+DEEP_RGBA = RNG.integers(0, 65536, (5, 7, 4), np.uint16)
+LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"]
+
+
+def chunk(name: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
 def png(size: tuple[int, int], depth: int, kind: int, rows: bytes, trns: bytes) -> bytes:
     """Build a PNG that Pillow cannot write."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
     header = struct.pack(">IIBBBBB", *size, depth, kind, 0, 0, 0)
     pixels = zlib.compress(rows)
     body = chunk(b"IHDR", header) + chunk(b"tRNS", trns) + chunk(b"IDAT", pixels)
@@ -186,7 +199,8 @@ def test_a_palette_picture_with_a_transparent_color_becomes_rgba(tmp_path: Path,
 )
 def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Path, file: bytes) -> None:
     (tmp_path / "a.png").write_bytes(file)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png")[..., 3], [[0, 255]])
+    image = read_image(tmp_path / "a.png")
+    np.testing.assert_array_equal(image[..., 3], [[0, np.iinfo(image.dtype).max]])
 
 
 @pytest.mark.parametrize(
@@ -335,7 +349,7 @@ def test_a_file_that_is_no_picture_is_named_with_the_reason(
 def test_a_missing_file_and_a_folder_have_their_own_errors(tmp_path: Path, reader: Any) -> None:
     with pytest.raises(FileNotFoundError, match=r"a\.png: no such file$"):
         reader(tmp_path / "a.png")
-    with pytest.raises(IsADirectoryError, match=r"is a directory, not a picture$"):
+    with pytest.raises(IsADirectoryError, match=r"is a directory, not a file$"):
         reader(str(tmp_path))
 
 
@@ -439,12 +453,11 @@ def test_the_header_tells_format_mode_bands_bits_and_alpha(
     assert (info.width, info.height, info.frames, info.icc) == (7, 5, 1, None)
 
 
-def test_the_header_tells_16_bits_of_rgb_that_pillow_reads_as_8(tmp_path: Path) -> None:
+def test_the_header_tells_16_bits_of_rgb(tmp_path: Path) -> None:
     file = png((2, 1), 16, 2, b"\0" + bytes(range(10, 22)), bytes(range(10, 16)))
     (tmp_path / "a.png").write_bytes(file)
     info = image_info(tmp_path / "a.png")
     assert (info.bits, info.has_alpha) == (16, True)
-    assert read_image(tmp_path / "a.png").dtype == np.uint8
 
 
 def test_the_header_names_the_profile(tmp_path: Path) -> None:
@@ -544,7 +557,7 @@ def test_an_indexed_picture_keeps_its_transparency(tmp_path: Path, k: int, suffi
     np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), palette[indices])
 
 
-@pytest.mark.parametrize("suffix", [".bmp", ".ppm", ".png"])
+@pytest.mark.parametrize("suffix", [".bmp", ".ppm", ".png", ".npy"])
 def test_an_opaque_alpha_is_dropped(tmp_path: Path, suffix: str) -> None:
     indices, palette = indexed(5, 4)
     palette[:, 3] = 255
@@ -595,8 +608,11 @@ def test_an_indexed_png_of_any_size_comes_back(
         ("a.jpg", RGBA, None, r"\.jpg cannot hold transparency; use one of \.png, \.tif"),
         ("a.bmp", DEEP, None, r"\.bmp cannot hold a 16-bit grey picture"),
         ("a.gif", RGB, None, r"\.gif cannot hold an RGB picture"),
-        ("a.png", RGB.astype(float), None, r"shape=\(5, 7, 3\) and dtype=float64 must be"),
-        ("a.png", RGB[..., :2], None, r"shape=\(5, 7, 2\)"),
+        ("a.png", RGB.astype(float), None, r"\.png cannot hold floating point .* use one of \.tif, \.tiff, \.npy"),
+        ("a.png", RGB[..., :2], None, r"\.png cannot hold .*bands that are no colors"),
+        ("a.bmp", DEEP_RGBA, None, r"\.bmp cannot hold a 16-bit RGBA picture; use one of \.png, \.tif, \.tiff, \.npy"),
+        ("a.tif", RGB.astype(complex), None, r"shape=\(5, 7, 3\) and dtype=complex128 must be"),
+        ("a.npy", RGB[0, 0], None, r"shape=\(3,\) and dtype=uint8 must be"),
         ("a.png", RGB[:0], None, "have pixels"),
         ("a.png", GREY[:, :0], RGB[0], "have pixels"),
         ("a.png", RGB, RGB[0], "integer indices"),
@@ -614,6 +630,50 @@ def test_what_does_not_fit_is_refused_before_a_file_appears(
     with pytest.raises(ValueError, match=reason):
         write_image(tmp_path / name, image, palette=palette)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("dither", [None, "floyd-steinberg"])
+def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: NDArray[Any], dither: str | None) -> None:
+    for picture in (photograph, np.kron(photograph[:8, :8], np.ones((30, 30, 1), np.uint8))):
+        pixels, palette = quantize(picture, 32, dither=dither).content
+        assert palette is not None
+        twin = Image.fromarray(np.asarray(pixels, np.uint8))
+        twin.putpalette(palette.tobytes())
+        buffer = BytesIO()
+        twin.save(buffer, "PNG", optimize=True)
+        assert len(encode_image(".png", pixels, palette=palette)) < buffer.tell()
+
+
+@pytest.mark.parametrize("bands", [3, 4])
+def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: NDArray[Any], bands: int) -> None:
+    pixels, palette = quantize(photograph, 64).content
+    assert palette is not None
+    palette = np.column_stack([palette, np.arange(192, 256)])[:, :bands].astype(np.uint8)
+    write_image(tmp_path / "a.png", pixels, palette=palette, metadata=Metadata(dpi=(300, 300)))
+    write_image(tmp_path / "b.png", pixels, palette=palette, metadata=Metadata(dpi=(300, 300)), optimize=True)
+    np.testing.assert_array_equal(read_image(tmp_path / "b.png"), read_image(tmp_path / "a.png"))
+    assert (tmp_path / "b.png").stat().st_size < (tmp_path / "a.png").stat().st_size
+    assert read_metadata(tmp_path / "b.png").dpi == pytest.approx((300, 300), abs=0.1)
+
+
+def test_optimizing_is_for_png_and_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match=r"optimize is for \.png, and not for \.tif"):
+        write_image(tmp_path / "a.tif", RGB, optimize=True)
+    monkeypatch.setitem(sys.modules, "oxipng", None)
+    with pytest.raises(ModuleNotFoundError, match=r"optimize needs oxipng: pip install 'cvtimg\[oxipng\]'"):
+        write_image(tmp_path / "a.png", RGB, optimize=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_more_than_256_colors_with_alpha_are_written_as_pixels(tmp_path: Path) -> None:
+    picture = np.random.default_rng(8).integers(0, 256, (20, 30, 4), np.uint8)
+    pixels, palette = quantize(picture, 300).content
+    assert palette is None
+    for suffix in (".png", ".tif", ".webp"):
+        write_image(tmp_path / f"a{suffix}", pixels)
+        np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), pixels)
+    with pytest.raises(ValueError, match=r"\.gif cannot hold transparency; use one of \.png, \.tif"):
+        write_image(tmp_path / "a.gif", pixels)
 
 
 # --- writing: whole or not at all

@@ -13,22 +13,51 @@ PACKAGE = Path(cvtimg.__file__).parent
 
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_label_kernels", "_checks", "_threads", "files", "profiles"},
-    {"io", "samples", "points", "palette", "columns", "color", "edge_weight", "noise", "levels", "components"},
-    {"averaging", "tables", "values"},
+    {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    # files and pictures
+    {"images"},
+    {"images.opening"},
+    {"images.arrays"},
+    {"images.png", "images.tiff"},
+    {"images.metadata"},
+    {"images.decoding", "images.encoding"},
+    {"images.header", "images.animated"},
+    {"io", "frames", "palettes"},
+    {"palettes.swatches"},
+    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
+    {"palette"},
+    # the engine
+    {"samples", "points", "columns", "color"},
+    {"tables"},
     {"seeding"},
     {"methods._iteration"},
     {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
     {"methods.macqueen"},
     {"methods"},
-    {"search"},
+    {"search", "elbow_rules", "chain"},
+    {"elbow"},
     {"cvt"},
-    {"quantization", "estimator", "segmentation"},
-    {"plot", "superpixels"},
+    {"estimator", "elbow_plot"},
+    # few colors
+    {"places", "targets", "dithering"},
+    {"remapping"},
+    {"palette_search"},
+    {"quantization"},
+    {"animation"},
+    # segments
+    {"edge_weight", "noise", "levels", "components", "averaging", "values"},
+    {"segment_curve"},
+    {"segmentation"},
+    {"superpixels"},
+    {"edges", "regions", "cracks", "simplification"},
+    {"contours"},
+    {"segment_files"},
+    {"plot"},
+    # the command line
     {"batch"},
     {"commands"},
-    {"commands._options"},
-    {"commands.quantize", "commands.cluster", "commands.info"},
+    {"commands._options", "commands._animations", "commands._segment_files"},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
@@ -46,7 +75,8 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
             found |= {alias.name for alias in node.names if alias.name in RANK}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            found.add((node.module or "").removeprefix("cvtimg."))
+            module = (node.module or "").removeprefix("cvtimg.")
+            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found

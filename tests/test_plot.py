@@ -24,7 +24,9 @@ from cvtimg.plot import (
     STRIP_HEIGHT,
     Panel,
     contact_sheet,
+    draw_edges,
     palette_strip,
+    shown_colors,
 )
 
 Bytes = NDArray[np.uint8]
@@ -265,3 +267,52 @@ def test_a_picture_of_another_shape_or_type_is_refused() -> None:
         contact_sheet([[Panel(np.full((2, 2), np.nan))]])
     with pytest.raises(ValueError, match="panel_width=0"):
         contact_sheet([[Panel(np.zeros((2, 2)))]], panel_width=0)
+
+
+# Edges over a picture
+
+HALVES = np.repeat([[1] * 6 + [2] * 6], 5, axis=0)
+
+
+@pytest.mark.parametrize("thickness", [1, 2, 3, 4, 5])
+def test_edges_are_as_thick_as_asked_and_nothing_else_changes(thickness: int) -> None:
+    image = noise(5, 12, 3) // 2
+    drawn = draw_edges(image, HALVES, color=(255, 128, 0), thickness=thickness)
+    is_line = (drawn == (255, 128, 0)).all(axis=2)
+    assert is_line.sum(axis=1).tolist() == [thickness] * 5
+    assert is_line[:, 6].all()
+    np.testing.assert_array_equal(drawn[~is_line], image[~is_line])
+
+
+def test_the_border_of_a_label_to_ignore_is_no_edge() -> None:
+    labels = np.where(np.arange(12) < 4, 0, HALVES)
+    for ignore, where in ((None, [4, 6]), (0, [6]), (1, []), (2, [4])):
+        drawn = draw_edges(np.zeros((5, 12), np.uint8), labels, ignore=ignore)
+        assert (drawn[0, :, 0] > 0).nonzero()[0].tolist() == where
+    np.testing.assert_array_equal(draw_edges(noise(5, 12, 3), np.ones((5, 12), int)), noise(5, 12, 3))
+
+
+def test_edges_are_drawn_over_grey_deep_transparent_and_many_bands() -> None:
+    levels = np.where(HALVES == 1, 1000.0, 3000.0)
+    levels[0, 0] = np.nan
+    labels = np.where(np.isnan(levels), 0, HALVES)
+    drawn = draw_edges(levels, labels, ignore=0)
+    assert drawn[1, 0].tolist() == [0] * 3
+    assert drawn[1, -1].tolist() == [255] * 3
+    assert draw_edges(noise(5, 12, 7), HALVES)[0, 0].tolist() == noise(5, 12, 7)[0, 0, :3].tolist()
+    assert (draw_edges(np.zeros((5, 12, 4), np.uint8), HALVES)[0, 0] == CHECKERS[0]).all()
+
+
+def test_colors_of_segments_are_shown_as_the_picture_is() -> None:
+    levels = np.where(HALVES == 1, 1000.0, 3000.0)
+    shown = shown_colors([[0.0], [1000.0], [2000.0]], levels, HALVES)
+    assert shown.tolist() == [[0] * 3, [0] * 3, [128] * 3]
+    means = [[0.0, 0, 0], [10.4, 20.6, 200]]
+    assert shown_colors(means, noise(5, 12, 3), HALVES).tolist() == [[0, 0, 0], [10, 21, 200]]
+
+
+def test_an_overlay_of_another_size_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"image of shape \(2, 2\) must be \(5, 12\)"):
+        draw_edges(np.zeros((2, 2)), HALVES)
+    with pytest.raises(ValueError, match="thickness=0"):
+        draw_edges(np.zeros((5, 12)), HALVES, thickness=0)

@@ -103,3 +103,11 @@ def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: NDA
 def test_what_is_not_an_image_is_refused(image: NDArray[Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         color_samples(image)
+
+
+@pytest.mark.parametrize("mode", ["P", "PA", "CMYK", "HSV", "YCbCr"])
+def test_pillow_images_are_taken_by_their_colors(mode: str, photograph: NDArray[Any]) -> None:
+    image = Image.fromarray(photograph[::8, ::8]).convert("P" if mode == "PA" else mode).convert(mode)
+    samples = color_samples(image)
+    expected = np.asarray(image.convert("RGBA" if mode == "PA" else "RGB"))
+    np.testing.assert_array_equal(samples.colors[samples.inverse], expected)

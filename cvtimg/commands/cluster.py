@@ -18,6 +18,7 @@ EXAMPLES = """Examples:
 
 \b
   cvtimg cluster trees.csv -k 5
+  cvtimg cluster trees.csv -k auto
   cvtimg cluster trees.csv -k 5 --columns height,girth --generators means.csv
   cvtimg cluster trees.csv -k 5 --weight count --standardize -o labels.npy
   cvtimg cluster 'runs/*.npy' -k 12 --out-dir labels --missing drop
@@ -26,8 +27,10 @@ EXAMPLES = """Examples:
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 Tables = Annotated[list[str], typer.Argument(metavar="TABLE", help="Tables, folders, or patterns like 'a/*.csv'.")]
-_COUNT = options.whole_number(1, 2**31 - 1)
-Number = Annotated[int, Option("-k", metavar="N", parser=_COUNT, help="Number of generators.")]
+_COUNT = options.count_or_auto(1, 2**31 - 1)
+Number = Annotated[
+    Any, Option("-k", metavar="N|auto", parser=_COUNT, help="Number of generators; auto: the elbow of the energy.")
+]
 Labels = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Labels, .csv or .npy; for one table.")]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for NAME-labels.csv; made if it is missing.")]
 Generators = Annotated[
@@ -67,16 +70,13 @@ def cluster(
     it: a line "label", then for each row the number of its generator, from 0. A row that is left out has "" there, or
     -1 in a .npy. Generators are in the units of the table, with --standardize too; the energy then is not.
     """
-    from cvtimg import EFFORTS, METHODS, SEEDINGS
     from cvtimg.tables import LABEL_SUFFIXES, MISSING, find_tables
 
-    check_choice("--effort", effort, EFFORTS)
-    if method:
-        check_choice("--method", method, METHODS)
-    check_choice("--init", init, SEEDINGS)
+    engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
     check_choice("--missing", missing, MISSING)
     names = _split(columns) if columns is not None else None
-    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    columns_shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
+    report = Report(columns_shown, as_json=as_json, quiet=quiet)
     sources, absent = find(inputs, find_tables, out_dir)
     check_outputs(len(sources) + len(absent), out_dir, {"-o": output, "--generators": generators})
     if output:
@@ -86,14 +86,7 @@ def cluster(
     extra = {"generators": generators} if generators else {}
     tasks = [Task(source, {"labels": output or _name_output(source, out_dir), **extra}) for source in sources]
     what = {"columns": names, "weight": weight, "missing": missing}
-    how = {
-        "n_generators": number,
-        "method": method,
-        "init": init,
-        "effort": effort,
-        "rng": seed,
-        "volume_power": volume_power,
-    }
+    how = {"n_generators": number, **engine}
 
     def work(task: Task) -> Row:
         return _cluster(task, what, how, standardize=standardize, overwrite=overwrite)
@@ -115,6 +108,7 @@ def _name_output(source: Path, out_dir: Path | None) -> Path:
 
 def _cluster(task: Task, what: Mapping[str, Any], how: Mapping[str, Any], *, standardize: bool, overwrite: bool) -> Row:
     from cvtimg import tessellate
+    from cvtimg.elbow import auto_count
     from cvtimg.tables import Scaling, read_table, spread, write_generators, write_labels
 
     start = perf_counter()
@@ -122,7 +116,10 @@ def _cluster(task: Task, what: Mapping[str, Any], how: Mapping[str, Any], *, sta
     read = perf_counter()
     scaling = Scaling.of(table.rows, table.weights) if standardize else None
     rows = scaling.apply(table.rows) if scaling else table.rows
-    result = tessellate(rows, density=table.weights, **how)
+    n_generators, curve = how["n_generators"], None
+    if n_generators == "auto":
+        n_generators, curve = auto_count(rows, density=table.weights, volume_power=how["volume_power"], rng=how["rng"])
+    result = tessellate(rows, density=table.weights, **{**how, "n_generators": n_generators})
     generators = scaling.undo(result.generators) if scaling else result.generators
     clustered = perf_counter()
     write_labels(task.outputs["labels"], result.labels, table.kept, overwrite=overwrite)
@@ -137,6 +134,7 @@ def _cluster(task: Task, what: Mapping[str, Any], how: Mapping[str, Any], *, sta
         "left_out": len(table.kept) - len(rows),
         "columns": table.names,
         "k": len(generators),
+        "elbow": curve.elbows() if curve else None,
         "energy": result.energy,
         "explained": 1 - result.energy / total if total else 1.0,
         "n_iter": result.n_iter,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 
 import typer
@@ -24,9 +25,16 @@ def info(inputs: options.Pictures, as_json: options.AsJson = False) -> None:
 
 
 def _info(task: Task) -> Row:
+    import numpy as np
+
     from cvtimg import color_samples, image_info, read_image
 
     header = asdict(image_info(task.source))
     header["alpha"] = header.pop("has_alpha")
-    n_colors = color_samples(read_image(task.source)).n_colors
+    if header["nodata"] is not None and not math.isfinite(header["nodata"]):
+        header["nodata"] = str(header["nodata"])  # JSON has no such numbers
+    image = read_image(task.source)
+    pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
+    known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
+    n_colors = color_samples(known).n_colors if known.size else 0
     return {"input": str(task.source), **header, "distinct_colors": n_colors}

@@ -35,11 +35,11 @@ def breathe(
     best, breath = descend(points, generators, conditions.until(_OUT)), largest_breath
     energies = list(best.energies)
     while breath >= least_breath and energies[-1] > 0 and not conditions.watch.stopped:
-        more = descend(points, _add(points, best.generators, breath, n_locked), conditions.until(_IN))
+        more = descend(points, add(points, best.generators, breath, n_locked), conditions.until(_IN))
         n_added = len(more.generators) - len(best.generators)
         if not n_added:
             break  # every cell is a single point
-        fewer = descend(points, _remove(points, more.generators, n_added, n_locked), conditions.until(_OUT))
+        fewer = descend(points, remove(points, more.generators, n_added, n_locked), conditions.until(_OUT))
         if fewer.energies[-1] < energies[-1] * (1 - _WORTHWHILE):
             best = fewer
             energies.append(fewer.energies[-1])
@@ -52,7 +52,7 @@ def breathe(
     return replace(end, energies=energies + [lower for lower in end.energies if lower < energies[-1]])
 
 
-def _add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
+def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
     """Divide the cells of greatest energy, `n_more` or as many as can be; locked generators stay as well."""
     labels = assign(points, generators)
     energies = cell_energies(points, generators, labels)
@@ -64,7 +64,7 @@ def _add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked:
     return more
 
 
-def _remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
+def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
     """Take away the generators whose removal raises the energy least, no two neighbours while there are others."""
     labels, seconds, gaps = assign_two(points, generators)
     n_generators = len(generators)

@@ -8,9 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg import _kernels
 from cvtimg.methods._iteration import Conditions, Iteration
 from cvtimg.points import Points, assign, cell_moments, energy
 from cvtimg.seeding import refill
+
+#: Moves in a round of `lloyd_in_rounds`.
+_MOVES = 4
 
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
@@ -28,3 +32,24 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
         empty = ~locked & (masses == 0)
         if empty.any():
             generators = refill(points, generators, labels, free, empty)
+
+
+def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    """Iterate as `lloyd` does, asking whether to stop after every few moves alone, and with no generator locked.
+
+    For points so few that a pass over them takes less time than to call for it.
+    """
+    n_generators, n_dims = generators.shape
+    moved = generators.copy()
+    sums, single = np.empty((n_generators, n_dims + 1)), np.empty((n_generators, n_dims), np.float32)
+    half_norms, labels = np.empty(n_generators, np.float32), np.empty(len(points.density), np.int32)
+    energies: list[float] = []
+    while True:
+        some = np.empty(_MOVES + 1)
+        _kernels.move_often(points.tiles, points.density, moved, sums, single, half_norms, labels, some)
+        if not sums[:, -1].all():
+            return lloyd(points, moved, conditions)  # which refills empty cells
+        measured = np.maximum(points.spread + some, 0.0).tolist()
+        energies += measured[1:] if energies else measured
+        if conditions.ended(energies):
+            return Iteration(moved, energies, conditions.stopping.converged(energies))

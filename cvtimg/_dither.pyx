@@ -1,0 +1,289 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops of dithering: one pass each, over buffers that the caller owns.
+
+Places have four coordinates here, of which the last may be 0 everywhere: one loop serves grey, color and alpha, and
+four floats are what a processor adds at once. Each argument is marked IN, OUT or INOUT.
+"""
+from libc.math cimport sqrtf
+from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.string cimport memcpy, memset
+
+DIMS = WIDTH
+
+cdef enum:
+    WIDTH = 4
+
+cdef extern from *:
+    uint64_t UINT64_MAX
+
+
+cdef struct Box:
+    float low[WIDTH]
+    float high[WIDTH]
+
+
+cdef inline uint32_t bits_of(float x) noexcept nogil:
+    """Bits of a float >= 0, which have the order of the floats."""
+    cdef uint32_t bits
+    memcpy(&bits, &x, sizeof(x))
+    return bits
+
+
+cdef inline float squared_distance(const float *a, const float *b) noexcept nogil:
+    cdef float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2], w = a[3] - b[3]
+    return (x * x + y * y) + (z * z + w * w)
+
+
+cdef inline Py_ssize_t nearest(
+    const float *place, const float *palette, const uint16_t *names, Py_ssize_t n_names
+) noexcept nogil:
+    """The first of the nearest entries that are named."""
+    cdef uint64_t least = UINT64_MAX, key
+    cdef Py_ssize_t i
+    for i in range(n_names):
+        key = <uint64_t>bits_of(squared_distance(place, palette + WIDTH * names[i])) << 32 | names[i]
+        least = min(least, key)
+    return <Py_ssize_t>(least & 0xFFFF)
+
+
+cdef Py_ssize_t near_a_box(
+    const Box *box, const float *palette, const uint16_t *names, Py_ssize_t n_names, uint16_t *near
+) noexcept nogil:
+    """Keep the entries that are nearest to some place in a box, and perhaps a few more; return how many.
+
+    The one nearest to the middle rules out every other that is farther away even from the corner of the box that
+    lies most in its direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
+    """
+    cdef float middle[WIDTH]
+    cdef float step, corner, farther, scale
+    cdef const float *other
+    cdef const float *best
+    cdef Py_ssize_t i, d, n_near = 0
+    for d in range(WIDTH):
+        middle[d] = <float>0.5 * (box.low[d] + box.high[d])
+    best = palette + WIDTH * nearest(middle, palette, names, n_names)
+    for i in range(n_names):
+        other = palette + WIDTH * names[i]
+        farther = scale = 0
+        for d in range(WIDTH):
+            step = other[d] - best[d]
+            corner = box.high[d] if step > 0 else box.low[d]
+            farther += step * (<float>0.5 * (other[d] + best[d]) - corner)
+            scale += (other[d] - corner) * (other[d] - corner)
+        near[n_near] = names[i]
+        n_near += farther <= <float>1e-5 * scale  # kept when rounding leaves a doubt
+    return n_near
+
+
+def list_candidates(
+    const float[:, ::1] palette,    # IN (K, 4)
+    const uint16_t[::1] names,      # IN (N,): the entries to choose from, in rising order
+    const float[::1] low,           # IN (4,): the lowest corner of the grid
+    const float[::1] sides,         # IN (4,): of a cell
+    const int32_t[::1] n_blocks,    # IN (4,): blocks of cells in each direction
+    const int32_t[::1] n_in_block,  # IN (4,): cells of a block in each direction
+    uint16_t[::1] in_block,         # OUT (N,): scratch
+    uint16_t[::1] in_cell,          # OUT (N,): scratch
+    int32_t[:, ::1] bounds,         # OUT (n_cells, 2): first and last + 1 of each cell's candidates
+    uint16_t[::1] candidates,       # OUT (room,): entries that are nearest to some place in a cell
+    Py_ssize_t first,               # IN: where they begin
+):
+    """List the candidates of each cell of a grid; return where they end, which may be beyond the room that is there."""
+    cdef Py_ssize_t n_all = n_blocks[0] * n_blocks[1] * n_blocks[2] * n_blocks[3]
+    cdef Py_ssize_t per_block = n_in_block[0] * n_in_block[1] * n_in_block[2] * n_in_block[3]
+    cdef Py_ssize_t b, c, d, i, rest, n_block, n_cell, number, at = first
+    cdef Py_ssize_t corner[WIDTH]
+    cdef Py_ssize_t place[WIDTH]
+    cdef Box block, cell
+    with nogil:
+        for b in range(n_all):
+            rest = b
+            for d in range(WIDTH - 1, -1, -1):
+                corner[d] = rest % n_blocks[d] * n_in_block[d]
+                rest = rest // n_blocks[d]
+                # Rounding may take a place to a neighbor of its cell.
+                block.low[d] = low[d] + (corner[d] - <float>0.01) * sides[d]
+                block.high[d] = low[d] + (corner[d] + n_in_block[d] + <float>0.01) * sides[d]
+            n_block = near_a_box(&block, &palette[0, 0], &names[0], names.shape[0], &in_block[0])
+            for c in range(per_block):
+                rest = c
+                for d in range(WIDTH - 1, -1, -1):
+                    place[d] = corner[d] + rest % n_in_block[d]
+                    rest = rest // n_in_block[d]
+                    cell.low[d] = low[d] + (place[d] - <float>0.01) * sides[d]
+                    cell.high[d] = low[d] + (place[d] + <float>1.01) * sides[d]
+                number = 0
+                for d in range(WIDTH):
+                    number = number * n_blocks[d] * n_in_block[d] + place[d]
+                n_cell = near_a_box(&cell, &palette[0, 0], &in_block[0], n_block, &in_cell[0])
+                bounds[number, 0] = <int32_t>at
+                for i in range(n_cell):
+                    if at + i < candidates.shape[0]:
+                        candidates[at + i] = in_cell[i]
+                at += n_cell
+                bounds[number, 1] = <int32_t>at
+    return at
+
+
+cdef struct Grid:
+    const float *palette
+    const int32_t *bounds
+    const uint16_t *candidates
+    float low[WIDTH]
+    float cells_a_unit[WIDTH]
+    int32_t strides[WIDTH]
+    int32_t n_cells
+
+
+cdef inline Py_ssize_t look_up(const Grid *grid, const float *place, Py_ssize_t kind) noexcept nogil:
+    """The first of the nearest entries that a kind of color may take, for a place within the grid."""
+    cdef Py_ssize_t cell = kind * grid.n_cells, d
+    cdef const int32_t *bounds
+    for d in range(WIDTH):
+        cell += <int32_t>((place[d] - grid.low[d]) * grid.cells_a_unit[d]) * grid.strides[d]
+    bounds = grid.bounds + 2 * cell
+    return nearest(place, grid.palette, grid.candidates + bounds[0], bounds[1] - bounds[0])
+
+
+cdef Grid grid_of(
+    const float[:, ::1] palette, const float[::1] low, const float[::1] cells_a_unit, const int32_t[::1] strides,
+    const int32_t[:, :, ::1] bounds, const uint16_t[::1] candidates,
+) noexcept:
+    cdef Grid grid
+    grid.palette, grid.bounds, grid.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
+    for d in range(WIDTH):
+        grid.low[d], grid.cells_a_unit[d], grid.strides[d] = low[d], cells_a_unit[d], strides[d]
+    grid.n_cells = <int32_t>bounds.shape[1]
+    return grid
+
+
+cdef inline void miss(
+    const float *place, const float *entry, float strength, float most, float *missed
+) noexcept nogil:
+    """What is handed on: the part `strength` of the step from an entry to a place, of a length of at most `most`."""
+    cdef float length = sqrtf(squared_distance(place, entry))
+    cdef float part = strength * most / length if length > most else strength
+    for d in range(WIDTH):
+        missed[d] = (place[d] - entry[d]) * part
+
+
+def diffuse(
+    const float[:, ::1] places,       # IN (M, 4): of the colors
+    const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
+    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
+    const float[:, ::1] palette,      # IN (K, 4)
+    const float[::1] low,             # IN (4,): the lowest corner of the grid
+    const float[::1] cells_a_unit,    # IN (4,)
+    const int32_t[::1] strides,       # IN (4,)
+    const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
+    const uint16_t[::1] candidates,   # IN
+    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
+    float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; what is handed to this row and the next, from column 1
+    uint8_t[::1] row_kinds,           # OUT (W,): scratch
+    int32_t[:, ::1] labels,           # OUT (H, W)
+):
+    """Give each pixel its nearest entry, and what this misses to its neighbors: there and back, row after row."""
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
+    cdef float place[WIDTH]
+    cdef float ahead[WIDTH]
+    cdef float missed[WIDTH]
+    cdef float *here
+    cdef float *below
+    with nogil:
+        for y in range(n_rows):
+            here, below = &rows[y & 1, 1, 0], &rows[1 - (y & 1), 1, 0]
+            # Colors are fetched before they are needed: no fetch then waits for the choice of the pixel before.
+            for x in range(width):
+                row_kinds[x] = kinds[inverse[y, x]]
+                for d in range(WIDTH):
+                    here[WIDTH * x + d] += places[inverse[y, x], d]
+            memset(below - WIDTH, 0, (width + 2) * WIDTH * sizeof(float))
+            memset(ahead, 0, sizeof(ahead))
+            step = 1 - 2 * (y & 1)
+            x = 0 if step > 0 else width - 1
+            for i in range(width):
+                for d in range(WIDTH):
+                    place[d] = here[WIDTH * x + d] + ahead[d]
+                label = look_up(&grid, place, row_kinds[x])
+                labels[y, x] = <int32_t>label
+                miss(place, grid.palette + WIDTH * label, strengths[row_kinds[x]], most, missed)
+                for d in range(WIDTH):
+                    ahead[d] = missed[d] * <float>(7. / 16)
+                    below[WIDTH * (x - step) + d] += missed[d] * <float>(3. / 16)
+                    below[WIDTH * x + d] += missed[d] * <float>(5. / 16)
+                    below[WIDTH * (x + step) + d] += missed[d] * <float>(1. / 16)
+                x += step
+
+
+def mix(
+    const float[:, ::1] places,       # IN (M, 4): of the colors
+    const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
+    const float[:, ::1] palette,      # IN (K, 4)
+    const float[::1] low,             # IN (4,): the lowest corner of the grid
+    const float[::1] cells_a_unit,    # IN (4,)
+    const int32_t[::1] strides,       # IN (4,)
+    const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
+    const uint16_t[::1] candidates,   # IN
+    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
+    float most,                       # IN: the longest error that is handed on
+    const uint16_t[::1] ranks,        # IN (K,): where an entry stands among all
+    uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
+):
+    """List for each color the entries to mix: each is the nearest to the color and what those before it missed."""
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
+    cdef Py_ssize_t n_colors = places.shape[0], n_mixed = mixtures.shape[1], color, i, at, d, entry
+    cdef float place[WIDTH]
+    cdef float missed[WIDTH]
+    cdef uint16_t *mixture
+    with nogil:
+        for color in range(n_colors):
+            mixture = &mixtures[color, 0]
+            memset(missed, 0, sizeof(missed))
+            for i in range(n_mixed):
+                for d in range(WIDTH):
+                    place[d] = places[color, d] + missed[d]
+                entry = look_up(&grid, place, kinds[color])
+                miss(place, grid.palette + WIDTH * entry, strengths[kinds[color]], most, missed)
+                at = i
+                while at > 0 and ranks[mixture[at - 1]] > ranks[entry]:
+                    mixture[at] = mixture[at - 1]
+                    at -= 1
+                mixture[at] = <uint16_t>entry
+
+
+def arrange(
+    const uint16_t[:, ::1] mixtures,  # IN (M, N)
+    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
+    const uint8_t[:, ::1] levels,     # IN (S, S): which of the N entries a pixel takes, again and again
+    Py_ssize_t first,                 # IN: which row of the picture the first is
+    int32_t[:, ::1] labels,           # OUT (H, W)
+):
+    """Take from the mixture of each pixel's color the entry that its place in the mask says."""
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], side = levels.shape[0], x, y
+    cdef const uint8_t *level
+    with nogil:
+        for y in range(n_rows):
+            level = &levels[(first + y) % side, 0]
+            for x in range(width):
+                labels[y, x] = mixtures[inverse[y, x], level[x % side]]
+
+
+def measure(
+    const float[:, ::1] places,       # IN (M, 4): of the colors
+    const float[:, ::1] palette,      # IN (K, 4)
+    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
+    const int32_t[:, ::1] labels,     # IN (H, W): its entry
+    double[::1] energies,             # OUT (H,): sum of the squared distances in each row
+):
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, d
+    cdef double total, step
+    with nogil:
+        for y in range(n_rows):
+            total = 0
+            for x in range(width):
+                for d in range(WIDTH):
+                    step = places[inverse[y, x], d] - palette[labels[y, x], d]
+                    total += step * step
+            energies[y] = total

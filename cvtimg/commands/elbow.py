@@ -1,0 +1,194 @@
+"""``cvtimg elbow``: energy curves of pictures and tables, and the number of generators that they suggest."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Option
+
+from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, find, run
+from cvtimg.commands import _options as options
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cvtimg.elbow import EnergyCurve
+    from cvtimg.elbow_plot import Plotted
+
+EXAMPLES = """Examples:
+
+\b
+  cvtimg elbow photo.jpg
+  cvtimg elbow photos/ --k-max 32 --csv curves.csv --plot curves.png
+  cvtimg elbow photo.jpg --rule psnr --target 35 --space lab
+"""
+#: Columns of the table, in the words of --json; they fit into 80 characters.
+COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
+TABLE_SUFFIXES = (".csv", ".tsv", ".npy")  # as in tables.py
+
+Inputs = Annotated[
+    list[str], typer.Argument(metavar="INPUT", help="Pictures, tables (.csv, .tsv, .npy), folders or patterns.")
+]
+KMax = Annotated[
+    int, Option("--k-max", metavar="N", parser=options.whole_number(1, 4096), help="Greatest number, 64 by default.")
+]
+RuleName = Annotated[
+    str, Option("--rule", metavar="NAME", help="What picks k: chord, chord-linear, kneedle, variance or psnr.")
+]
+Target = Annotated[
+    float | None,
+    Option(metavar="X", parser=options.number(0), help="Share to explain, 0.95, of variance; dB, 30, of psnr."),
+]
+Space = Annotated[str, Option(metavar="NAME", help="Where distances are measured: rgb, linear, lab or oklab.")]
+CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, a line for each k.")]
+PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw all curves, .png or .svg.")]
+Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn for tables.")]
+
+
+def elbow(
+    inputs: Inputs,
+    k_max: KMax = 64,
+    rule: RuleName = "chord",
+    target: Target = None,
+    space: Space = "rgb",
+    volume_power: options.VolumePower = 0,
+    csv_file: CsvFile = None,
+    plot: PlotFile = None,
+    seed: Seed = 0,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Suggest how many generators pictures and tables need, by the elbow of their energy.
+
+    The energy falls with each generator; up to the number of colors that a picture really has it falls fast. Each
+    input has a line with the number that the rule picks, and what the other rules would. One input has its whole
+    curve below. All columns of a table are taken, as cvtimg cluster -k auto does when it is not told which.
+    """
+    from cvtimg.color import SPACES
+    from cvtimg.elbow_plot import PLOT_SUFFIXES
+    from cvtimg.elbow_rules import RULES, TARGETED
+
+    check_choice("--rule", rule, RULES)
+    check_choice("--space", space, SPACES)
+    if target is not None and rule not in TARGETED:
+        raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
+    if plot:
+        check_choice("--plot", plot.suffix.lower(), PLOT_SUFFIXES)
+    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    sources, missing = find(inputs, _find)
+    outputs = [path for path in (csv_file, plot) if path]
+    _check_outputs(outputs, sources, overwrite)
+    tasks = [Task(source) for source in sources]
+    how = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
+    done: list[Plotted] = []
+
+    def work(task: Task) -> Row:
+        one, row = _measure(task.source, how, rule, target, keep=plot is not None)
+        done.append(one)
+        return row
+
+    status = run(tasks, missing, work, report)
+    if len(done) == 1 and not (as_json or quiet):
+        _print_curve(done[0].curve, {**done[0].curve.elbows(), rule: done[0].k})
+    if done:
+        _write(csv_file, plot, done, rule, overwrite)
+    raise typer.Exit(status)
+
+
+def _find(text: str) -> list[Path]:
+    from cvtimg import find_images
+
+    return find_images(text)
+
+
+def _check_outputs(outputs: list[Path], sources: list[Path], overwrite: bool) -> None:
+    """Refuse, before any work, files that would replace an input, each other, or what exists."""
+    from cvtimg.batch import check_can_be_written
+
+    if len(outputs) == 2 and outputs[0].resolve() == outputs[1].resolve():
+        raise WrongUsageError(f"--csv and --plot would both become {outputs[0]}")
+    for path in outputs:
+        if path.exists() and any(path.samefile(source) for source in sources):
+            raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
+        check_can_be_written(path, overwrite)
+
+
+def _measure(
+    source: Path, how: Mapping[str, Any], rule: str, target: float | None, *, keep: bool
+) -> tuple[Plotted, Row]:
+    from cvtimg import color_samples, energy_curve
+    from cvtimg.elbow_plot import Plotted
+
+    start = perf_counter()
+    samples, image = _read(source, how["space"])
+    read = perf_counter()
+    counted = samples if image is None else color_samples(samples)
+    curve = energy_curve(counted, **how)
+    k = curve.elbow(rule, target)
+    measured = perf_counter()
+    psnr = None if curve.psnr is None else [value if math.isfinite(value) else None for value in curve.psnr.tolist()]
+    row = {
+        "input": str(source),
+        "k": k,
+        "rule": rule,
+        "energy": float(curve.energies[k - 1]),
+        "explained": float(curve.explained[k - 1]),
+        "psnr": psnr[k - 1] if psnr else None,
+        "elbow": curve.elbows(),
+        "n_max": curve.n_max,
+        "energies": curve.energies.tolist(),
+        "seconds": {"read": read - start, "cluster": measured - read},
+    }
+    return Plotted(source.stem, curve, k, image if keep else None, how["space"]), row
+
+
+def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    """Read the samples, and the picture if it is one."""
+    from cvtimg import read_image
+    from cvtimg.tables import read_table
+
+    if source.suffix.lower() not in TABLE_SUFFIXES:
+        image = read_image(source)
+        return image, image
+    if space != "rgb":
+        raise ValueError(f"--space {space} is for pictures; a table has no color space")
+    return read_table(source).rows, None
+
+
+def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
+    """Print a line for each k, and which rules pick it."""
+    psnr = curve.psnr
+    print(f"\n{'k':>5}  {'energy':>11}  {'explained':>9}  {'psnr':>6}  picked by")
+    for k, (energy, share) in enumerate(zip(curve.energies, curve.explained, strict=True), 1):
+        decibels = "" if psnr is None else f"{psnr[k - 1]:.2f}" if math.isfinite(psnr[k - 1]) else "exact"
+        by = ", ".join(name for name, pick in picks.items() if pick == k)
+        print(f"{k:>5}  {energy:>11.5g}  {share:>9.2%}  {decibels:>6}  {by}".rstrip())
+
+
+def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: str, overwrite: bool) -> None:
+    from cvtimg.files import whole_file
+
+    if csv_file:
+        text = StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["input", "k", "energy", "explained", "chosen"])
+        for one in done:
+            curve = one.curve
+            for k, (energy, share) in enumerate(zip(curve.energies.tolist(), curve.explained.tolist(), strict=True), 1):
+                writer.writerow([one.name, k, energy, share, int(k == one.k)])
+        with whole_file(csv_file, overwrite=overwrite) as file:
+            file.write(text.getvalue().encode())
+    if plot:
+        from cvtimg.elbow_plot import draw_curves
+
+        drawn = draw_curves(done, plot.suffix.lower(), rule)
+        with whole_file(plot, overwrite=overwrite) as file:
+            file.write(drawn)

@@ -1,0 +1,63 @@
+"""What a palette file is written from, and colors as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.images.opening import UnfitContentError
+
+__all__ = ["Swatches", "as_palette", "hex_color", "lines_of", "with_named_alpha"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swatches:
+    """(K, 3) or (K, 4) uint8 colors, and for each its share of the pixels where that is known."""
+
+    name: str
+    colors: NDArray[np.uint8]
+    shares: list[float] | None
+
+    def hexes(self) -> list[str]:
+        """Each color as ``#rrggbb``, or as ``#rrggbbaa`` where the palette has transparency."""
+        return [f"#{color.tobytes().hex()}" for color in self.colors]
+
+
+def as_palette(rows: Iterable[Iterable[int]]) -> NDArray[np.uint8]:
+    """(K, 3) uint8, or (K, 4) if a color has alpha; colors without are opaque then."""
+    colors = [tuple(row) for row in rows]
+    if not colors:
+        raise UnfitContentError("has no colors")
+    for color in colors:
+        if len(color) not in (3, 4) or not all(0 <= value <= 255 for value in color):
+            raise UnfitContentError(f"has a color {color}, which must be three or four numbers in 0..255")
+    if any(len(color) == 4 for color in colors):
+        colors = [(*color, 255)[:4] for color in colors]
+    return np.array(colors, np.uint8)
+
+
+def hex_color(text: str) -> tuple[int, ...]:
+    """Read ``rrggbb``, ``rrggbbaa``, ``rgb`` or ``rgba``, with or without a ``#`` before it."""
+    digits = text.strip().removeprefix("#")
+    if len(digits) in (3, 4):
+        digits = "".join(2 * digit for digit in digits)
+    if len(digits) not in (6, 8) or not all(digit in "0123456789abcdefABCDEF" for digit in digits):
+        raise UnfitContentError(f"has a color {text.strip()[:40]!r}, which must be like #rrggbb or #rrggbbaa")
+    return tuple(bytes.fromhex(digits))
+
+
+def lines_of(content: bytes) -> list[str]:
+    """Give the lines of a text that are not empty; a name in it need not be text in UTF-8."""
+    return [line for line in content.decode("utf-8-sig", "replace").splitlines() if line.strip()]
+
+
+def with_named_alpha(colors: list[tuple[int, ...]], names: Iterable[str]) -> list[tuple[int, ...]]:
+    """Take the alpha of colors that are called ``#rrggbbaa``, as in files of ours that have no other place for it."""
+    codes = [name.strip().lower() for name in names]
+    ours = [
+        len(code) == 9 and code[:7] == f"#{bytes(color[:3]).hex()}" for color, code in zip(colors, codes, strict=True)
+    ]
+    return [hex_color(code) for code in codes] if ours and all(ours) else colors

@@ -1,0 +1,121 @@
+"""Draw what is hard for palettes, plain and dithered: ``python docs/draw_hard_cases.py``."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFilter, ImageFont
+
+import cvtimg
+from cvtimg.plot import Panel, contact_sheet
+
+ROOT = Path(__file__).parent.parent
+WIDTH, HEIGHT = 200, 140
+#: Shapes are drawn larger and reduced, which gives them smooth edges.
+LARGER = 4
+METHODS = {"nearest color": None, "floyd-steinberg": "floyd-steinberg", "blue-noise": "blue-noise"}
+
+
+def main() -> None:
+    """Write docs/hard_cases.png."""
+    sheet = contact_sheet([panels(name, *case) for name, case in CASES.items()], panel_width=WIDTH)
+    cvtimg.write_image(ROOT / "docs" / "hard_cases.png", sheet, overwrite=True)
+
+
+def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[Panel]:
+    """Show a picture, and the same in few colors in every way."""
+    image = draw()
+    results = {how: cvtimg.quantize(image, n_colors, dither=method) for how, method in METHODS.items()}
+    shown = [Panel(result.image, (f"{n_colors} colors, {how}",), result.palette) for how, result in results.items()]
+    return [Panel(image, (name,)), *shown]
+
+
+def sample(name: str, left: int, top: int) -> NDArray[Any]:
+    """Cut a part out of a sample image."""
+    image = cvtimg.read_image(ROOT / "sample_images" / name)
+    return image[top : top + HEIGHT, left : left + WIDTH]
+
+
+def flowers() -> NDArray[Any]:
+    """Draw saturated petals, shaded from the middle out."""
+    picture = Image.new("RGB", (WIDTH * LARGER, HEIGHT * LARGER), (20, 90, 30))
+    for number, hue in enumerate((0, 18, 30, 195, 215, 235)):
+        x, y = (35 + 65 * (number % 3)) * LARGER, (36 + 68 * (number // 3)) * LARGER
+        for ring in range(30, 0, -1):
+            light = f"hsv({hue * 360 // 255}, {100 - ring}%, {50 + 50 * (30 - ring) // 30}%)"
+            for petal in range(6):
+                around = np.pi * (petal / 3 + number / 7)
+                far, size = 18 * LARGER, ring * LARGER // 2
+                at = x + far * np.cos(around), y + far * np.sin(around)
+                ImageDraw.Draw(picture).ellipse((at[0] - size, at[1] - size, at[0] + size, at[1] + size), light)
+        ImageDraw.Draw(picture).ellipse((x - 32, y - 32, x + 32, y + 32), (255, 215, 0))
+    return reduced(picture)
+
+
+def shadow() -> NDArray[Any]:
+    """Draw a badge and its soft shadow on nothing."""
+    shape = Image.new("L", (WIDTH * LARGER, HEIGHT * LARGER))
+    ImageDraw.Draw(shape).rounded_rectangle((160, 80, 560, 360), 90, 255)
+    dark = Image.new("RGBA", shape.size, (10, 10, 40, 255))
+    dark.putalpha(shape.filter(ImageFilter.GaussianBlur(48)).point(lambda alpha: alpha * 3 // 4))
+    picture = Image.new("RGBA", shape.size)
+    picture.alpha_composite(dark, (60, 80))
+    badge = Image.merge("RGB", [Image.linear_gradient("L").resize(shape.size).point(table) for table in BADGE])
+    picture.paste(badge, (0, 0), shape)
+    return reduced(picture)
+
+
+def text() -> NDArray[Any]:
+    """Draw smooth letters in three colors."""
+    picture = Image.new("RGB", (WIDTH, HEIGHT), "white")
+    draw = ImageDraw.Draw(picture)
+    draw.rectangle((0, 96, WIDTH, HEIGHT), (24, 60, 120))
+    for top, size, ink in ((8, 26, "black"), (42, 14, (60, 60, 60)), (64, 20, (190, 30, 30)), (104, 22, "white")):
+        draw.text((10, top), "Hamburgefonstiv 0123", ink, ImageFont.load_default(size))
+    return np.asarray(picture)
+
+
+def pixel_art() -> NDArray[Any]:
+    """Draw a small landscape of flat colors and bands, a pixel as 5 x 5."""
+    row, column = np.mgrid[: HEIGHT // 5, : WIDTH // 5]
+    bands = np.array([[40, 24, 96], [88, 40, 120], [160, 56, 120], [224, 96, 96], [248, 160, 88], [248, 216, 120]])
+    art = bands[np.minimum(row // 3, 5)]
+    art[(row - 9) ** 2 + (column - 28) ** 2 < 20] = [255, 244, 200]
+    hills = 19 + np.rint(3 * np.sin(column[0] / 5)).astype(int)
+    art[row >= hills] = [24, 88, 72]
+    art[row >= hills + 2] = [16, 56, 56]
+    art[(row >= hills - 3) & (row < hills) & (column % 9 == 4)] = [56, 32, 32]
+    return art.astype(np.uint8).repeat(5, axis=0).repeat(5, axis=1)
+
+
+def deep() -> NDArray[Any]:
+    """Draw a gradient of 16 bits a sample that spans few levels of 8 bits."""
+    row, column = np.mgrid[:HEIGHT, :WIDTH] / [[[HEIGHT]], [[WIDTH]]]
+    return np.rint(65535 * np.stack([0.2 + 0.5 * column, 0.35 + 0.3 * row, 0.75 - 0.3 * column * row], -1)).astype(
+        np.uint16
+    )
+
+
+def reduced(picture: Image.Image) -> NDArray[Any]:
+    """Bring a larger picture to the size of a panel."""
+    return np.asarray(picture.reduce(LARGER))
+
+
+#: From light above to dark below, in red, green and blue.
+BADGE = (lambda at: 255 - at // 8, lambda at: 190 - at // 2, lambda at: 40 + at // 8)
+CASES: dict[str, tuple[Callable[[], NDArray[Any]], int]] = {
+    "sky": (lambda: sample("rocket.jpg", 20, 60), 8),
+    "skin": (lambda: sample("astronaut.png", 40, 0), 16),
+    "saturated colors": (flowers, 16),
+    "smooth red, grain": (lambda: sample("coffee.png", 180, 60), 16),
+    "soft shadow, transparent": (shadow, 16),
+    "pixel art": (pixel_art, 8),
+    "text": (text, 8),
+    "16 bits a sample": (deep, 16),
+}
+
+
+if __name__ == "__main__":
+    main()

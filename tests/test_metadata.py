@@ -1,0 +1,151 @@
+"""What is kept of a file beside its pixels is true of the picture that is written, which looks as it did."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import test_io
+import tifffile
+from PIL import Image, ImageCms
+
+from cvtimg import quantize, read_image, read_metadata, write_image
+from cvtimg.io import Metadata, encode_image
+
+RNG = np.random.default_rng(9)
+RGB = RNG.integers(0, 256, (6, 9, 3), np.uint8)
+GREY = RNG.integers(0, 256, (6, 9), np.uint8)
+DEEP = RNG.integers(0, 65536, (6, 9, 3), np.uint16)
+OTHER = test_io.rgb_profile("gbr")
+
+
+def exif_bytes() -> bytes:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    exif[0x010E] = "a still life"
+    exif[0x8298] = "(c) somebody"
+    exif[0x8769] = {0x9003: "2024:05:06 07:08:09", 0xA002: 9, 0xA003: 6}
+    exif[0x8825] = {1: "N", 2: (1.0, 2.0, 3.0)}
+    return exif.tobytes()
+
+
+@pytest.mark.parametrize("source", ["png", "jpg", "tif", "webp"])
+@pytest.mark.parametrize("target", ["png", "jpg", "tif", "webp"])
+def test_exif_is_kept_without_what_is_no_longer_true(tmp_path: Path, source: str, target: str) -> None:
+    test_io.save(tmp_path / f"a.{source}", RGB, exif=exif_bytes())
+    write_image(tmp_path / f"b.{target}", RGB, metadata=read_metadata(tmp_path / f"a.{source}"))
+    with Image.open(tmp_path / f"b.{target}") as image:
+        exif = image.getexif()
+        assert (exif[0x010E], exif[0x8298]) == ("a still life", "(c) somebody")
+        assert exif.get(0x0112, 1) == 1
+        assert image.size == (9, 6)
+        if "tif" not in (source, target):  # Pillow writes no other part into a TIFF
+            part = exif.get_ifd(0x8769)
+            assert part[0x9003] == "2024:05:06 07:08:09"
+            assert not {0xA002, 0xA003} & set(part)
+            assert exif.get_ifd(0x8825)[1] == "N"
+
+
+@pytest.mark.parametrize("source", ["png", "jpg", "tif", "bmp"])
+@pytest.mark.parametrize("target", ["png", "jpg", "tif", "bmp"])
+def test_pixels_an_inch_are_kept(tmp_path: Path, source: str, target: str) -> None:
+    test_io.save(tmp_path / f"a.{source}", RGB, dpi=(300, 150))
+    write_image(tmp_path / f"b.{target}", RGB, metadata=read_metadata(tmp_path / f"a.{source}"))
+    with Image.open(tmp_path / f"b.{target}") as image:
+        assert image.info["dpi"] == pytest.approx((300, 150), abs=0.1)
+
+
+def test_pixels_an_inch_turn_with_the_picture(tmp_path: Path) -> None:
+    test_io.save(tmp_path / "a.jpg", RGB, dpi=(300, 150), exif=exif_bytes())
+    assert read_metadata(tmp_path / "a.jpg").dpi == (150, 300)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
+def test_a_converted_picture_carries_srgb_and_looks_as_it_did(tmp_path: Path, suffix: str) -> None:
+    path, out = test_io.save(tmp_path / "a.png", RGB, icc_profile=OTHER), tmp_path / f"b{suffix}"
+    write_image(out, read_image(path), metadata=read_metadata(path))
+    with Image.open(out) as image:
+        profile = ImageCms.ImageCmsProfile(BytesIO(image.info["icc_profile"]))
+        assert ImageCms.getProfileDescription(profile).strip() == "sRGB built-in"
+    np.testing.assert_array_equal(read_image(out), read_image(path))
+
+
+def test_an_srgb_profile_is_kept_as_it_is(tmp_path: Path) -> None:
+    path = test_io.save(tmp_path / "a.png", RGB, icc_profile=test_io.SRGB)
+    assert read_metadata(path).icc == test_io.SRGB
+    write_image(tmp_path / "b.png", read_image(path), metadata=read_metadata(path))
+    with Image.open(tmp_path / "b.png") as image:
+        assert image.info["icc_profile"] == test_io.SRGB
+
+
+@pytest.mark.parametrize("icc", [b"rubbish", test_io.grey_profile(1.0), test_io.cmyk_profile()])
+def test_a_profile_that_reading_ignores_is_not_kept(tmp_path: Path, icc: bytes) -> None:
+    assert read_metadata(test_io.save(tmp_path / "a.png", RGB, icc_profile=icc)).icc is None
+
+
+def test_grey_carries_no_profile_of_color(tmp_path: Path) -> None:
+    path = test_io.save(tmp_path / "a.png", GREY, icc_profile=test_io.grey_profile(1.0))
+    picture, metadata = read_image(path), read_metadata(path)
+    write_image(tmp_path / "grey.png", picture, metadata=metadata)
+    with Image.open(tmp_path / "grey.png") as image:
+        assert "icc_profile" not in image.info
+    result = quantize(picture, 4)
+    write_image(tmp_path / "few.png", *result.content[:1], palette=result.content[1], metadata=metadata)
+    with Image.open(tmp_path / "few.png") as image:
+        assert "icc_profile" in image.info
+    np.testing.assert_array_equal(read_image(tmp_path / "few.png")[..., 0], result.image)
+
+
+def test_deep_grey_keeps_the_profile_that_its_values_have(tmp_path: Path) -> None:
+    icc = test_io.grey_profile(1.0)
+    path = test_io.save(tmp_path / "a.png", DEEP[..., 0], icc_profile=icc)
+    write_image(tmp_path / "b.png", read_image(path), metadata=read_metadata(path))
+    with Image.open(tmp_path / "b.png") as image:
+        assert image.info["icc_profile"] == icc
+    np.testing.assert_array_equal(read_image(tmp_path / "b.png"), DEEP[..., 0])
+
+
+def test_16_bit_color_carries_its_metadata(tmp_path: Path) -> None:
+    metadata = Metadata(icc=test_io.SRGB, dpi=(300.0, 150.0), exif=exif_bytes())
+    write_image(tmp_path / "a.png", DEEP, metadata=metadata)
+    write_image(tmp_path / "a.tif", DEEP, metadata=metadata)
+    with Image.open(tmp_path / "a.png") as image:
+        image.load()
+        assert image.info["icc_profile"] == test_io.SRGB
+        assert image.info["dpi"] == pytest.approx((300, 150), abs=0.1)
+        assert image.getexif()[0x010E] == "a still life"
+    with tifffile.TiffFile(tmp_path / "a.tif") as tiff:
+        assert tiff.pages.first.iccprofile == test_io.SRGB
+        assert tiff.pages.first.get_resolution("inch") == pytest.approx((300, 150))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), DEEP)
+    assert read_metadata(tmp_path / "a.tif").dpi == (300, 150)
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".ppm", ".npy", ".bmp"])
+def test_a_format_without_room_is_written_without(tmp_path: Path, suffix: str) -> None:
+    metadata = Metadata(icc=test_io.SRGB, dpi=(300.0, 150.0), exif=exif_bytes())
+    palette = RGB.reshape(-1, 3)
+    write_image(tmp_path / f"a{suffix}", np.arange(54).reshape(6, 9), palette=palette, metadata=metadata)
+    np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), RGB)
+
+
+def test_the_same_metadata_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = test_io.save(tmp_path / "a.png", RGB, icc_profile=OTHER, exif=exif_bytes(), dpi=(72, 72))
+    first = encode_image(".png", RGB, metadata=read_metadata(path))
+    create: Any = ImageCms.createProfile
+    later = bytearray(ImageCms.ImageCmsProfile(create("sRGB")).tobytes())
+    later[24:36] = bytes(range(12))  # littleCMS writes the time of day there
+    monkeypatch.setattr(ImageCms, "createProfile", lambda _: ImageCms.ImageCmsProfile(BytesIO(bytes(later))).profile)
+    assert encode_image(".png", RGB, metadata=read_metadata(path)) == first
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
+def test_damaged_exif_and_senseless_density_are_left_out(tmp_path: Path, suffix: str) -> None:
+    exif = b"Exif\0\0MM\0*\xff\xff\xff\xff garbage"
+    options: dict[str, Any] = {} if suffix == ".tif" else {"exif": exif}
+    path = test_io.save(tmp_path / f"a{suffix}", RGB, **options)
+    write_image(tmp_path / f"b{suffix}", RGB, metadata=read_metadata(path))
+    assert read_image(tmp_path / f"b{suffix}").shape == RGB.shape
