@@ -205,14 +205,13 @@ class _Colors:
             blur = _blur_at_start(field[inside], noise, self.n_segments)
             if blur:
                 data = averaged(field, Averaging("before", "gaussian", blur), inside)
-        labels = np.zeros(inside.shape, np.int32)
         if data is field:
             tessellation = self.tessellate(self.values.samples)
-            labels[inside] = tessellation.labels[self.values.samples.inverse[0]] + 1
+            own = tessellation.labels[self.values.samples.inverse[0]]
         else:
             tessellation = self.tessellate(data[inside])
-            labels[inside] = tessellation.labels + 1
-        return labels, tessellation
+            own = tessellation.labels
+        return self.values.spread(own + np.int32(1)), tessellation
 
 
 def _number(edge_weight: float | str) -> float:
@@ -263,8 +262,7 @@ def _plain(colors: _Colors) -> Segmentation:
     end = colors.tessellate(values.samples)
     generators = values.to_picture(end.generators * values.scale)
     new_label = _dark_to_bright(generators, end.masses)
-    labels = np.zeros(values.inside.shape, np.int32)
-    labels[values.inside] = new_label[end.labels][values.samples.inverse[0]]
+    labels = values.spread(new_label[end.labels][values.samples.inverse[0]])
     order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
     unit = (values.scale / values.unit) ** 2
     energies = tuple(energy * unit for energy in end.energies)
