@@ -46,6 +46,7 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/kernels.py
 	$(BIN)/python benchmarks/engine.py
 	$(BIN)/python benchmarks/segmentation.py
+	$(BIN)/python benchmarks/restoration.py
 
 clean:
 	rm -rf $(VENV) build dist out

@@ -17,10 +17,12 @@ from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
 from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
+from .renormalization import RENORMALIZATIONS
+from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation, segment, segment_curve
 from .superpixels import superpixels
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RENORMALIZATIONS",
     "RULES",
     "SEEDINGS",
     "SPACES",
@@ -40,6 +43,7 @@ __all__ = [
     "Polygon",
     "Quantized",
     "QuantizedFrames",
+    "Restoration",
     "Segmentation",
     "Tessellation",
     "color_samples",
@@ -61,7 +65,9 @@ __all__ = [
     "read_palette",
     "region_means",
     "region_table",
+    "restore",
     "segment",
+    "segment_curve",
     "superpixels",
     "tessellate",
     "write_frames",

@@ -100,8 +100,8 @@ class EnergyCurve:
         >>> picture = np.array([[0, 1, 90, 91, 200, 201]] * 4, np.uint8)
         >>> curve = energy_curve(picture, 5)
         >>> curve.energies.round(1).tolist()
-        [161628.0, 26428.0, 6.0, 4.0, 2.0]
-        >>> curve.elbow(), curve.elbow("variance", 0.8)
+        [160539.3, 32406.0, 6.0, 4.0, 2.0]
+        >>> curve.elbow(), curve.elbow("variance", 0.75)
         (3, 2)
         """
         judge = RULES[check_choice("rule", rule, RULES)]

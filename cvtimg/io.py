@@ -116,7 +116,8 @@ def read_metadata(path: StrPath) -> Metadata:
     Returns
     -------
     Metadata
-        Color profile, pixels an inch, and EXIF without orientation; nothing of arrays and of TIFF of many bands.
+        Color profile, pixels an inch, EXIF without orientation, and where a GeoTIFF lies; of a TIFF of bands, the
+        last alone.
 
     Raises
     ------

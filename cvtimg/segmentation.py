@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,10 @@ from cvtimg.color import SPACES
 from cvtimg.components import absorb_small, connected_pieces, join_regions
 from cvtimg.cvt import Tessellation, tessellate
 from cvtimg.edge_weight import EdgeWeighted, descend, length_cost
+from cvtimg.elbow import EnergyCurve, energy_curve
+from cvtimg.elbow_rules import CHORD_ENDS
 from cvtimg.noise import noise_covariance
+from cvtimg.segment_energies import curve_of_segments
 from cvtimg.values import PictureValues, picture_values
 
 #: The edge weight "auto" is this times the variance of the noise, at a radius of 3: of three shapes under noise of a
@@ -26,6 +29,8 @@ _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
 _MAX_SEGMENTS = 1 << 16
 _BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
+#: Curves start from a picture that is averaged as for so many segments.
+_SEGMENTS_AT_START = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +56,8 @@ class Segmentation:
         What was asked for, or found if that was "auto".
     converged : bool
         Whether that iteration came to rest.
+    curve : EnergyCurve or None
+        What picked the number of segments, where it was "auto".
     """
 
     labels: NDArray[np.int32]
@@ -60,6 +67,7 @@ class Segmentation:
     energies: tuple[float, ...]
     edge_weight: float
     converged: bool
+    curve: EnergyCurve | None = None
 
     def __post_init__(self) -> None:
         for array in (self.labels, self.generators, self.masses):
@@ -73,7 +81,7 @@ class Segmentation:
 
 def segment(
     image: Any,
-    n_segments: int,
+    n_segments: int | Literal["auto"],
     *,
     space: str = "rgb",
     averaging: str | Averaging | None = None,
@@ -97,8 +105,9 @@ def segment(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         uint8, uint16 or floating point, any number of bands. A pixel with NaN or infinity in any band is left out.
-    n_segments : int
-        K; a picture with fewer distinct colors has as many segments as these.
+    n_segments : int or "auto"
+        K; a picture with fewer distinct colors has as many segments as these. "auto" takes the elbow of
+        `segment_curve`, which the result then has.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured; other than "rgb" for 1 or 3 bands.
     averaging : {"before", "after"} or Averaging, optional
@@ -147,6 +156,21 @@ def segment(
     >>> result.labels.tolist(), result.generators.ravel().tolist()
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
+    if n_segments == "auto":
+        curve = segment_curve(
+            image,
+            space=space,
+            averaging=averaging,
+            edge_weight=edge_weight,
+            edge_radius=edge_radius,
+            volume_power=volume_power,
+            mask=mask,
+            rng=rng,
+        )
+        same = {"averaging": averaging, "edge_weight": edge_weight, "edge_radius": edge_radius, "mask": mask}
+        how = {"components": components, "min_size": min_size, "border_price": border_price, "effort": effort}
+        options: dict[str, Any] = {**same, **how, "volume_power": volume_power, "space": space, "rng": rng}
+        return replace(segment(image, curve.elbow(), **options), curve=curve)
     check_count("n_segments", n_segments, _MAX_SEGMENTS, "the most colors of segments")
     check_count("edge_radius", edge_radius, 30, "the largest disc")
     weight = edge_weight if edge_weight == "auto" else check_non_negative("edge_weight", _number(edge_weight))
@@ -177,6 +201,64 @@ def segment(
     if components or least:
         labels = _regions(labels, data, components, least, price, float(weight) * length_cost(edge_radius))
     return finished(values, labels, field, descent or tessellation, float(weight))
+
+
+def segment_curve(
+    image: Any,
+    n_max: int = CHORD_ENDS,
+    *,
+    space: str = "rgb",
+    averaging: str | Averaging | None = None,
+    edge_weight: float | str = 0,
+    edge_radius: int = 3,
+    volume_power: float = 0,
+    mask: ArrayLike | None = None,
+    rng: int | np.random.Generator = 0,
+) -> EnergyCurve:
+    """Compute the energies of 1, 2, .. n_max segments, of averaged pictures and with what edges cost.
+
+    Parameters
+    ----------
+    image, space, averaging, edge_weight, edge_radius, volume_power, mask, rng
+        As in `segment`.
+    n_max : int
+        The greatest number.
+
+    Returns
+    -------
+    EnergyCurve
+        In squared levels of 8 bits; see `energy_curve`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import segment_curve
+    >>> picture = np.repeat(np.array([[0, 90, 200]], np.uint8), 12, axis=0).repeat(12, axis=1)
+    >>> segment_curve(picture, edge_weight=1).elbow()
+    3
+    """
+    values = picture_values(image, check_choice("space", space, SPACES), mask)
+    average = as_averaging(averaging)
+    if average is None and not edge_weight:
+        return energy_curve(values.samples, n_max, volume_power=volume_power, rng=rng)
+    field = values.field()
+    data = averaged(field, average, values.inside) if average and average.when == "before" else field
+    noise = noise_covariance(field, values.inside) if edge_weight else np.zeros((1, 1))
+    gain = average.noise_gain if average and average.when == "before" else 1.0
+    weight = _auto_weight(noise, edge_radius) * gain if edge_weight == "auto" else _number(edge_weight)
+    blur = _blur_at_start(field[values.inside], noise, _SEGMENTS_AT_START) if average is None else 0
+    start = averaged(field, Averaging("before", "gaussian", blur), values.inside) if blur else data
+    return curve_of_segments(
+        data,
+        start,
+        values.inside,
+        n_max,
+        average=average,
+        edge_weight=check_non_negative("edge_weight", float(weight)),
+        edge_radius=edge_radius,
+        volume_power=volume_power,
+        rng=rng,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from reference import energy
 
-from cvtimg import RULES, color_samples, energy_curve, tessellate
+from cvtimg import RULES, color_samples, energy_curve, segment, segment_curve, tessellate
 from cvtimg.elbow import EnergyCurve, auto_count
 from cvtimg.elbow_rules import Scale
 
@@ -162,3 +162,38 @@ def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
     )
 
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def blocks(sigma: float) -> NDArray[np.uint8]:
+    """Draw four squares of 24 x 24 pixels with noise."""
+    means = np.array([[30, 90], [150, 210]]).repeat(24, axis=0).repeat(24, axis=1)
+    noise = sigma * np.random.default_rng(0).standard_normal(means.shape)
+    return np.clip(np.rint(means + noise), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    "options", [{"averaging": "before"}, {"averaging": "after"}, {"edge_weight": "auto"}, {"edge_weight": 20.0}]
+)
+def test_curves_of_segments_never_rise(options: dict[str, Any]) -> None:
+    curve = segment_curve(blocks(10), 12, **options)
+    assert (np.diff(curve.energies) <= 0).all()
+    assert [len(generators) <= k for k, generators in enumerate(curve.generators, 1)] == [True] * 12
+
+
+def test_edge_weight_finds_the_number_that_noise_hides() -> None:
+    noisy = blocks(40)
+    assert auto_count(noisy)[0] != 4
+    result = segment(noisy, "auto", edge_weight="auto")
+    assert result.curve is not None
+    assert result.n_segments == result.curve.elbow() == 4
+
+
+def test_the_energy_of_one_averaged_segment_is_its_spread() -> None:
+    picture = blocks(10)
+    curve = segment_curve(picture, 1, averaging="after")
+    assert curve.energies[0] == pytest.approx(picture.size * picture.var(), rel=1e-4)
+
+
+def test_segments_without_options_are_plain_cells() -> None:
+    result = segment(flat_picture(5, 2, 4), "auto")
+    assert result.n_segments == 5

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cvtimg import energy_curve, quantize, read_image
+from cvtimg import energy_curve, quantize, read_image, segment_curve
 from cvtimg.cli import main
 from cvtimg.elbow_plot import Plotted, draw_curves
 
@@ -158,3 +158,13 @@ def test_cluster_takes_the_elbow_and_says_why(table: Path, capsys: pytest.Captur
     assert "chord 3" in out
     assert main(["cluster", str(table), "-k", "many"]) == 2
     assert "must be auto or a whole number" in capsys.readouterr().err
+
+
+def test_edges_count_as_in_segment(drawing: Path, table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--edge-weight", "30", "--k-max", "8", "--json"]
+    assert main(["elbow", str(drawing), *options]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["energies"] == segment_curve(read_image(drawing), 8, edge_weight=30).energies.tolist()
+    assert row["energies"] != energy_curve(read_image(drawing), 8).energies.tolist()
+    assert main(["elbow", str(table), *options]) == 1
+    assert "for pictures, not for tables" in capsys.readouterr().err

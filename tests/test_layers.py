@@ -14,6 +14,9 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From left to right; modules of one group do not import each other.
 LAYERS: list[set[str]] = [
     {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
+    # samples of colors
+    {"samples", "points", "columns", "color"},
+    {"places"},
     # files and pictures
     {"images"},
     {"images.opening"},
@@ -27,7 +30,6 @@ LAYERS: list[set[str]] = [
     {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
     {"palette"},
     # the engine
-    {"samples", "points", "columns", "color"},
     {"tables"},
     {"seeding"},
     {"methods._iteration"},
@@ -35,29 +37,35 @@ LAYERS: list[set[str]] = [
     {"methods.macqueen"},
     {"methods"},
     {"search", "elbow_rules", "chain"},
-    {"elbow"},
     {"cvt"},
+    {"elbow"},
     {"estimator", "elbow_plot"},
     # few colors
-    {"places", "targets", "dithering"},
+    {"targets", "dithering"},
     {"remapping"},
     {"palette_search"},
     {"quantization"},
     {"animation"},
     # segments
-    {"edge_weight", "noise", "levels", "components", "averaging", "values"},
-    {"segment_curve"},
+    {"edge_weight", "noise", "levels", "components", "averaging"},
+    {"values"},
+    {"segment_energies"},
     {"segmentation"},
     {"superpixels"},
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},
+    # several versions
+    {"versions"},
+    {"alignment"},
+    {"masked", "patches", "renormalization"},
+    {"restoration"},
     {"plot"},
     # the command line
     {"batch"},
     {"commands"},
     {"commands._options", "commands._animations", "commands._segment_files"},
-    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "restore", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

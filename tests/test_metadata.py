@@ -10,15 +10,23 @@ import numpy as np
 import pytest
 import test_io
 import tifffile
+from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
-from cvtimg import quantize, read_image, read_metadata, write_image
+from cvtimg import image_info, quantize, read_image, read_metadata, write_image
 from cvtimg.io import Metadata, encode_image
 
 RNG = np.random.default_rng(9)
 RGB = RNG.integers(0, 256, (6, 9, 3), np.uint8)
 GREY = RNG.integers(0, 256, (6, 9), np.uint8)
 DEEP = RNG.integers(0, 65536, (6, 9, 3), np.uint16)
+GEO: list[tuple[Any, ...]] = [
+    (33550, "d", 3, (10.0, 20.0, 0.0), True),
+    (33922, "d", 6, (0.0, 0.0, 0.0, 500000.0, 4600000.0, 0.0), True),
+    (34735, "H", 12, (1, 1, 0, 2, 1025, 0, 1, 1, 3072, 0, 1, 32633), True),
+    (34736, "d", 1, (1.5,), True),
+    (34737, "s", 0, "somewhere|", True),
+]
 OTHER = test_io.rgb_profile("gbr")
 
 
@@ -149,3 +157,38 @@ def test_damaged_exif_and_senseless_density_are_left_out(tmp_path: Path, suffix:
     path = test_io.save(tmp_path / f"a{suffix}", RGB, **options)
     write_image(tmp_path / f"b{suffix}", RGB, metadata=read_metadata(path))
     assert read_image(tmp_path / f"b{suffix}").shape == RGB.shape
+
+
+@pytest.mark.parametrize("image", [RGB, DEEP, GREY, np.dstack([DEEP, DEEP]).astype(np.float32)])
+@pytest.mark.parametrize("target", ["pixels", "indices", "labels"])
+def test_a_geotiff_stays_in_its_place(tmp_path: Path, image: NDArray[Any], target: str) -> None:
+    path, out = tmp_path / "a.tif", tmp_path / "b.tif"
+    color = image.ndim == 3 and image.shape[2] == 3
+    planar = "contig" if image.ndim == 3 else None
+    about = [] if image.dtype == np.float32 else [(33432, "s", 0, "(c) somebody", True)]
+    tifffile.imwrite(
+        path, image, photometric="rgb" if color else "minisblack", planarconfig=planar, extratags=[*GEO, *about]
+    )
+    before, metadata = image_info(path), read_metadata(path)
+    assert before.geo_transform == (10, 0, 500000, 0, -20, 4600000)
+    if target == "pixels":
+        write_image(out, image, metadata=metadata)
+    elif target == "indices":
+        write_image(out, np.arange(54).reshape(6, 9), palette=RGB.reshape(-1, 3), metadata=metadata)
+    else:
+        write_image(out, np.arange(54, dtype=np.int32).reshape(6, 9), metadata=metadata)
+    after = image_info(out)
+    assert (after.geo_transform, after.epsg) == (before.geo_transform, 32633)
+    with tifffile.TiffFile(out) as tiff:
+        tags = tiff.pages.first.tags
+        assert (tags[34736].value, tags[34737].value) == ((1.5,), "somewhere|")
+        if target == "indices" and about:
+            assert tags[33432].value == "(c) somebody"
+
+
+def test_a_turned_geotiff_and_other_formats_have_no_place(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", RGB, photometric="rgb", extratags=[*GEO, (274, "H", 1, 6, True)])
+    assert read_metadata(tmp_path / "a.tif").geo == {}
+    tifffile.imwrite(tmp_path / "b.tif", RGB, photometric="rgb", extratags=GEO)
+    write_image(tmp_path / "b.png", RGB, metadata=read_metadata(tmp_path / "b.tif"))
+    assert image_info(tmp_path / "b.png").geo_transform is None

@@ -47,6 +47,13 @@ Target = Annotated[
     Option(metavar="X", parser=options.number(0), help="Share to explain, 0.95, of variance; dB, 30, of psnr."),
 ]
 Space = Annotated[str, Option(metavar="NAME", help="Where distances are measured: rgb, linear, lab or oklab.")]
+AveragingName = Annotated[
+    str, Option("--averaging", metavar="NAME", help="As cvtimg segment will average: none, before or after.")
+]
+EdgeWeight = Annotated[
+    float | None,
+    Option("--edge-weight", metavar="L", parser=options.number(0), help="As cvtimg segment will weigh edges, >= 0."),
+]
 CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, a line for each k.")]
 PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw all curves, .png or .svg.")]
 Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn for tables.")]
@@ -59,6 +66,8 @@ def elbow(
     target: Target = None,
     space: Space = "rgb",
     volume_power: options.VolumePower = 0,
+    averaging: AveragingName = "none",
+    edge_weight: EdgeWeight = None,
     csv_file: CsvFile = None,
     plot: PlotFile = None,
     seed: Seed = 0,
@@ -78,6 +87,7 @@ def elbow(
 
     check_choice("--rule", rule, RULES)
     check_choice("--space", space, SPACES)
+    check_choice("--averaging", averaging, ("none", "before", "after"))
     if target is not None and rule not in TARGETED:
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
     if plot:
@@ -88,10 +98,13 @@ def elbow(
     _check_outputs(outputs, sources, overwrite)
     tasks = [Task(source) for source in sources]
     how = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
+    segments: dict[str, Any] = {"averaging": averaging} if averaging != "none" else {}
+    if edge_weight:
+        segments["edge_weight"] = edge_weight
     done: list[Plotted] = []
 
     def work(task: Task) -> Row:
-        one, row = _measure(task.source, how, rule, target, keep=plot is not None)
+        one, row = _measure(task.source, how, segments, rule, target, keep=plot is not None)
         done.append(one)
         return row
 
@@ -122,16 +135,17 @@ def _check_outputs(outputs: list[Path], sources: list[Path], overwrite: bool) ->
 
 
 def _measure(
-    source: Path, how: Mapping[str, Any], rule: str, target: float | None, *, keep: bool
+    source: Path, how: Mapping[str, Any], segments: Mapping[str, Any], rule: str, target: float | None, *, keep: bool
 ) -> tuple[Plotted, Row]:
-    from cvtimg import color_samples, energy_curve
+    from cvtimg import energy_curve, segment_curve
     from cvtimg.elbow_plot import Plotted
 
     start = perf_counter()
     samples, image = _read(source, how["space"])
     read = perf_counter()
-    counted = samples if image is None else color_samples(samples)
-    curve = energy_curve(counted, **how)
+    if segments and image is None:
+        raise ValueError("--averaging and --edge-weight are for pictures, not for tables")
+    curve = segment_curve(image, **how, **segments) if segments else energy_curve(samples, **how)
     k = curve.elbow(rule, target)
     measured = perf_counter()
     psnr = None if curve.psnr is None else [value if math.isfinite(value) else None for value in curve.psnr.tolist()]
@@ -147,7 +161,7 @@ def _measure(
         "energies": curve.energies.tolist(),
         "seconds": {"read": read - start, "cluster": measured - read},
     }
-    return Plotted(source.stem, curve, k, image if keep else None, how["space"]), row
+    return Plotted(source.stem, curve, k, image if keep and not segments else None, how["space"]), row
 
 
 def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:

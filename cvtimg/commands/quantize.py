@@ -75,7 +75,8 @@ SavePalette = Annotated[
     Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}; for one input."),
 ]
 KeepMetadata = Annotated[
-    bool, Option("--keep-metadata", help="Keep color profile, pixels an inch and EXIF, as far as they stay true.")
+    bool,
+    Option("--keep-metadata", help="Keep color profile, pixels an inch, EXIF and place, as far as they stay true."),
 ]
 Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; takes longer.")]
 PerFrame = Annotated[

@@ -7,7 +7,6 @@ imported then.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -17,10 +16,10 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 from cvtimg.images.arrays import NPY_MAGIC, as_samples, decode_npy
 from cvtimg.images.opening import open_picture, orientation
 from cvtimg.images.png import decode_deep_png
-from cvtimg.images.tiff import TIFF_MAGICS, Layout, decode_tiff
+from cvtimg.images.tiff import TIFF_MAGICS, Layout, decode_tiff, tags_of
 from cvtimg.profiles import apply_profile
 
-__all__ = ["decode", "depth", "tags_of", "to_srgb"]
+__all__ = ["decode", "depth", "to_srgb"]
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -51,12 +50,6 @@ def decode(file: BinaryIO) -> NDArray[Any]:
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
             return decode_deep_png(file, image)
         return _decode(image)
-
-
-def tags_of(image: ImageFile.ImageFile) -> Mapping[int, Any]:
-    """Give the tags of the first page of a TIFF, none of another file."""
-    tags: Mapping[int, Any] = getattr(image, "tag_v2", {})
-    return tags
 
 
 def _decode(image: ImageFile.ImageFile) -> NDArray[Any]:

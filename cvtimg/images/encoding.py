@@ -156,7 +156,8 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata)
     elif form.name == "PNG":
         encode_deep_png(file, picture, metadata.png_chunks(mode))
     else:
-        encode_tiff(file, picture, **metadata.options(form.name, mode, ("icc_profile", "dpi")))
+        given = metadata.options("", mode, ("icc_profile", "dpi"))
+        encode_tiff(file, picture, **given, geo=metadata.geo)
 
 
 def _direct(image: NDArray[Any]) -> _Picture:

@@ -9,9 +9,9 @@ import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
 from cvtimg.images.arrays import NPY_MAGIC, npy_header
-from cvtimg.images.decoding import depth, tags_of
+from cvtimg.images.decoding import depth
 from cvtimg.images.opening import open_picture, orientation
-from cvtimg.images.tiff import TIFF_MAGICS, Layout, Place, first_page, icc_profile, is_turned, tiff_tags
+from cvtimg.images.tiff import TIFF_MAGICS, Layout, Place, first_page, icc_profile, is_turned, tags_of, tiff_tags
 from cvtimg.profiles import profile_name
 
 __all__ = ["ImageInfo", "read_header"]

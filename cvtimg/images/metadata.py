@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
-from PIL import Image, ImageFile, UnidentifiedImageError
+from PIL import Image, ImageFile, TiffImagePlugin, UnidentifiedImageError
 
 from cvtimg.images.opening import open_picture
 from cvtimg.images.png import chunk
+from cvtimg.images.tiff import GEO_TYPES, TIFF_MAGICS, geo_tags, tags_of, tiff_tags
 from cvtimg.profiles import kept_profile, profile_space
 
 __all__ = ["Metadata", "decode_metadata"]
@@ -36,11 +38,14 @@ class Metadata:
         Pixels an inch, across and down the upright picture.
     exif : bytes or None
         EXIF without orientation, size and thumbnail, which may not be true of the picture that is written.
+    geo : mapping of int
+        Tags of a GeoTIFF that say where it lies; a .tif keeps them.
     """
 
     icc: bytes | None = None
     dpi: tuple[float, float] | None = None
     exif: bytes | None = None
+    geo: Mapping[int, Any] = field(default_factory=dict)
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
@@ -48,9 +53,22 @@ class Metadata:
         fits = self.icc and profile_space(self.icc) == ("GRAY" if grey else "RGB")
         values: dict[str, Any] = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
         given = {name: values[name] for name in kept if values[name]}
-        if "exif" in given and form == "TIFF":
-            given["exif"] = _first_part(given["exif"])
+        if form == "TIFF":
+            given["tiffinfo"] = self._tiff_tags(given.pop("exif", None))
         return given
+
+    def _tiff_tags(self, exif: bytes | None) -> TiffImagePlugin.ImageFileDirectory_v2:
+        """Give where the picture lies, and of EXIF the first part: Pillow compresses no TIFF that has more of it."""
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        for code, value in self.geo.items():
+            tags.tagtype[code] = GEO_TYPES[code][0]
+            tags[code] = value
+        about = Image.Exif()
+        about.load(exif or b"")
+        for code in about:
+            if code not in (_EXIF_PART, _GPS_PART):
+                tags[code] = about[code]
+        return tags
 
     def png_chunks(self, mode: str) -> bytes:
         """Give what goes between header and pixels of a PNG."""
@@ -71,14 +89,27 @@ def decode_metadata(file: BinaryIO) -> Metadata:
     try:
         image = open_picture(file)
     except UnidentifiedImageError:  # an array, or a TIFF of many bands
-        return Metadata()
+        return _of_tiff(file)
     with image:
         icc = image.info.get("icc_profile")
         exif = image.getexif()
         dpi = _dpi(image)
         if dpi and exif.get(0x0112, 1) >= 5:
             dpi = dpi[::-1]
-        return Metadata(kept_profile(icc, image.mode) if icc else None, dpi, _about_the_picture(exif))
+        return Metadata(
+            kept_profile(icc, image.mode) if icc else None, dpi, _about_the_picture(exif), geo_tags(tags_of(image))
+        )
+
+
+def _of_tiff(file: BinaryIO) -> Metadata:
+    file.seek(0)
+    if not file.read(4).startswith(TIFF_MAGICS):
+        return Metadata()
+    import tifffile
+
+    file.seek(0)
+    with tifffile.TiffFile(file) as tiff:
+        return Metadata(geo=geo_tags(tiff_tags(tiff)))
 
 
 def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
@@ -99,12 +130,3 @@ def _about_the_picture(exif: Image.Exif) -> bytes | None:
         elif tag in exif:
             kept[tag] = exif[tag]
     return kept.tobytes() if len(kept) else None
-
-
-def _first_part(content: bytes) -> bytes:
-    """Leave out the camera's settings and the place, which Pillow cannot write into a compressed TIFF."""
-    exif = Image.Exif()
-    exif.load(content)
-    for tag in (_EXIF_PART, _GPS_PART):
-        exif.pop(tag, None)
-    return exif.tobytes()

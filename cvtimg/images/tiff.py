@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from cvtimg._threads import n_threads
 from cvtimg.images.arrays import as_samples, upright
@@ -19,12 +20,14 @@ if TYPE_CHECKING:
     import tifffile
 
 __all__ = [
+    "GEO_TYPES",
     "TIFF_MAGICS",
     "Layout",
     "Place",
     "decode_tiff",
     "encode_tiff",
     "first_page",
+    "geo_tags",
     "icc_profile",
     "is_turned",
     "tiff_tags",
@@ -37,7 +40,15 @@ _BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES = 258, 262, 274, 277
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
 _PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS, _NODATA = 33550, 33922, 34264, 34735, 42113
 _OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
-_OF_PLACE = (_PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS, _NODATA)
+#: Tags that say where a picture lies, with the types of their values in TIFF and in Python's struct.
+GEO_TYPES = {
+    _PIXEL_SCALE: (12, "d"),
+    _TIEPOINT: (12, "d"),
+    _MATRIX: (12, "d"),
+    _GEO_KEYS: (3, "H"),
+    34736: (12, "d"),
+    34737: (2, "s"),
+}
 _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED = 1025, 2048, 3072
 _PIXEL_IS_POINT = 2
 _USER_DEFINED = 32767
@@ -159,12 +170,27 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
     """Give the tags of the first page that are of use here."""
     tags = tiff.pages.first.tags
-    return {code: tag.value for code in (*_OF_SAMPLES, *_OF_PLACE) if (tag := tags.get(code)) is not None}
+    return {code: tag.value for code in (*_OF_SAMPLES, *GEO_TYPES, _NODATA) if (tag := tags.get(code)) is not None}
 
 
 def icc_profile(tags: Tags) -> bytes | None:
     """Give the embedded colour profile, if there is one."""
     return bytes(tags[_ICC]) if _ICC in tags else None
+
+
+def tags_of(image: Image.Image) -> Tags:
+    """Give the tags of the first page of a TIFF, none of another file."""
+    tags: Tags = getattr(image, "tag_v2", {})
+    return tags
+
+
+def geo_tags(tags: Tags) -> dict[int, Any]:
+    """Give the tags that say where an upright picture lies, if all is there to say it."""
+    if Place.of(tags).geo_transform is None:
+        return {}
+    given = {code: tags[code] for code in GEO_TYPES if code in tags}
+    # A value of its own is one of a row, but for text.
+    return {code: value if isinstance(value, (tuple, str)) else (value,) for code, value in given.items()}
 
 
 def is_turned(tags: Tags) -> bool:
@@ -177,6 +203,7 @@ def encode_tiff(
     values: NDArray[Any],
     icc_profile: bytes | None = None,
     dpi: tuple[float, float] | None = None,
+    geo: Tags | None = None,
 ) -> None:
     """Write an array (H, W) or (H, W, C): three bands are RGB, four RGB and alpha, others have no meaning."""
     import tifffile
@@ -195,10 +222,17 @@ def encode_tiff(
         iccprofile=icc_profile,
         resolution=dpi,
         resolutionunit="inch" if dpi else None,
+        extratags=[_extra_tag(code, value) for code, value in (geo or {}).items()],
         metadata=None,
         software=False,
         maxworkers=n_threads(),
     )
+
+
+def _extra_tag(code: int, value: Any) -> tuple[int, str, int, Any, bool]:
+    """Word a tag as tifffile takes it."""
+    kind = GEO_TYPES[code][1]
+    return code, kind, 0 if kind == "s" else len(value), value, True
 
 
 def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
