@@ -45,6 +45,8 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/dithering.py
 	$(BIN)/python benchmarks/kernels.py
 	$(BIN)/python benchmarks/engine.py
+	$(BIN)/python benchmarks/segmentation.py
+	$(BIN)/python benchmarks/restoration.py
 
 clean:
 	rm -rf $(VENV) build dist out

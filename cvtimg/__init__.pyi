@@ -18,6 +18,8 @@ from .palette_search import Palette, find_palette
 from .quantization import quantize, quantize_to_size
 from .regions import region_means, region_table
 from .remapping import Quantized, map_to_palette
+from .renormalization import RENORMALIZATIONS
+from .restoration import Restoration, restore
 from .samples import ColorSamples, color_samples, merge_samples
 from .search import EFFORTS
 from .seeding import SEEDINGS
@@ -31,6 +33,7 @@ __all__ = [
     "DITHERS",
     "EFFORTS",
     "METHODS",
+    "RENORMALIZATIONS",
     "RULES",
     "SEEDINGS",
     "SPACES",
@@ -44,6 +47,7 @@ __all__ = [
     "Quantized",
     "QuantizedFile",
     "QuantizedFrames",
+    "Restoration",
     "Segmentation",
     "Tessellation",
     "color_samples",
@@ -67,6 +71,7 @@ __all__ = [
     "read_palette",
     "region_means",
     "region_table",
+    "restore",
     "segment",
     "segment_curve",
     "shared_palette",

@@ -5,7 +5,7 @@ Every message gives the name, the value and what is allowed.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -176,3 +176,46 @@ def _as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite: it contains NaN or infinity")
     return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
+
+
+def check_same(what: str, found: Sequence[object]) -> None:
+    """Refuse versions that differ in what they must share."""
+    for number, other in enumerate(found):
+        if other != found[0]:
+            raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
+
+
+def check_masks(
+    masks: Sequence[ArrayLike | None] | None, n_versions: int, shape: tuple[int, ...]
+) -> list[NDArray[np.bool_]]:
+    """Return a (H, W) bool mask for each version, True where it is known; all known by default."""
+    if masks is None:
+        return [np.ones(shape, np.bool_)] * n_versions
+    if len(masks) != n_versions:
+        raise ValueError(f"masks has {len(masks)} masks and must have {n_versions}, one for each version, or None")
+    checked = []
+    for number, mask in enumerate(masks):
+        array = np.ones(shape, np.bool_) if mask is None else np.asarray(mask)
+        if array.shape != shape:
+            raise ValueError(f"masks[{number}] of shape {array.shape} must be {shape}, the size of the versions")
+        checked.append(array != 0)
+    return checked
+
+
+def check_version_weights(weights: ArrayLike, n_versions: int) -> NDArray[np.float64]:
+    """Return the weights of versions: finite and > 0."""
+    array = np.asarray(weights, dtype=np.float64)
+    if array.shape != (n_versions,):
+        raise ValueError(f"weights of shape {array.shape} must be ({n_versions},), one for each version")
+    if not (np.isfinite(array).all() and array.min() > 0):
+        raise ValueError(f"weights={array.tolist()} must be finite and > 0")
+    return array
+
+
+def check_edge_weight(edge_weight: float | str, automatic: float) -> float:
+    """Return a weight of edges >= 0, and for "auto" the one given."""
+    if isinstance(edge_weight, str):
+        if edge_weight != "auto":
+            raise ValueError(f"edge_weight={edge_weight!r} must be a finite number >= 0, or 'auto'")
+        return automatic
+    return check_non_negative("edge_weight", edge_weight)

@@ -161,10 +161,11 @@ cdef inline void miss(
     const float *place, const float *entry, float strength, float most, float *missed
 ) noexcept nogil:
     """What is handed on: the part `strength` of the step from an entry to a place, of a length of at most `most`."""
-    cdef float length = sqrtf(squared_distance(place, entry))
-    cdef float part = strength * most / length if length > most else strength
+    cdef float squared = squared_distance(place, entry)
+    if squared > most * most:
+        strength *= most / sqrtf(squared)
     for d in range(WIDTH):
-        missed[d] = (place[d] - entry[d]) * part
+        missed[d] = (place[d] - entry[d]) * strength
 
 
 def diffuse(

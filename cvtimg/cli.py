@@ -17,7 +17,7 @@ import typer
 from typer import Option
 
 from cvtimg.batch import WrongUsageError, complain, reason
-from cvtimg.commands import cluster, elbow, info, palette, quantize, segment
+from cvtimg.commands import cluster, elbow, info, palette, quantize, restore, segment
 
 __all__ = ["app", "main"]
 
@@ -49,6 +49,7 @@ def _cvtimg(version: Version = False) -> None:
 app.command(epilog=quantize.EXAMPLES)(quantize.quantize)
 app.command(epilog=palette.EXAMPLES)(palette.palette)
 app.command(epilog=segment.EXAMPLES)(segment.segment)
+app.command(epilog=restore.EXAMPLES)(restore.restore)
 app.command(epilog=cluster.EXAMPLES)(cluster.cluster)
 app.command(epilog=elbow.EXAMPLES)(elbow.elbow)
 app.command(epilog=info.EXAMPLES)(info.info)

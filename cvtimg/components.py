@@ -2,7 +2,8 @@
 
 The energy of regions is that of segments: squared distances to the mean of the region, and a price for the length of
 the borders. Joining regions of n_a and n_b pixels whose means are d apart raises the first term by
-n_a n_b / (n_a + n_b) d^2 and saves the border between them.
+n_a n_b / (n_a + n_b) d^2 and saves the border between them. Where a picture shades, regions differ although nothing
+parts them: when regions are joined, d is the step across their border if that is less.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import _label_kernels
+
+#: The step across a border is from so many pixels before to so many after the two at the border.
+_BEYOND_BORDER = 2
 
 
 def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -29,12 +33,17 @@ def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
 
 @dataclass(slots=True, eq=False)
 class _Regions:
-    """Regions, numbered from 0, and their borders: (B, 2) pairs of regions, the smaller first, and (B,) lengths."""
+    """Regions, numbered from 0, and their borders.
+
+    These are (B, 2) pairs of regions, the smaller first, (B,) lengths, and (B, D) sums, over the length, of the steps
+    in value from the first region to the second.
+    """
 
     sizes: NDArray[np.int64]
     means: NDArray[np.float64]
     pairs: NDArray[np.int64]
     lengths: NDArray[np.float64]
+    steps: NDArray[np.float64]
 
 
 def absorb_small(
@@ -93,9 +102,11 @@ def absorb_small(
 
 
 def join_regions(regions: NDArray[np.int32], values: NDArray[np.float32], length_price: float) -> NDArray[np.int32]:
-    """Join neighbors as long as that lowers the energy, those first that save most length for what they cost.
+    """Join neighbors as long as each pixel of the border between them costs more than parts them.
 
-    Parameters are those of `absorb_small`; so is what is returned.
+    Those come first that save most length for what joining them costs. Parameters are those of `absorb_small`, and so
+    is what is returned; steps across borders are measured between pixels that lie a little apart, so values had better
+    be smoothed a little.
 
     References
     ----------
@@ -122,18 +133,22 @@ class _Graph:
     def __init__(self, regions: _Regions) -> None:
         self.sizes: list[float] = regions.sizes.tolist()
         self.means: list[list[float]] = regions.means.tolist()
-        self.borders: list[dict[int, float]] = [{} for _ in self.sizes]
+        #: For each region its neighbors, with the length of the border and the sums of the steps to the neighbor.
+        self.borders: list[dict[int, tuple[float, list[float]]]] = [{} for _ in self.sizes]
         self.parents = list(range(len(self.sizes)))
         self.ages = [0] * len(self.sizes)
         self.offers: list[tuple[float, int, int, int, int]] = []
-        for (region, other), length in zip(regions.pairs.tolist(), regions.lengths.tolist(), strict=True):
-            self.borders[region][other] = self.borders[other][region] = length
+        borders = zip(regions.pairs.tolist(), regions.lengths.tolist(), regions.steps.tolist(), strict=True)
+        for (region, other), length, steps in borders:
+            self._border(region, other, length, steps)
 
     def offer(self, region: int, other: int) -> None:
         """Offer to join two regions, at their rise in energy for each pixel's length of border."""
+        length, steps = self.borders[region][other]
         apart = sum((a - b) ** 2 for a, b in zip(self.means[region], self.means[other], strict=True))
+        step = sum((total / length) ** 2 for total in steps)
         size, other_size = self.sizes[region], self.sizes[other]
-        rate = size * other_size / (size + other_size) * apart / self.borders[region][other]
+        rate = size * other_size / (size + other_size) * min(apart, step) / length
         heapq.heappush(self.offers, (rate, region, other, self.ages[region], self.ages[other]))
 
     def join(self, region: int, other: int) -> None:
@@ -145,16 +160,21 @@ class _Graph:
         self.means[other] = [b + share * (a - b) for a, b in zip(self.means[region], self.means[other], strict=True)]
         self.sizes[other] = size
         self.parents[region] = other
-        for neighbor, length in self.borders[region].items():
+        for neighbor, (length, steps) in self.borders[region].items():
             del self.borders[neighbor][region]
             if neighbor != other:
-                total = self.borders[neighbor].get(other, 0) + length
-                self.borders[neighbor][other] = self.borders[other][neighbor] = total
+                more, more_steps = self.borders[other].get(neighbor, (0.0, [0.0] * len(steps)))
+                total = [a + b for a, b in zip(steps, more_steps, strict=True)]
+                self._border(other, neighbor, length + more, total)
         self.borders[region] = {}
         self.ages[region] = -1
         self.ages[other] += 1
         for neighbor in self.borders[other]:
             self.offer(other, neighbor)
+
+    def _border(self, region: int, other: int, length: float, steps: list[float]) -> None:
+        self.borders[region][other] = length, steps
+        self.borders[other][region] = length, [-step for step in steps]
 
     def roots(self) -> NDArray[np.int64]:
         """Return what each region is part of now."""
@@ -171,15 +191,28 @@ def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> _Regio
     sums = [np.bincount(own, values[..., dim][regions > 0], n_regions) for dim in range(values.shape[2])]
     # Numbers that are not in use are regions without pixels and borders.
     means = np.stack(sums, axis=1) / np.maximum(sizes, 1)[:, None]
-    beside = [(regions[:, :-1], regions[:, 1:]), (regions[:-1], regions[1:])]
-    keys = []
-    for first, second in beside:
-        apart = (first != second) & (first > 0) & (second > 0)
-        one, two = first[apart].astype(np.int64) - 1, second[apart].astype(np.int64) - 1
-        keys.append(np.minimum(one, two) * n_regions + np.maximum(one, two))
-    found, lengths = np.unique(np.concatenate(keys), return_counts=True)
+    keys, steps = zip(*(_steps(regions, values, axis) for axis in (0, 1)), strict=True)
+    found, border, lengths = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
     pairs = np.stack([found // n_regions, found % n_regions], axis=1)
-    return _Regions(sizes.astype(np.int64), means, pairs, lengths.astype(np.float64))
+    totals = [np.bincount(border, column, len(found)) for column in np.concatenate(steps).T]
+    return _Regions(sizes.astype(np.int64), means, pairs, lengths.astype(np.float64), np.stack(totals, axis=1))
+
+
+def _steps(
+    regions: NDArray[np.int32], values: NDArray[np.float32], axis: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return to which pair of regions each pixel of the borders along an axis belongs, and the step across it."""
+    region, value = np.moveaxis(regions, axis, 0), np.moveaxis(values, axis, 0)
+    before, across = np.nonzero((region[1:] != region[:-1]) & (region[1:] > 0) & (region[:-1] > 0))
+    after, last = before + 1, len(region) - 1
+    first, second = region[before, across].astype(np.int64) - 1, region[after, across].astype(np.int64) - 1
+    # A border is blurred: look beyond it, but not beyond the mask.
+    near, far = np.maximum(before - _BEYOND_BORDER, 0), np.minimum(after + _BEYOND_BORDER, last)
+    near = np.where(region[near, across] > 0, near, before)
+    far = np.where(region[far, across] > 0, far, after)
+    step = (value[far, across] - value[near, across]).astype(np.float64)
+    step[first > second] *= -1
+    return np.minimum(first, second) * int(regions.max()) + np.maximum(first, second), step
 
 
 class _Borders(NamedTuple):

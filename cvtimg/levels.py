@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 _MOST_LEVELS = 65535
 #: So many samples show whether all can be levels, before all are looked at.
 _PROBES = 64
+#: So many integers mostly have all that differs.
+_SOME = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +42,7 @@ def to_levels(samples: NDArray[Any]) -> Levels:
     if low == high:
         return Levels(np.zeros(samples.shape, np.uint8), low, 1.0)
     if samples.dtype.kind == "u":
-        present = np.zeros(int(high) + 1, bool)
-        present[samples] = True
-        step = int(np.gcd.reduce(np.flatnonzero(present) - int(low)))
+        step = _step(samples.reshape(-1), int(low))
         levels = samples if low == 0 and step == 1 else (samples - samples.dtype.type(low)) // step
         return Levels(levels.astype(_type_for((high - low) / step), copy=False), low, float(step))
     shares = (samples.astype(np.float64) - low) / (high - low)
@@ -51,6 +51,17 @@ def to_levels(samples: NDArray[Any]) -> Levels:
     if n_steps == 0:
         return Levels(shares.astype(np.float32), low, high - low)
     return Levels(np.rint(shares * n_steps).astype(_type_for(n_steps)), low, (high - low) / n_steps)
+
+
+def _step(samples: NDArray[Any], low: int) -> int:
+    """Return the greatest common divisor of what integers are above the least."""
+    some = samples[:: max(1, samples.size // _SOME)].astype(np.int64) - low
+    step = int(np.gcd.reduce(some))
+    if step == 1:
+        return step
+    present = np.zeros(int(samples.max()) + 1, bool)
+    present[samples] = True
+    return int(np.gcd.reduce(np.flatnonzero(present) - low))
 
 
 def _type_for(largest: float) -> type[np.uint8] | type[np.uint16]:

@@ -28,6 +28,7 @@ _RADIUS_OF_AUTO = 3
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
 _MAX_SEGMENTS = 1 << 16
+_BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
 #: Curves start from a picture that is averaged as for so many segments.
 _SEGMENTS_AT_START = 4
 
@@ -125,7 +126,8 @@ def segment(
         that the mask parts from all others.
     border_price : float
         With `components`: join neighbors as long as their joint squared distances rise by less than this for each
-        pixel of the border between them.
+        pixel of the border between them. Where the picture shades, the step across the border counts and not the
+        difference of the means.
     mask : (H, W) array, optional
         Pixels where it is not 0 are segmented; the others have label 0 and no influence.
     effort, rng
@@ -285,14 +287,13 @@ class _Colors:
             blur = _blur_at_start(field[inside], noise, self.n_segments)
             if blur:
                 data = averaged(field, Averaging("before", "gaussian", blur), inside)
-        labels = np.zeros(inside.shape, np.int32)
         if data is field:
             tessellation = self.tessellate(self.values.samples)
-            labels[inside] = tessellation.labels[self.values.samples.inverse[0]] + 1
+            own = tessellation.labels[self.values.samples.inverse[0]]
         else:
             tessellation = self.tessellate(data[inside])
-            labels[inside] = tessellation.labels + 1
-        return labels, tessellation
+            own = tessellation.labels
+        return self.values.spread(own + np.int32(1)), tessellation
 
 
 def _number(edge_weight: float | str) -> float:
@@ -331,7 +332,7 @@ def _regions(
     pieces = connected_pieces(labels)
     kept = absorb_small(pieces, data, min_size, max(length_price, border_price))
     if components:
-        return join_regions(kept, data, border_price) if border_price else kept
+        return join_regions(kept, averaged(data, _BESIDE_BORDERS, labels > 0), border_price) if border_price else kept
     label_of = np.zeros(int(pieces.max()) + 1, np.int32)
     label_of[pieces] = labels
     return label_of[kept]
@@ -343,8 +344,7 @@ def _plain(colors: _Colors) -> Segmentation:
     end = colors.tessellate(values.samples)
     generators = values.to_picture(end.generators * values.scale)
     new_label = _dark_to_bright(generators, end.masses)
-    labels = np.zeros(values.inside.shape, np.int32)
-    labels[values.inside] = new_label[end.labels][values.samples.inverse[0]]
+    labels = values.spread(new_label[end.labels][values.samples.inverse[0]])
     order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
     unit = (values.scale / values.unit) ** 2
     energies = tuple(energy * unit for energy in end.energies)

@@ -54,15 +54,22 @@ class PictureValues:
     def field(self) -> NDArray[np.float32]:
         """(H, W, D) values less their `center`; 0 outside."""
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
-        field = np.zeros((*self.inside.shape, places.shape[1]), np.float32)
-        field[self.inside] = places[self.samples.inverse[0]]
-        return field
+        return self.spread(places[self.samples.inverse[0]])
 
     @property
     def center(self) -> NDArray[np.float64]:
         """(D,) mean value."""
         mean: NDArray[np.float64] = self.samples.density @ self.samples.colors / self.samples.density.sum()
         return mean * self.scale
+
+    def spread(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """(H, W, ...) what (n, ...) rows have for each pixel; 0 outside."""
+        shape = (*self.inside.shape, *rows.shape[1:])
+        if len(rows) == self.inside.size:
+            return rows.reshape(shape)
+        picture = np.zeros(shape, rows.dtype)
+        picture[self.inside] = rows
+        return picture
 
     def to_picture(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K, C) colors in the units of the picture, of (K, D) values."""
@@ -75,7 +82,7 @@ class PictureValues:
 def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureValues:
     """Bring a picture to a color space; pixels with NaN or infinity in any band are outside, as those of the mask."""
     array, inside = check_partial_image("image", image, mask)
-    rows = array[inside]
+    rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
     found = to_levels(rows)
     samples = color_samples(found.levels[None])
     scale = found.step * 255 / peak(array.dtype)

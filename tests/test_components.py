@@ -72,15 +72,26 @@ def test_the_smallest_goes_first() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 1 << 20), price=st.sampled_from([0.05, 0.5, 3.0]))
-def test_joining_lowers_the_energy_until_no_pair_would(seed: int, price: float) -> None:
+def test_regions_are_joined_until_no_pair_would_lower_the_energy(seed: int, price: float) -> None:
     pieces, values = drawn(seed)
     if not pieces.any():
         return
     joined = join_regions(pieces, values, price)
     end = energy(joined, values, price)
-    assert end <= energy(pieces, values, price) + 1e-9
     for one, two in neighbors(joined):
         assert energy(np.where(joined == one, two, joined), values, price) >= end - 1e-4
+    for region in np.unique(joined[joined > 0]):
+        assert ndimage.label(joined == region)[1] == 1
+
+
+def test_shades_are_joined_and_steps_are_not() -> None:
+    columns = np.arange(80)
+    bands = (columns // 20 + 1).astype(np.int32)[None].repeat(30, axis=0)
+    shade = np.broadcast_to(columns.astype(np.float32), (30, 80))[..., None]
+    price = 20 * 15 * 12.0**2 / 30  # of a step of 12 between two bands; the means of shaded ones are 20 apart
+    assert len(np.unique(join_regions(bands, shade, price))) == 1
+    steps = (20 * bands).astype(np.float32)[..., None]
+    np.testing.assert_array_equal(join_regions(bands, steps, price * 0.5), bands)
 
 
 @pytest.mark.parametrize("min_size", [10, 10**9])

@@ -56,8 +56,8 @@ def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength:
         for x in range(width)[::step]:
             place = (wide[y, x] + errors[y, x + 1]) + ahead
             labels[y, x], squared = nearest_of(place, entries)
-            length, share = np.sqrt(squared), np.float32(strength)
-            missed = (place - entries[labels[y, x]]) * (share * most / length if length > most else share)
+            share = np.float32(strength) * (most / np.sqrt(squared) if squared > most * most else 1)
+            missed = (place - entries[labels[y, x]]) * share
             ahead = missed * part[0]
             errors[y + 1, x + 1 - step] += missed * part[1]
             errors[y + 1, x + 1] += missed * part[2]

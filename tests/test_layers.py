@@ -56,6 +56,11 @@ LAYERS: list[set[str]] = [
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},
+    # several versions
+    {"versions"},
+    {"alignment"},
+    {"masked", "patches", "renormalization"},
+    {"restoration"},
     {"plot"},
     # the command line
     {"batch.tasks"},
@@ -66,7 +71,7 @@ LAYERS: list[set[str]] = [
     {"commands"},
     {"commands._options", "commands._animations", "commands._segment_files"},
     {"commands._batch_options", "commands._sharing", "commands._tiled"},
-    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "segment")},
+    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "restore", "segment")},
     {"cli"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}

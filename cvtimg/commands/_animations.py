@@ -45,6 +45,7 @@ def quantize_animation(
         "frames": len(frames.images),
         "distinct_colors": result.n_distinct,
         "k": max(len(one.palette) for one in result.results),
+        "elbow": None,
         "energy": result.energy,
         "mse": result.mse,
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity

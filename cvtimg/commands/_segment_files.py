@@ -79,13 +79,6 @@ class Subject:
         image = self.image if self.style.subpixel else None
         return find_contours(self.labels, image, tolerance=self.style.simplify)
 
-    @cached_property
-    def table(self) -> dict[str, NDArray[Any]]:
-        """The figures of the segments."""
-        from cvtimg import region_table
-
-        return region_table(self.labels, self.image)
-
     def write(self, outputs: Mapping[str, Path]) -> None:
         """Write what was asked for, by KIND.SUFFIX."""
         for name, path in outputs.items():
@@ -108,7 +101,7 @@ def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
     """Give each pixel the mean of its segment, rounded to the type of the picture; what is masked is 0."""
     import numpy as np
 
-    from cvtimg.regions import region_means
+    from cvtimg import region_means
 
     means = np.nan_to_num(region_means(labels, image))
     colors = (np.rint(means) if image.dtype.kind == "u" else means).astype(image.dtype)
@@ -134,23 +127,22 @@ def _write_overlay(subject: Subject, path: Path) -> None:
 
 
 def _write_contours(subject: Subject, path: Path) -> None:
+    import numpy as np
+
+    from cvtimg import region_means
     from cvtimg.plot import shown_colors
-    from cvtimg.regions import region_means
     from cvtimg.segment_files import write_geojson, write_svg
 
     polygons, labels, overwrite = subject.contours.polygons, subject.labels, subject.overwrite
+    means = np.nan_to_num(region_means(labels, subject.image))
     if path.suffix.lower() == ".svg":
-        import numpy as np
-
-        means = np.nan_to_num(region_means(labels, subject.image))
         colors = shown_colors(means, subject.image, labels, ignore=0)
         write_svg(path, polygons, colors, size=labels.shape, overwrite=overwrite)
         return
-    table = subject.table
-    bands = [name for name in table if name.startswith("mean_")]
+    areas = np.bincount(labels.ravel()).tolist()
     properties = {
         label: {"area": area, "mean": mean}
-        for label, area, *mean in zip(*(table[name].tolist() for name in ("label", "area", *bands)), strict=True)
+        for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
     }
     place = subject.header.geo_transform
     transform = [place[:3], place[3:]] if place else None
@@ -159,9 +151,10 @@ def _write_contours(subject: Subject, path: Path) -> None:
 
 
 def _write_table(subject: Subject, path: Path) -> None:
+    from cvtimg import region_table
     from cvtimg.segment_files import write_table
 
-    write_table(path, subject.table, overwrite=subject.overwrite)
+    write_table(path, region_table(subject.labels, subject.image), overwrite=subject.overwrite)
 
 
 def _write_coco(subject: Subject, path: Path) -> None:

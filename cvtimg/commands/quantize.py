@@ -341,6 +341,7 @@ def _by_tiles(task: Task, overwrite: bool, how: _How) -> Row:
 def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:
     """Quantize all frames, if what is asked for can be done to them."""
     aims = {"--psnr": how.options.get("psnr"), "--max-bytes": how.max_bytes, "--weight-map": how.options.get("weights")}
+    aims |= {"-k auto": True if how.options.get("n_colors") == "auto" else None}
     aims |= {"--depth 16": how.depth == "16" or None, "--optimize": how.optimize or None}
     for option, value in aims.items():
         if value is not None:
