@@ -168,3 +168,32 @@ def test_edges_count_as_in_segment(drawing: Path, table: Path, capsys: pytest.Ca
     assert row["energies"] != energy_curve(read_image(drawing), 8).energies.tolist()
     assert main(["elbow", str(table), *options]) == 1
     assert "for pictures, not for tables" in capsys.readouterr().err
+
+
+def test_the_number_of_jobs_changes_nothing(
+    drawing: Path, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written = {}
+    for jobs in ("1", "2"):
+        files = {name: tmp_path / f"{jobs}-{name}" for name in ("curves.csv", "plot.svg", "report.jsonl")}
+        options = [f"--{name.partition('.')[0].removesuffix('s')}={path}" for name, path in files.items()]
+        options[0] = options[0].replace("--curve", "--csv")
+        assert main(["elbow", str(drawing), str(table), "--k-max", "8", "--json", "--jobs", jobs, *options]) == 0
+        rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        told = [json.loads(line) for line in files["report.jsonl"].read_text().splitlines()]
+        for row in (*rows, *told):
+            del row["seconds"]
+        assert [{"status": "done", **row} for row in rows] == told
+        written[jobs] = rows, files["curves.csv"].read_text(), files["plot.svg"].read_text()
+    assert written["1"] == written["2"]
+
+
+def test_max_pixels_guards_and_the_report_tells(
+    drawing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = tmp_path / "rows.csv"
+    assert main(["elbow", str(drawing), "--max-pixels", "99", "--report", str(rows)]) == 1
+    assert "has over 99 pixels" in capsys.readouterr().err
+    assert [row["status"] for row in csv.DictReader(rows.read_text().splitlines())] == ["failed"]
+    assert main(["elbow", str(drawing), "--csv", str(rows), "--report", str(rows), "--overwrite"]) == 2
+    assert "--csv and --report would both become" in capsys.readouterr().err

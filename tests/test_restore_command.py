@@ -128,3 +128,16 @@ def test_what_is_wrong_is_said_in_one_line(run: Run, arguments: str, status: int
     assert message in err
     assert err.count("\n") == 1
     assert {path: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
+    how = ["v_1.png", "v_2.png", "-k", "4", "-o", "out.png", "--report", "rows.jsonl"]
+    status, _, err = run(*how, "--max-pixels", "99")
+    assert (status, err.count("has over 99 pixels")) == (1, 2)
+    assert [json.loads(line)["status"] for line in Path("rows.jsonl").read_text().splitlines()] == ["failed"] * 2
+    assert run(*how, "--overwrite", "--json")[0] == 0
+    (row,) = [json.loads(line) for line in Path("rows.jsonl").read_text().splitlines()]
+    assert (row["status"], row["inputs"]) == ("done", ["v_1.png", "v_2.png"])
+    before = Path("v_2.png").read_bytes()
+    assert run("v_1.csv", "v_2.png", "-k", "4", "-o", "out.png", "--report", "v_2.png", "--overwrite")[0] == 2
+    assert Path("v_2.png").read_bytes() == before

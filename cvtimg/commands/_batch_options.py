@@ -46,16 +46,24 @@ def _options(
     return Running(jobs, skip_existing, report_file, max_pixels, dask)
 
 
-def for_many(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of a batch; it gets them as one argument, `running`."""
-    ours = inspect.signature(_options, eval_str=True).parameters
-    theirs = inspect.signature(command, eval_str=True)
-    shown = [parameter for name, parameter in theirs.parameters.items() if name != "running"]
+def with_running(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command some of the options of a batch; it gets them as one argument, `running`."""
+    known = inspect.signature(_options, eval_str=True).parameters
 
-    @wraps(command)
-    def with_running(**given: object) -> None:
-        running = _options(**{name: given.pop(name) for name in ours})  # type: ignore[arg-type]
-        command(**given, running=running)
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        theirs = inspect.signature(command, eval_str=True)
+        shown = [parameter for name, parameter in theirs.parameters.items() if name != "running"]
 
-    with_running.__dict__["__signature__"] = theirs.replace(parameters=[*shown, *ours.values()])
-    return with_running
+        @wraps(command)
+        def decorated(**given: object) -> None:
+            running = _options(**{name: given.pop(name) for name in names})  # type: ignore[arg-type]
+            command(**given, running=running)
+
+        decorated.__dict__["__signature__"] = theirs.replace(parameters=[*shown, *(known[name] for name in names)])
+        return decorated
+
+    return decorate
+
+
+#: For commands whose inputs have outputs of their own.
+for_many = with_running(*inspect.signature(_options).parameters)

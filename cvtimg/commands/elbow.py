@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from io import StringIO
+from itertools import combinations
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import with_running
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,6 +62,7 @@ PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw al
 Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn for tables.")]
 
 
+@with_running("jobs", "report_file", "max_pixels", "dask")
 def elbow(
     inputs: Inputs,
     k_max: KMax = 64,
@@ -74,6 +78,8 @@ def elbow(
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
+    *,
+    running: Running,
 ) -> None:
     """Suggest how many generators pictures and tables need, by the elbow of their energy.
 
@@ -92,28 +98,35 @@ def elbow(
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
     if plot:
         check_choice("--plot", plot.suffix.lower(), PLOT_SUFFIXES)
-    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
+    report = _Curves(COLUMNS, as_json=as_json, quiet=quiet)
     sources, missing = find(inputs, _find)
-    outputs = [path for path in (csv_file, plot) if path]
-    _check_outputs(outputs, list(sources), overwrite)
-    tasks = [Task(source) for source in sources]
+    outputs = {"--csv": csv_file, "--plot": plot, "--report": running.file}
+    _check_outputs({option: path for option, path in outputs.items() if path}, list(sources), overwrite)
     how = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
     segments: dict[str, Any] = {"averaging": averaging} if averaging != "none" else {}
     if edge_weight:
         segments["edge_weight"] = edge_weight
-    done: list[Plotted] = []
-
-    def work(task: Task) -> Row:
-        one, row = _measure(task.source, how, segments, rule, target, keep=plot is not None)
-        done.append(one)
-        return row
-
-    status = run(tasks, missing, work, report)
+    work = partial(_measure, how=how, segments=segments, rule=rule, target=target, keep=plot is not None)
+    status = run([Task(source) for source in sources], missing, work, report, overwrite=overwrite, running=running)
+    done = report.plotted
     if len(done) == 1 and not (as_json or quiet):
         _print_curve(done[0].curve, {**done[0].curve.elbows(), rule: done[0].k})
     if done:
         _write(csv_file, plot, done, rule, overwrite)
     raise typer.Exit(status)
+
+
+class _Curves(Report):
+    """Keeps what is drawn of each input, which comes with its row."""
+
+    def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool) -> None:
+        super().__init__(columns, as_json=as_json, quiet=quiet)
+        self.plotted: list[Plotted] = []
+
+    def done(self, row: Row) -> None:
+        """Tell of an input that is done."""
+        self.plotted.append(row.pop("plotted"))
+        super().done(row)
 
 
 def _find(text: str) -> list[Path]:
@@ -122,24 +135,26 @@ def _find(text: str) -> list[Path]:
     return find_images(text)
 
 
-def _check_outputs(outputs: list[Path], sources: list[Path], overwrite: bool) -> None:
+def _check_outputs(outputs: Mapping[str, Path], sources: list[Path], overwrite: bool) -> None:
     """Refuse, before any work, files that would replace an input, each other, or what exists."""
     from cvtimg.batch import check_can_be_written
 
-    if len(outputs) == 2 and outputs[0].resolve() == outputs[1].resolve():
-        raise WrongUsageError(f"--csv and --plot would both become {outputs[0]}")
-    for path in outputs:
+    for (one, path), (other, same) in combinations(outputs.items(), 2):
+        if path.resolve() == same.resolve():
+            raise WrongUsageError(f"{one} and {other} would both become {path}")
+    for path in outputs.values():
         if path.exists() and any(path.samefile(source) for source in sources):
             raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
         check_can_be_written(path, overwrite)
 
 
 def _measure(
-    source: Path, how: Mapping[str, Any], segments: Mapping[str, Any], rule: str, target: float | None, *, keep: bool
-) -> tuple[Plotted, Row]:
+    task: Task, *, how: Mapping[str, Any], segments: Mapping[str, Any], rule: str, target: float | None, keep: bool
+) -> Row:
     from cvtimg import energy_curve, segment_curve
     from cvtimg.elbow_plot import Plotted
 
+    source = task.source
     start = perf_counter()
     samples, image = _read(source, how["space"])
     read = perf_counter()
@@ -149,7 +164,7 @@ def _measure(
     k = curve.elbow(rule, target)
     measured = perf_counter()
     psnr = None if curve.psnr is None else [value if math.isfinite(value) else None for value in curve.psnr.tolist()]
-    row = {
+    return {
         "input": str(source),
         "k": k,
         "rule": rule,
@@ -160,8 +175,8 @@ def _measure(
         "n_max": curve.n_max,
         "energies": curve.energies.tolist(),
         "seconds": {"read": read - start, "cluster": measured - read},
+        "plotted": Plotted(source.stem, curve, k, image if keep and not segments else None, how["space"]),
     }
-    return Plotted(source.stem, curve, k, image if keep and not segments else None, how["space"]), row
 
 
 def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from cvtimg.batch import Missing, Report, Row, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import Missing, Report, Row, Running, Task, WrongUsageError, check_choice, find, run
 from cvtimg.commands import _options as options
+from cvtimg.commands._batch_options import with_running
 
 if TYPE_CHECKING:
     import numpy as np
@@ -135,6 +136,7 @@ class _Read:
     mask_names: list[str]
 
 
+@with_running("report_file", "max_pixels")
 def restore(
     versions: Versions,
     segments: Segments,
@@ -158,6 +160,8 @@ def restore(
     overwrite: options.Overwrite = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
+    *,
+    running: Running,
 ) -> None:
     """Put one picture together from noisy, incomplete versions of it.
 
@@ -166,6 +170,7 @@ def restore(
     --detail. All versions have one size.
     """
     from cvtimg import EFFORTS, RENORMALIZATIONS, SPACES, Averaging, find_images
+    from cvtimg.images.opening import pixels_limited
     from cvtimg.io import lossless_suffixes
 
     check_choice("--effort", effort, EFFORTS)
@@ -180,11 +185,12 @@ def restore(
     sources = list(found)
     files = {"picture": output, "labels": labels, "sheet": sheet}
     outputs = {kind: path for kind, path in files.items() if path}
-    _check_apart(outputs.values(), [*sources, *(mask or [])])
+    _check_apart([*outputs.values(), *([running.file] if running.file else [])], [*sources, *(mask or [])])
     if mask and len(mask) != len(sources) + len(missing):
         raise WrongUsageError(f"--mask is given {len(mask)} times, for {len(sources) + len(missing)} versions")
     start = perf_counter()
-    read = _read(sources, mask, missing)
+    with pixels_limited(running.max_pixels):
+        read = _read(sources, mask, missing)
     seconds = perf_counter() - start
     how = {
         "n_generators": segments,
@@ -206,7 +212,7 @@ def restore(
         return _restore(task, read, how, seconds, overwrite)
 
     tasks = [] if missing else [Task(sources[0], outputs)]
-    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite))
+    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite, running=running))
 
 
 def _check_apart(outputs: Any, inputs: Sequence[Path]) -> None:
