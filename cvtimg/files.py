@@ -97,43 +97,53 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
     part, old = (target.with_name(f"{_PART}{secrets.token_hex(8)}.part") for _ in range(2))
     try:
         part.mkdir()
-        yield part
-        if not target.exists():
-            part.rename(target)
-            return
-        target.rename(old)
-        try:
-            part.rename(target)
-        except OSError:
-            old.rename(target)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+        with _held(part):
+            yield part
+            if not target.exists():
+                part.rename(target)
+                return
+            target.rename(old)
+            try:
+                part.rename(target)
+            except OSError:
+                old.rename(target)
+                raise
+            shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 def remove_leftovers(folder: StrPath) -> None:
-    """Take unfinished files of killed programs out of a folder; those that are being written stay."""
+    """Take unfinished files and folders of killed programs out of a folder; those that are being written stay."""
     for part in Path(folder).glob(f"{_PART}*.part"):
         with suppress(OSError), _held(part, at_once=True):
-            part.unlink()
+            if part.is_dir():
+                shutil.rmtree(part)
+            else:
+                part.unlink()
 
 
 @contextmanager
 def _held(part: Path, *, at_once: bool = False) -> Iterator[None]:
-    """Mark a file as being written, which ends with the program; `at_once`: fail if it is by another."""
+    """Mark a file or folder as being written, which ends with the program; `at_once`: fail if it is by another."""
+    is_folder = part.is_dir()
     try:
         import fcntl
-    except ImportError:  # Windows takes no file away that is open
-        yield
+    except ImportError:
+        if at_once and is_folder:
+            raise OSError(f"{part}: may be in use") from None
+        yield  # Windows takes no file away that is open
         return
-    with part.open("r+b") as file:
+    held = os.open(part, os.O_RDONLY if is_folder else os.O_RDWR)
+    try:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | (fcntl.LOCK_NB if at_once else 0))
+            fcntl.flock(held, fcntl.LOCK_EX | (fcntl.LOCK_NB if at_once else 0))
         except OSError:
             if at_once:
                 raise
         yield
+    finally:
+        os.close(held)
 
 
 def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +15,22 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg import cli, counting, find_palette, map_to_palette, quantize, quantize_file, read_image, tiles
+from cvtimg import (
+    cli,
+    counting,
+    find_palette,
+    map_to_palette,
+    quantize,
+    quantize_file,
+    read_image,
+    tiled_quantization,
+    tiles,
+    write_image,
+)
 from cvtimg.commands import _tiled
+from cvtimg.commands import quantize as command
 from cvtimg.counting import Counter
+from cvtimg.files import whole_folder
 from cvtimg.samples import color_samples
 
 RNG = np.random.default_rng(31)
@@ -122,15 +137,55 @@ def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
 
 
-@pytest.mark.parametrize("options", [["--dither", "floyd-steinberg"], ["--psnr", "30"], ["--depth", "8"]])
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["-k", "12", "--dither", "floyd-steinberg"],
+        ["-k", "12", "--psnr", "30"],
+        ["-k", "12", "--depth", "8"],
+        ["-k", "12", "--keep-metadata"],
+        ["-k", "12", "--weight-map", "weights.png"],
+        ["-k auto"],
+        ["--optimize"],
+    ],
+)
 def test_what_needs_the_whole_picture_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: list[str]
 ) -> None:
     write(PICTURE, tile=(64, 64))
+    write_image("weights.png", np.ones(PICTURE.shape[:2], np.uint8))
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
-    assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", *options]) == 1
-    assert f"is read by tiles, and {options[0]} needs the whole picture" in capsys.readouterr().err
+    monkeypatch.setattr(command, "_check_optimize", lambda output: None)  # it refuses .tif, whatever its size
+    given = ["-k", "12", *options] if options == ["--optimize"] else " ".join(options).split()
+    assert cli.main(["quantize", "a.tif", "-o", "b.tif", *given]) == 1
+    shown = options[0] if len(options) == 1 else options[2]
+    assert f"is read by tiles, and {shown} needs the whole picture" in capsys.readouterr().err
     assert not Path("b.tif").exists()
+
+
+def test_only_a_limit_that_is_given_holds_by_tiles(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(PICTURE, tile=(64, 64))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    how = ["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--quiet", "--max-pixels"]
+    assert cli.main([*how, "359999"]) == 1
+    assert "a.tif: has over 359999 pixels" in capsys.readouterr().err
+    assert cli.main([*how, "360000"]) == 0
+    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
+    assert cli.main([*how[:-1], "--overwrite"]) == 0
+
+
+def test_the_row_tells_whether_all_colors_were_told_apart(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(PICTURE.astype(np.uint16), tile=(64, 64))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    for exact in (True, False):
+        if not exact:
+            monkeypatch.setattr(tiled_quantization, "Counter", partial(Counter, 2000))
+        assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--json", "--overwrite"]) == 0
+        assert json.loads(capsys.readouterr().out)["exact"] is exact
 
 
 def test_profile_and_place_on_earth_stay() -> None:
@@ -215,3 +270,15 @@ def test_a_folder_is_replaced_only_by_a_whole_one() -> None:
     with pytest.raises(OSError, match=r"c\.tif"):
         quantize_file("c.tif", "b.zarr", 3, overwrite=True)
     np.testing.assert_array_equal(zarr.open_array("b.zarr", mode="r")[:], before)
+
+
+def test_a_folder_that_a_killed_program_left_is_cleared() -> None:
+    write(PICTURE, tile=(64, 64))
+    left = Path(".cvtimg-0123456789abcdef.part")
+    left.mkdir()
+    (left / "zarr.json").write_text("{}")
+    with whole_folder("c.zarr") as folder:
+        assert cli.main(["quantize", "a.tif", "-k", "4", "-o", "b.zarr", "--quiet"]) == 0
+        assert not left.exists()
+        assert folder.exists()
+    assert {path.name for path in Path().iterdir()} == {"a.tif", "b.zarr", "c.zarr"}

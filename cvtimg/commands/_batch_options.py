@@ -27,7 +27,10 @@ ReportFile = Annotated[
 MaxPixels = Annotated[
     int | None,
     Option(
-        "--max-pixels", metavar="N", parser=_PIXELS, help="Refuse larger pictures, for safety; 178956970 if not given."
+        "--max-pixels",
+        metavar="N",
+        parser=_PIXELS,
+        help="Refuse larger pictures, for safety; by default over 178956970, where not read by tiles.",
     ),
 ]
 Dask = Annotated[

@@ -10,7 +10,7 @@ from typing import Any
 
 from cvtimg.batch import Row, Task
 
-__all__ = ["by_tiles", "goes_by_tiles"]
+__all__ = ["by_tiles", "check_fit", "goes_by_tiles"]
 
 #: Pixels beyond which a picture is read by tiles, if its file and its output can be.
 _LARGE = 1 << 26
@@ -31,12 +31,24 @@ def goes_by_tiles(source: Path, target: Path) -> bool:
         return False
 
 
-def by_tiles(task: Task, options: Mapping[str, Any], unfit: list[str], *, overwrite: bool) -> Row:
-    """Quantize a picture by tiles; `unfit` are options that were given and need the whole picture."""
+def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) -> None:
+    """Refuse what cannot be by tiles: options that need the whole picture, and more pixels than were allowed.
+
+    There is no limit unless one is given: memory is bounded.
+    """
+    from cvtimg.tiles import open_bands
+
+    for option, value in unfit.items():
+        if value is not None and value is not False:
+            raise ValueError(f"is read by tiles, and {option} needs the whole picture in memory")
+    if max_pixels is not None and open_bands(source).form.n_pixels > max_pixels:
+        raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
+
+
+def by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
+    """Quantize a picture by tiles."""
     from cvtimg import quantize_file, write_palette
 
-    if unfit:
-        raise ValueError(f"is read by tiles, and {unfit[0]} needs the whole picture in memory")
     start = perf_counter()
     result = quantize_file(task.source, task.outputs["picture"], overwrite=overwrite, **options)
     if "palette" in task.outputs:
@@ -49,6 +61,7 @@ def by_tiles(task: Task, options: Mapping[str, Any], unfit: list[str], *, overwr
         "height": result.shape[0],
         "channels": result.palette.shape[1],
         "distinct_colors": result.n_distinct,
+        "exact": result.exact,
         "k": len(result.palette),
         "energy": result.energy,
         "mse": result.mse,

@@ -29,7 +29,7 @@ from cvtimg.commands import _options as options
 from cvtimg.commands._animations import quantize_animation, stays_animated
 from cvtimg.commands._batch_options import for_many
 from cvtimg.commands._sharing import share
-from cvtimg.commands._tiled import by_tiles, goes_by_tiles
+from cvtimg.commands._tiled import by_tiles, check_fit, goes_by_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -217,7 +217,7 @@ def quantize(
         how = _How(mapping, {"palette": shared}, depth, None, *files)
         if save_palette and shared is not None:
             write_palette(save_palette, shared, overwrite=overwrite or running.skip_existing)
-    work = partial(_quantize, overwrite=overwrite, how=how)
+    work = partial(_quantize, overwrite=overwrite, how=how, max_pixels=running.max_pixels)
     raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
@@ -296,13 +296,13 @@ def _read_weights(path: Path) -> NDArray[Any]:
     return weights[..., 0]
 
 
-def _quantize(task: Task, *, overwrite: bool, how: _How) -> Row:
+def _quantize(task: Task, *, overwrite: bool, how: _How, max_pixels: int | None) -> Row:
     from cvtimg import read_image, read_metadata
 
     if stays_animated(task):
         return _quantize_animation(task, overwrite, how)
     if goes_by_tiles(task.source, task.outputs["picture"]):
-        return _by_tiles(task, overwrite, how)
+        return _by_tiles(task, overwrite, how, max_pixels)
     start = perf_counter()
     image = read_image(task.source)
     file = {"metadata": read_metadata(task.source) if how.keep_metadata else None, "optimize": how.optimize}
@@ -330,12 +330,14 @@ def _quantize(task: Task, *, overwrite: bool, how: _How) -> Row:
     }
 
 
-def _by_tiles(task: Task, overwrite: bool, how: _How) -> Row:
-    depth_and_bytes = {"--depth": how.depth, "--max-bytes": how.max_bytes, "--keep-metadata": how.keep_metadata}
-    of_one = {f"--{name.replace('_', '-')}": how.options.get(name) for name in ONLY_OF_ONE}
-    unfit = [option for option, value in {**of_one, **depth_and_bytes}.items() if value]
+def _by_tiles(task: Task, overwrite: bool, how: _How, max_pixels: int | None) -> Row:
+    unfit = {"--psnr": how.options.get("psnr"), "--weight-map": how.options.get("weights")}
+    unfit |= {"--dither": how.options.get("dither"), "-k auto": how.options.get("n_colors") == "auto"}
+    unfit |= {"--depth": how.depth, "--max-bytes": how.max_bytes}
+    unfit |= {"--keep-metadata": how.keep_metadata, "--optimize": how.optimize}
+    check_fit(task.source, unfit, max_pixels)
     options = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
-    return by_tiles(task, {**options, **how.colors}, unfit, overwrite=overwrite)
+    return by_tiles(task, {**options, **how.colors}, overwrite=overwrite)
 
 
 def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:
