@@ -138,9 +138,13 @@ def sweep(
     bint connected,                  # IN: whether cells must stay in one piece
     bint backward,                   # IN: from the last pixel to the first
 ):
-    """Transfer boundary pixels to the cell where the energy is least, one after the other; return how many."""
+    """Transfer boundary pixels to the cell where the energy is least, one after the other; return how many.
+
+    Values may be some rows of a picture, and the frame of the labels the rows above and below: those stay as they are.
+    """
     cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
-    cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1], n_padded = labels.shape[0] * stride
+    cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1]
+    cdef Py_ssize_t first = margin * stride, last = (labels.shape[0] - margin) * stride
     cdef Py_ssize_t t, p, q, s, f, n_found, n_moved = 0
     cdef int32_t own, label, best
     cdef double cost, least, own_cost, best_cost, mass, size, before, after
@@ -153,11 +157,11 @@ def sweep(
     cdef uint64_t eight
     cdef bint weighted = weights is not None
     with nogil:
-        t = 0
-        while t < n_padded:
-            q = n_padded - 1 - t if backward else t
+        t = first
+        while t < last:
+            q = first + last - 1 - t if backward else t
             # Mostly there is nothing to do: eight pixels are passed over at a time.
-            if t + 8 <= n_padded:
+            if t + 8 <= last:
                 memcpy(&eight, is_stale + (q - 7 if backward else q), 8)
                 if eight == 0:
                     t += 8

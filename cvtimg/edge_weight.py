@@ -14,7 +14,9 @@ J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-18
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,27 +103,48 @@ def descend(
     -------
     EdgeWeighted
     """
-    state = _State(values, weights, _start(labels, weights), n_segments, radius)
+    padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
+    whole = _Whole(
+        values=np.ascontiguousarray(values, dtype=np.float32),
+        weights=None if weights is None else np.ascontiguousarray(weights, dtype=np.float32),
+        labels=padded,
+        others=np.zeros(padded.shape, np.uint16),
+        stale=np.zeros(padded.shape, np.uint8),
+    )
+    state = State(lambda backward: [whole], values.shape[1:], n_segments, radius)
+    state.begin()
+    energies, converged = settle(state, edge_weight, volume_power, connected, max_sweeps)
+    return EdgeWeighted(
+        labels=padded[radius:-radius, radius:-radius].copy(),
+        generators=state.means[1:].copy(),
+        masses=state.masses[1:].copy(),
+        energies=energies,
+        n_sweeps=len(energies) - 1,
+        converged=converged,
+    )
+
+
+def settle(
+    state: State,
+    edge_weight: float,
+    volume_power: float = 0,
+    connected: bool = False,
+    max_sweeps: int = _MAX_SWEEPS,
+) -> tuple[tuple[float, ...], bool]:
+    """Sweep until almost nothing moves; return the energies, before each sweep and at the end, and whether it rests."""
     energies = [state.energy(edge_weight, volume_power)]
     all_visited, converged = True, False
     while not converged and len(energies) <= max_sweeps:
         moved = state.sweep(edge_weight, volume_power, connected, backward=len(energies) % 2 == 0)
         energies.append(state.energy(edge_weight, volume_power))
-        at_rest = moved <= _ALMOST_NONE * int(np.count_nonzero(state.others))
+        at_rest = moved <= _ALMOST_NONE * state.n_boundary
         # Generators have moved a little since some pixels were looked at: all are, before it is over.
         converged = at_rest and all_visited
         all_visited = at_rest
         if at_rest:
-            state.stale[:] = 1
+            state.wake()
     state.measure()  # free of the rounding of the sweeps
-    return EdgeWeighted(
-        labels=state.labels[radius:-radius, radius:-radius].copy(),
-        generators=state.means[1:].copy(),
-        masses=state.masses[1:].copy(),
-        energies=tuple(energies),
-        n_sweeps=len(energies) - 1,
-        converged=converged,
-    )
+    return tuple(energies), converged
 
 
 def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> NDArray[np.int32]:
@@ -138,52 +161,128 @@ def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> ND
     return np.where(unknown & (labels > 0), labels[tuple(nearest)], labels)
 
 
-class _State:
-    """Labels, and what is kept up to date with them."""
+class Strip(Protocol):
+    """All rows of a picture, or some that follow each other; a frame of `radius` pixels surrounds all but the values.
+
+    The frame holds what lies around these rows, or zeros beyond the picture.
+    """
+
+    @property
+    def values(self) -> NDArray[np.float32]:
+        """(H, W, D) values."""
+
+    @property
+    def weights(self) -> NDArray[np.float32] | None:
+        """(H, W, D) weights of the values, or None."""
+
+    @property
+    def labels(self) -> NDArray[np.int32]:
+        """Labels from 1; 0 outside of the mask."""
+
+    @property
+    def others(self) -> NDArray[np.uint16]:
+        """How many pixels that are near have another label."""
+
+    @property
+    def stale(self) -> NDArray[np.uint8]:
+        """1 where a pixel that is near has changed its label since this one was visited."""
+
+    def save(self) -> None:
+        """Put back where they are from the labels, and what is kept up to date with them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whole:
+    """A picture in memory."""
+
+    values: NDArray[np.float32]
+    weights: NDArray[np.float32] | None
+    labels: NDArray[np.int32]
+    others: NDArray[np.uint16]
+    stale: NDArray[np.uint8]
+
+    def save(self) -> None:
+        """Nothing is elsewhere."""
+
+
+class State:
+    """The cells of a picture that comes in strips, which make no difference to what becomes of it.
+
+    Parameters
+    ----------
+    strips : callable
+        From whether backward to the strips in order, from above to below or, backward, from below to above.
+    shape : (W, D)
+        Pixels of a row, and values of a pixel.
+    n_segments, radius
+        As in `descend`.
+    """
 
     def __init__(
-        self,
-        values: NDArray[np.float32],
-        weights: NDArray[np.float32] | None,
-        labels: NDArray[np.int32],
-        n_segments: int,
-        radius: int,
+        self, strips: Callable[[bool], Iterable[Strip]], shape: tuple[int, ...], n_segments: int, radius: int
     ) -> None:
-        self.values = np.ascontiguousarray(values, dtype=np.float32)
-        self.weights = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
+        width, n_dims = shape
         self.radius = radius
-        self.labels = np.pad(labels.astype(np.int32, copy=False), radius)
-        self.steps = (disc(radius) @ (self.labels.shape[1], 1)).astype(np.int32)
-        self.others = np.zeros(self.labels.shape, np.uint16)
-        self.stale = np.ones(self.labels.shape, np.uint8)
-        self.means = np.zeros((n_segments + 1, values.shape[2]))
+        self.steps = (disc(radius) @ (width + 2 * radius, 1)).astype(np.int32)
+        self.means = np.zeros((n_segments + 1, n_dims))
         self.masses = np.zeros_like(self.means)
         self.parts = np.zeros(n_segments + 1)
+        self._strips = strips
+        self._n_pairs = self.n_boundary = 0
         self._counts = np.zeros(n_segments + 1, np.int32)
         self._found = np.zeros(len(self.steps), np.int32)
 
-        def count(first: int, last: int) -> None:
-            _label_kernels.count_others(self.labels, self.steps, radius, first, last, self.others)
+    def begin(self) -> None:
+        """Count neighbors, and measure the cells."""
+        for strip in self._strips(False):
 
-        in_parts(count, len(labels), work=labels.size * len(self.steps) / 8)
+            def count(first: int, last: int, strip: Strip = strip) -> None:
+                _label_kernels.count_others(strip.labels, self.steps, self.radius, first, last, strip.others)
+
+            in_parts(count, len(strip.values), work=strip.labels.size * len(self.steps) / 8)
+            strip.stale[:] = 1
+            strip.save()
+        self._count()
         self.measure()  # about the origin, to find the means
         self.measure()
+
+    def _count(self) -> None:
+        """Add up what the strips know of edges."""
+        self._n_pairs = self.n_boundary = 0
+        for strip in self._strips(False):
+            own = strip.others[self.radius : -self.radius]
+            self._n_pairs += int(own.sum(dtype=np.int64))
+            self.n_boundary += int(np.count_nonzero(own))
+
+    def wake(self) -> None:
+        """Let the next sweep visit all pixels."""
+        for strip in self._strips(False):
+            strip.stale[:] = 1
+            strip.save()
 
     def energy(self, edge_weight: float, volume_power: float) -> float:
         """Return the energy of the labels as they are."""
         sizes = self.masses.mean(axis=1)
         shares = sizes / max(sizes.sum(), 1e-300)
-        n_pairs = int(self.others.sum(dtype=np.int64))
-        return float(shares**volume_power @ self.parts) + edge_weight * n_pairs
+        return float(shares**volume_power @ self.parts) + edge_weight * self._n_pairs
 
     def sweep(self, edge_weight: float, volume_power: float, connected: bool, backward: bool) -> int:
         """Return how many pixels were transferred."""
+        moved = 0
+        for strip in self._strips(backward):
+            if strip.stale.any():
+                moved += self._sweep(strip, edge_weight, volume_power, connected, backward)
+                strip.save()
+        self._count()
+        return moved
+
+    def _sweep(self, strip: Strip, edge_weight: float, volume_power: float, connected: bool, backward: bool) -> int:
         return _label_kernels.sweep(
-            self.values,
-            self.weights,
-            self.labels,
-            self.others,
-            self.stale,
+            strip.values,
+            strip.weights,
+            strip.labels,
+            strip.others,
+            strip.stale,
             self.steps,
             self.radius,
             self.masses,
@@ -201,7 +300,8 @@ class _State:
     def measure(self) -> None:
         """Sum up each segment, about the mean that it had, and move that to the mean that it has."""
         moments = np.zeros((3, *self.means.shape))
-        _label_kernels.measure_cells(self.values, self.weights, self.labels, self.radius, self.means, moments)
+        for strip in self._strips(False):
+            _label_kernels.measure_cells(strip.values, strip.weights, strip.labels, self.radius, self.means, moments)
         self.masses, sums, squares = np.ascontiguousarray(moments)
         step = np.divide(sums, self.masses, out=np.zeros_like(sums), where=self.masses > 0)
         self.means += step

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cvtimg._checks import check_image
 
-_BLOCK = 16
+#: Side of a block.
+BLOCK = 16
 #: Blocks are taken from this share of them to that, in the order of how much varies in them.
 _QUIET = (0.15, 0.35)
 #: Noise alone varies from block to block; in those blocks it is less than everywhere by this times its spread.
@@ -67,9 +68,15 @@ def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = No
 
     Zeros where nothing can be measured.
     """
+    height, width = (min(BLOCK, max(side - 2, 1)) for side in values.shape[:2])
+    return quiet_covariance(block_covariances(values, inside), height * width)
+
+
+def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    """(B, D, D) covariance of the second differences in each block that lies `inside`."""
     n_dims = values.shape[2]
     if min(values.shape[:2]) < 3:
-        return np.zeros((n_dims, n_dims))
+        return np.zeros((0, n_dims, n_dims))
     differences = np.diff(np.diff(values.astype(np.float64), 2, axis=0), 2, axis=1) / 6
     if inside is not None and not inside.all():
         from scipy.ndimage import binary_erosion
@@ -77,8 +84,13 @@ def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = No
         whole = binary_erosion(inside, np.ones((3, 3)))[1:-1, 1:-1]
         differences[~whole] = np.nan
     blocks = _blocks(differences)
-    covariances = np.einsum("bpi,bpj->bij", blocks, blocks) / blocks.shape[1]
-    covariances = covariances[np.isfinite(covariances).all(axis=(1, 2))]
+    covariances: NDArray[np.float64] = np.einsum("bpi,bpj->bij", blocks, blocks) / blocks.shape[1]
+    return covariances[np.isfinite(covariances).all(axis=(1, 2))]
+
+
+def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray[np.float64]:
+    """(D, D) mean covariance of the quieter of blocks of so many pixels; zeros if there are none."""
+    n_dims = covariances.shape[1]
     if not len(covariances):
         return np.zeros((n_dims, n_dims))
     order = np.argsort(np.trace(covariances, axis1=1, axis2=2), kind="stable")
@@ -86,7 +98,7 @@ def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = No
     if last == first:
         covariance: NDArray[np.float64] = covariances.mean(axis=0)
         return covariance
-    spread = np.sqrt(2 * _PIXELS_THAT_COUNT / (blocks.shape[1] * n_dims))
+    spread = np.sqrt(2 * _PIXELS_THAT_COUNT / (n_pixels * n_dims))
     quiet: NDArray[np.float64] = covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * spread)
     return quiet
 
@@ -94,7 +106,7 @@ def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = No
 def _blocks(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     """(B, P, D) whole blocks; of a picture smaller than one, all of it."""
     height, width, n_dims = differences.shape
-    rows, columns = min(_BLOCK, height), min(_BLOCK, width)
+    rows, columns = min(BLOCK, height), min(BLOCK, width)
     down, right = height // rows, width // columns
     cut = differences[: down * rows, : right * columns].reshape(down, rows, right, columns, n_dims)
     return cut.swapaxes(1, 2).reshape(down * right, rows * columns, n_dims)

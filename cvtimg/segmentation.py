@@ -188,7 +188,7 @@ def segment(
     noise = noise_covariance(field, values.inside) if weight else np.zeros((1, 1))
     if weight == "auto":
         gain = average.noise_gain if average and average.when == "before" else 1.0
-        weight = _auto_weight(noise, edge_radius) * gain
+        weight = auto_weight(noise, edge_radius) * gain
     labels, tessellation = colors.start(field, data, noise, average)
     if average and average.when == "after":
         labels = average_segments(field, labels, colors.n_segments, average)
@@ -245,8 +245,8 @@ def segment_curve(
     data = averaged(field, average, values.inside) if average and average.when == "before" else field
     noise = noise_covariance(field, values.inside) if edge_weight else np.zeros((1, 1))
     gain = average.noise_gain if average and average.when == "before" else 1.0
-    weight = _auto_weight(noise, edge_radius) * gain if edge_weight == "auto" else _number(edge_weight)
-    blur = _blur_at_start(field[values.inside], noise, _SEGMENTS_AT_START) if average is None else 0
+    weight = auto_weight(noise, edge_radius) * gain if edge_weight == "auto" else _number(edge_weight)
+    blur = blur_at_start(_variance(field, values.inside), noise, _SEGMENTS_AT_START) if average is None else 0
     start = averaged(field, Averaging("before", "gaussian", blur), values.inside) if blur else data
     return curve_of_segments(
         data,
@@ -284,7 +284,7 @@ class _Colors:
         """(H, W) labels of the averaged picture, where it is averaged or so noisy that it had better be."""
         inside = self.values.inside
         if data is field and average is None:
-            blur = _blur_at_start(field[inside], noise, self.n_segments)
+            blur = blur_at_start(_variance(field, inside), noise, self.n_segments)
             if blur:
                 data = averaged(field, Averaging("before", "gaussian", blur), inside)
         if data is field:
@@ -302,16 +302,20 @@ def _number(edge_weight: float | str) -> float:
     return edge_weight
 
 
-def _auto_weight(noise: NDArray[np.float64], radius: int) -> float:
+def auto_weight(noise: NDArray[np.float64], radius: int) -> float:
     """Follow the noise in the direction where there is most, at the same cost of length for each radius."""
     variance = max(float(np.linalg.eigvalsh(noise)[-1]), 0.0)
     return _AUTO_WEIGHT * variance * length_cost(_RADIUS_OF_AUTO) / length_cost(radius)
 
 
-def _blur_at_start(rows: NDArray[np.float32], noise: NDArray[np.float64], n_segments: int) -> float:
+def _variance(field: NDArray[np.float32], inside: NDArray[np.bool_]) -> float:
+    return float(field[inside].var(axis=0, dtype=np.float64).sum())
+
+
+def blur_at_start(variance: float, noise: NDArray[np.float64], n_segments: int) -> float:
     """Return the standard deviation of a Gaussian that lets the noise not hide the segments; 0 if none is needed."""
     noisy = float(np.trace(noise))
-    signal = max(float(rows.var(axis=0, dtype=np.float64).sum()) - noisy, 1e-3 * noisy)
+    signal = max(variance - noisy, 1e-3 * noisy)
     if noisy == 0:
         return 0.0
     # A Gaussian of standard deviation s leaves 1 / (2 s sqrt(pi)) of white noise. Levels of K segments are as many
@@ -343,7 +347,7 @@ def _plain(colors: _Colors) -> Segmentation:
     values = colors.values
     end = colors.tessellate(values.samples)
     generators = values.to_picture(end.generators * values.scale)
-    new_label = _dark_to_bright(generators, end.masses)
+    new_label = dark_to_bright(generators, end.masses)
     labels = values.spread(new_label[end.labels][values.samples.inverse[0]])
     order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
     unit = (values.scale / values.unit) ** 2
@@ -368,7 +372,7 @@ def finished(
     squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
     energy = max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
     generators = values.to_picture(means + values.center)
-    new_label = _dark_to_bright(generators, masses)
+    new_label = dark_to_bright(generators, masses)
     order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
     return Segmentation(
         labels=np.append(np.int32(0), new_label)[labels],
@@ -381,7 +385,7 @@ def finished(
     )
 
 
-def _dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
+def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
     """(K,) new labels from 1, by the sum of the bands; 0 for segments without pixels."""
     order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
     order = order[masses[order] > 0]
