@@ -1,10 +1,11 @@
-"""Quantize a picture of a gigapixel, and show the time and the memory that it takes.
+"""Quantize or segment a picture of a gigapixel, and show the time and the memory that it takes.
 
 The picture is made here: photographs of the sample images side by side, each tile with a light and a noise of its own,
 in a tiled BigTIFF, compressed. Each size runs in a process of its own, whose peak memory the system tells.
 
     python benchmarks/gigapixel.py                        # 16384 x 16384 and 32768 x 32768: 3 GB of disk
     python benchmarks/gigapixel.py --sides 8192 16384
+    python benchmarks/gigapixel.py --segment auto -k 4    # with edge weight; 0 for none
 """
 
 from __future__ import annotations
@@ -55,9 +56,9 @@ def make(path: Path, side: int) -> None:
         )
 
 
-def measure(source: Path, target: Path, n_colors: int) -> str:
+def measure(source: Path, target: Path, words: list[str]) -> str:
     """Run the command line to its end; return its row and what it cost."""
-    command = [sys.executable, "-m", "cvtimg.cli", "quantize", source, "-k", str(n_colors), "-o", target, "--json"]
+    command = [sys.executable, "-m", "cvtimg.cli", words[0], source, "-o", target, "--json", *words[1:]]
     start = time.perf_counter()
     process = os.posix_spawn(sys.executable, [str(part) for part in command], os.environ)
     _, status, usage = os.wait4(process, 0)
@@ -73,16 +74,19 @@ def main() -> None:
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--sides", type=int, nargs="+", default=[16384, 32768], metavar="N")
     options.add_argument("-k", type=int, default=64, metavar="N")
+    options.add_argument("--segment", metavar="L", help="segment, with this edge weight")
     options.add_argument("--folder", type=Path, metavar="DIR", help="where there is room for the files")
     arguments = options.parse_args()
     print(common.machine())
+    words = ["quantize"] if arguments.segment is None else ["segment", "--edge-weight", arguments.segment]
+    words += ["-k", str(arguments.k)]
     for side in arguments.sides:
         with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
             source, target = Path(folder, "large.tif"), Path(folder, "small.tif")
             make(source, side)
-            cost = measure(source, target, arguments.k)
+            cost = measure(source, target, words)
             sizes = ", ".join(f"{path.stem} {path.stat().st_size / 1e6:.0f} MB" for path in (source, target))
-            print(f"{side} x {side} to {arguments.k} colors: {cost}; {sizes}", flush=True)
+            print(f"{side} x {side}, {' '.join(words)}: {cost}; {sizes}", flush=True)
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from .segmentation import Segmentation, segment, segment_curve
 from .sharing import shared_palette
 from .superpixels import superpixels
 from .tiled_quantization import QuantizedFile, quantize_file
+from .tiled_segmentation import SegmentedFile, segment_file
 
 __all__ = [
     "CVT",
@@ -49,6 +50,7 @@ __all__ = [
     "QuantizedFrames",
     "Restoration",
     "Segmentation",
+    "SegmentedFile",
     "Tessellation",
     "color_samples",
     "energy_curve",
@@ -74,6 +76,7 @@ __all__ = [
     "restore",
     "segment",
     "segment_curve",
+    "segment_file",
     "shared_palette",
     "superpixels",
     "tessellate",

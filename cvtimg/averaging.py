@@ -19,7 +19,7 @@ from cvtimg.points import assign, pack
 WHEN = ("before", "after")
 KERNELS = ("gaussian", "box")
 #: A Gaussian is cut off at so many standard deviations.
-_TRUNCATE = 4.0
+TRUNCATE = 4.0
 #: Labels rest when no more than this share of the pixels changes.
 _AT_REST = 1e-3
 _MAX_ROUNDS = 50
@@ -55,7 +55,7 @@ class Averaging:
     @property
     def noise_gain(self) -> float:
         """What is left of the variance of white noise: the sum of the squared weights."""
-        reach = int(_TRUNCATE * self.radius) + 2
+        reach = int(TRUNCATE * self.radius) + 2
         peak = np.zeros((2 * reach + 1, 1, 1), np.float32)
         peak[reach] = 1
         line = _filtered(peak, self)[:, 0, 0].astype(np.float64)
@@ -86,7 +86,7 @@ def _filtered(values: NDArray[np.float32], averaging: Averaging) -> NDArray[np.f
 
     if averaging.kernel == "gaussian":
         result: NDArray[np.float32] = gaussian_filter(
-            values, averaging.radius, mode="constant", truncate=_TRUNCATE, axes=(0, 1)
+            values, averaging.radius, mode="constant", truncate=TRUNCATE, axes=(0, 1)
         )
     else:
         result = uniform_filter(values, 2 * int(averaging.radius) + 1, mode="constant", axes=(0, 1))

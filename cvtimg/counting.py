@@ -54,6 +54,11 @@ class Counter:
         else:
             self._join(replace(color_samples(band), inverse=_NO_WAY_BACK))
 
+    @property
+    def has_any(self) -> bool:
+        """Whether there are pixels to count."""
+        return self._sum is not None or self._table is not None
+
     def _join(self, samples: ColorSamples) -> None:
         total = samples if self._sum is None else merge_samples([self._sum, samples])
         self.n_distinct = max(self.n_distinct, total.n_colors)

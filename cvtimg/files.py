@@ -12,7 +12,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
-__all__ = ["NOT_RASTER", "StrPath", "find_images", "one_line", "remove_leftovers", "whole_file", "whole_folder"]
+__all__ = [
+    "NOT_RASTER",
+    "StrPath",
+    "find_images",
+    "one_line",
+    "remove_leftovers",
+    "scratch_folder",
+    "whole_file",
+    "whole_folder",
+]
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
@@ -65,7 +74,7 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """
     target = Path(os.path.realpath(path))
     _check_target(path, target, overwrite)
-    part = target.with_name(f"{_PART}{secrets.token_hex(8)}.part")
+    part = _hidden(target)
     try:
         # Opened by hand, for tempfile would give 0600 in place of what the umask allows.
         part.open("xb").close()
@@ -94,23 +103,35 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
         raise _exists(path)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {target.parent}")
-    part, old = (target.with_name(f"{_PART}{secrets.token_hex(8)}.part") for _ in range(2))
+    with scratch_folder(target) as part:
+        yield part
+        if not target.exists():
+            part.rename(target)
+            return
+        old = _hidden(target)
+        target.rename(old)
+        try:
+            part.rename(target)
+        except OSError:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+
+
+@contextmanager
+def scratch_folder(path: StrPath) -> Iterator[Path]:
+    """Give an empty hidden folder beside a file, for work on it, that is gone when the block ends."""
+    part = _hidden(Path(os.path.realpath(path)))
     try:
         part.mkdir()
         with _held(part):
             yield part
-            if not target.exists():
-                part.rename(target)
-                return
-            target.rename(old)
-            try:
-                part.rename(target)
-            except OSError:
-                old.rename(target)
-                raise
-            shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def _hidden(target: Path) -> Path:
+    return target.with_name(f"{_PART}{secrets.token_hex(8)}.part")
 
 
 def remove_leftovers(folder: StrPath) -> None:

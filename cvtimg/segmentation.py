@@ -173,7 +173,7 @@ def segment(
         return replace(segment(image, curve.elbow(), **options), curve=curve)
     check_count("n_segments", n_segments, _MAX_SEGMENTS, "the most colors of segments")
     check_count("edge_radius", edge_radius, 30, "the largest disc")
-    weight = edge_weight if edge_weight == "auto" else check_non_negative("edge_weight", _number(edge_weight))
+    weight = edge_weight if edge_weight == "auto" else check_non_negative("edge_weight", weight_number(edge_weight))
     price = check_non_negative("border_price", border_price)
     least = int(check_non_negative("min_size", min_size))
     if price and not components:
@@ -245,7 +245,7 @@ def segment_curve(
     data = averaged(field, average, values.inside) if average and average.when == "before" else field
     noise = noise_covariance(field, values.inside) if edge_weight else np.zeros((1, 1))
     gain = average.noise_gain if average and average.when == "before" else 1.0
-    weight = auto_weight(noise, edge_radius) * gain if edge_weight == "auto" else _number(edge_weight)
+    weight = auto_weight(noise, edge_radius) * gain if edge_weight == "auto" else weight_number(edge_weight)
     blur = blur_at_start(_variance(field, values.inside), noise, _SEGMENTS_AT_START) if average is None else 0
     start = averaged(field, Averaging("before", "gaussian", blur), values.inside) if blur else data
     return curve_of_segments(
@@ -296,7 +296,8 @@ class _Colors:
         return self.values.spread(own + np.int32(1)), tessellation
 
 
-def _number(edge_weight: float | str) -> float:
+def weight_number(edge_weight: float | str) -> float:
+    """Refuse words but "auto", which has been dealt with."""
     if isinstance(edge_weight, str):
         raise ValueError(f"edge_weight={edge_weight!r} must be a number >= 0 or 'auto'")
     return edge_weight

@@ -49,7 +49,7 @@ class PictureValues:
     @property
     def unit(self) -> float:
         """What 1 in the units of the picture, or of the other space, is in values."""
-        return 255 / peak(self.dtype) if self.space == "rgb" else _UNITS[self.space]
+        return unit_of(self.space, self.dtype)
 
     def field(self) -> NDArray[np.float32]:
         """(H, W, D) values less their `center`; 0 outside."""
@@ -77,6 +77,11 @@ class PictureValues:
             return values / self.unit + self.offset
         colors: NDArray[np.float64] = from_space(values / self.unit, self.space, np.dtype(np.float64))
         return colors * peak(self.dtype)
+
+
+def unit_of(space: str, dtype: np.dtype[Any]) -> float:
+    """Return what 1 in the units of pictures of this type, or of the other space, is in values."""
+    return 255 / peak(dtype) if space == "rgb" else _UNITS[space]
 
 
 def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureValues:

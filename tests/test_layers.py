@@ -49,10 +49,11 @@ LAYERS: list[set[str]] = [
     {"blocks"},
     # segments
     {"edge_weight", "noise", "levels", "components", "averaging"},
-    {"values"},
+    {"values", "disk_rows"},
+    {"disk_values"},
     {"segment_energies"},
     {"segmentation"},
-    {"superpixels"},
+    {"superpixels", "tiled_segmentation"},
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
 #: What can be written, and how its files may end; the first by default.
 KINDS = {
-    "labels": (".png", ".tif", ".tiff", ".npy"),
+    "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
     "mean": _PICTURES,
     "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
     "overlay": _PICTURES,

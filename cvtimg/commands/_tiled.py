@@ -1,4 +1,4 @@
-"""Pictures too large for memory, by tiles: which they are, and their row in the report."""
+"""Pictures too large for memory, by tiles: which they are, and their rows in the report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from cvtimg.batch import Row, Task
 
-__all__ = ["by_tiles", "check_fit", "goes_by_tiles"]
+__all__ = ["check_fit", "goes_by_tiles", "quantize_by_tiles", "segment_by_tiles"]
 
 #: Pixels beyond which a picture is read by tiles, if its file and its output can be.
 _LARGE = 1 << 26
@@ -45,7 +45,7 @@ def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) ->
         raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
 
 
-def by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
+def quantize_by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
     """Quantize a picture by tiles."""
     from cvtimg import quantize_file, write_palette
 
@@ -68,5 +68,33 @@ def by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
         "n_iter": tessellation.n_iter if tessellation else 0,
         "converged": tessellation.converged if tessellation else True,
+        "seconds": {"all": perf_counter() - start},
+    }
+
+
+def segment_by_tiles(task: Task, number: int, nodata: float | None, options: Mapping[str, Any]) -> Row:
+    """Segment a picture by tiles."""
+    from cvtimg import image_info, segment_file
+
+    start = perf_counter()
+    (target,) = task.outputs.values()
+    known: dict[str, Any] = {"nodata": nodata}
+    if task.source.suffix.lower() != ".zarr":
+        header = image_info(task.source)
+        known = {"nodata": header.nodata if nodata is None else nodata, "has_alpha": header.has_alpha}
+    result = segment_file(task.source, target, number, **known, **options)
+    return {
+        "input": str(task.source),
+        "output": str(target),
+        "width": result.shape[1],
+        "height": result.shape[0],
+        "channels": result.generators.shape[1],
+        "left_out": result.shape[0] * result.shape[1] - int(result.masses.sum()),
+        "exact": result.exact,
+        "k": result.n_segments,
+        "edge_weight": result.edge_weight,
+        "energy": result.energy,
+        "n_iter": len(result.energies) - 1,
+        "converged": result.converged,
         "seconds": {"all": perf_counter() - start},
     }

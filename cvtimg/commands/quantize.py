@@ -29,7 +29,7 @@ from cvtimg.commands import _options as options
 from cvtimg.commands._animations import quantize_animation, stays_animated
 from cvtimg.commands._batch_options import for_many
 from cvtimg.commands._sharing import share
-from cvtimg.commands._tiled import by_tiles, check_fit, goes_by_tiles
+from cvtimg.commands._tiled import check_fit, goes_by_tiles, quantize_by_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -337,7 +337,7 @@ def _by_tiles(task: Task, overwrite: bool, how: _How, max_pixels: int | None) ->
     unfit |= {"--keep-metadata": how.keep_metadata, "--optimize": how.optimize}
     check_fit(task.source, unfit, max_pixels)
     options = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
-    return by_tiles(task, {**options, **how.colors}, overwrite=overwrite)
+    return quantize_by_tiles(task, {**options, **how.colors}, overwrite=overwrite)
 
 
 def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:

@@ -15,6 +15,7 @@ from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choi
 from cvtimg.commands import _options as options
 from cvtimg.commands._batch_options import for_many
 from cvtimg.commands._segment_files import KIND_NAMES, Style, Subject, file_names
+from cvtimg.commands._tiled import check_fit, goes_by_tiles, segment_by_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,6 +40,8 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
+#: Options that need not the whole picture at a time.
+_BY_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
 _COUNT = options.count_or_auto(1, options.MAX_COLORS)
 _SIZE = options.whole_number(0, 2**31 - 1)
 _AMOUNT = options.number(0)
@@ -52,7 +55,7 @@ def _weight(text: str | float) -> float | str:
 Number = Annotated[Any, Option("-k", metavar="N|auto", parser=_COUNT, help="Number of segments; auto: see elbow.")]
 Labels = Annotated[
     Path | None,
-    Option("--output", "-o", metavar="FILE", help="Labels of the pixels, .png, .tif or .npy; for one input."),
+    Option("--output", "-o", metavar="FILE", help="Labels of the pixels, .png, .tif, .npy or .zarr; for one input."),
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.png and so on.")]
 Write = Annotated[
@@ -148,6 +151,7 @@ def segment(
     Labels count from 1, dark to bright; 0 is what is left out: what --mask and --nodata say, and transparent pixels.
     Without any output named, one input gives NAME-labels.png beside it; with --write all inputs give the files that
     it lists. Contours are in pixels from the upper left corner, or where a GeoTIFF lies, in its coordinates.
+    Labels alone, from TIFF to .tif, of a picture of over 2^26 pixels are made by tiles, as are those of Zarr.
     """
     import cvtimg
     from cvtimg.edges import EDGE_MODES
@@ -182,7 +186,7 @@ def segment(
     names = file_names(write, files)
     tasks = [Task(source, _outputs(names, source, folder)) for source, folder in sources.items()]
     work = partial(_segment, number=number, find_segments=find_segments, mask=mask, nodata=nodata)
-    work = partial(work, style=style, overwrite=overwrite)
+    work = partial(work, style=style, overwrite=overwrite, max_pixels=running.max_pixels)
     raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
 
 
@@ -218,9 +222,15 @@ def _segment(
     nodata: float | None,
     style: Style,
     overwrite: bool,
+    max_pixels: int | None,
 ) -> Row:
     from cvtimg import image_info, read_image
 
+    if _goes_by_tiles(task):
+        unfit = {"-k auto": number == "auto", "--mask": mask, **_unfit(find_segments)}
+        check_fit(task.source, unfit, max_pixels)
+        options = {name: find_segments.keywords[name] for name in _BY_TILES}
+        return segment_by_tiles(task, number, nodata, {**options, "overwrite": overwrite})
     start = perf_counter()
     header = image_info(task.source)
     image, known = _known(read_image(task.source), header, nodata)
@@ -247,6 +257,26 @@ def _segment(
         "converged": result.converged,
         "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
+
+
+def _goes_by_tiles(task: Task) -> bool:
+    """Whether only labels are asked for, of a picture that is large enough, or anything of a Zarr array."""
+    targets = list(task.outputs.values())
+    zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr"]
+    if len(targets) > 1 or not next(iter(task.outputs)).startswith("labels"):
+        if zarr:
+            raise ValueError(f"only labels are made by tiles, and {zarr[0]} is not otherwise read and written")
+        return False
+    return goes_by_tiles(task.source, targets[0])
+
+
+def _unfit(find_segments: partial[Segmentation]) -> dict[str, Any]:
+    """Return which options that need the whole picture are given."""
+    import cvtimg
+
+    how = find_segments.keywords
+    given = {f"--{name.replace('_', '-')}": value or None for name, value in how.items() if name not in _BY_TILES}
+    return {"--superpixels": find_segments.func is cvtimg.superpixels, **given}
 
 
 def _energy_curve(image: NDArray[Any], known: NDArray[np.bool_], how: Mapping[str, Any]) -> EnergyCurve:
