@@ -103,15 +103,21 @@ class DiskValues:
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return (H, W, D) values of some rows, less the mean of all, 0 outside; and (H, W) where they are known."""
         colors, inside = self._split(self._pixels.read(first, last))
-        known = colors[inside] if not inside.all() else colors.reshape(-1, self.n_dims)
-        values = self.values
-        if values.space == "rgb":
-            rows = known.astype(np.float64) * values.scale
-        else:
-            rows = to_space(known.astype(np.float64) / peak(values.dtype), values.space) * values.unit
-        field = np.zeros((*inside.shape, self.n_dims), np.float32)
-        field[inside] = rows - self._center
+        if inside.all():
+            return self._field(colors.reshape(-1, self.n_dims)).reshape(colors.shape), inside
+        field = np.zeros(colors.shape, np.float32)
+        field[inside] = self._field(colors[inside])
         return field, inside
+
+    def _field(self, colors: NDArray[Any]) -> NDArray[np.float32]:
+        """(N, D) values of (N, C) colors, less the mean of all."""
+        values, scale = self.values, self.values.scale
+        if values.space != "rgb":
+            colors, scale = to_space(colors.astype(np.float64) / peak(values.dtype), values.space), values.unit
+        field = np.empty(colors.shape, np.float32)
+        for dim, center in enumerate(self._center):  # long loops, one for each dimension
+            field[:, dim] = colors[:, dim].astype(np.float64) * scale - center
+        return field
 
     @property
     def variance(self) -> float:

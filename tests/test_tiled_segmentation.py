@@ -11,7 +11,18 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
-from cvtimg import cli, disk_values, region_means, segment, segment_file, tiles, write_image
+from cvtimg import (
+    Averaging,
+    cli,
+    disk_values,
+    region_means,
+    segment,
+    segment_file,
+    tiled_segmentation,
+    tiles,
+    write_image,
+)
+from cvtimg.averaging import averaged
 from cvtimg.commands import _tiled
 from cvtimg.disk_rows import DiskRows
 
@@ -92,6 +103,18 @@ def test_noise_leaves_no_seams(radius: int) -> None:
     starts = np.arange(32, len(image), 32)
     near = np.abs(np.arange(len(image))[:, None] - starts).min(axis=1) <= radius
     assert differs[near].mean() <= differs[~near].mean() + 1e-3
+
+
+def test_averages_reach_across_strips() -> None:
+    image = noisy()
+    write(image)
+    picture = disk_values.DiskValues(tiles.open_bands("a.tif"), Path("pixels"), "rgb", has_alpha=False, nodata=None)
+    average = Averaging("before", "gaussian", 3.7)
+    strips = [values for values, _ in tiled_segmentation._Start(picture, average)._strips()]
+    picture.close()
+    expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
+    assert len(strips) > 3
+    np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
 
 
 @pytest.mark.parametrize("space", ["lab", "oklab", "linear"])
