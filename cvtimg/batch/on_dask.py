@@ -8,8 +8,7 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from cvtimg.batch.report import reason
-from cvtimg.batch.tasks import Task, WrongUsageError
-from cvtimg.batch.workers import Attempt, Outcome
+from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
 
 __all__ = ["LOCAL", "on_dask", "sum_on_dask"]
 
