@@ -52,7 +52,7 @@ LAYERS: list[set[str]] = [
     {"values"},
     {"segment_energies"},
     {"segmentation"},
-    {"superpixels"},
+    {"grid_cells"},
     {"edges", "regions", "cracks", "simplification"},
     {"contours"},
     {"segment_files"},
