@@ -170,7 +170,7 @@ def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
         "import sys, cvtimg; cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3).elbow(); assert 'kneed' not in sys.modules"
     )
 
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-P", "-c", code], check=True)
 
 
 def blocks(sigma: float) -> NDArray[np.uint8]:
