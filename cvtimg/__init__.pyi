@@ -10,6 +10,7 @@ from .elbow import EnergyCurve, energy_curve
 from .elbow_rules import RULES
 from .estimator import CVT
 from .frames import Frames, read_frames, write_frames
+from .grid_cells import superpixels
 from .io import find_images, image_info, read_image, read_metadata, write_image
 from .methods import METHODS
 from .noise import estimate_noise
@@ -25,7 +26,6 @@ from .search import EFFORTS
 from .seeding import SEEDINGS
 from .segmentation import Segmentation, segment, segment_curve
 from .sharing import shared_palette
-from .superpixels import superpixels
 from .tiled_quantization import QuantizedFile, quantize_file
 from .tiled_segmentation import SegmentedFile, segment_file
 

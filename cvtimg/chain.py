@@ -17,6 +17,7 @@ from cvtimg.methods.breathing import add, breathe, remove
 from cvtimg.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.methods.transfer import weighted_energy
 from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, thin
+from cvtimg.search import Effort, search
 from cvtimg.seeding import TooFewSamplesError, divide_worst, split
 
 #: The chain goes over so many times fewer points, the first of these that leaves so many for each generator and in all.
@@ -34,14 +35,20 @@ _SMALL = 1e-7
 _BREATHS = (1 / 6, 1 / 16)
 
 
-def chain(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
+def chain(
+    points: Points, n_max: int, method: Method, conditions: Conditions, effort: Effort | None = None
+) -> list[Iteration]:
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
 
-    The last energy of each end never rises from one to the next.
+    The last energy of each end never rises from one to the next. With an effort each number is searched by itself
+    too, and the better end kept.
     """
     ends: list[Iteration] = []
     for found in _over_fewer(points, n_max, method, conditions):
         end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)
+        if effort is not None:
+            alone = _measured(points, _alone(points, len(found.generators), method, conditions, effort), conditions)
+            end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
             end = _divided(points, ends[-1], method, conditions)
         ends.append(end)
@@ -101,6 +108,12 @@ def _fresh(points: Points, n_generators: int, method: Method, conditions: Condit
     start = split(points, n_generators, conditions.rng)
     largest, least = (max(1, int(share * n_generators)) for share in _BREATHS)
     return breathe(points, start, method, conditions.until(_FRESH), largest, least)
+
+
+def _alone(points: Points, n_generators: int, method: Method, conditions: Conditions, effort: Effort) -> Iteration:
+    none = np.empty((0, points.n_dims))
+    start = search(points, none, n_generators, "split", method, effort, conditions)
+    return method(points, start, conditions.until(effort.stopping))
 
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:

@@ -123,6 +123,7 @@ def energy_curve(
     density: ArrayLike | None = None,
     space: str = "rgb",
     volume_power: float = 0,
+    effort: str = "fast",
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> EnergyCurve:
@@ -141,6 +142,10 @@ def energy_curve(
         Where the colors of an image lie; see `quantize`.
     volume_power : float
         As in `tessellate`: cells count by their volume.
+    effort : {"fast", "balanced", "best"}
+        "fast" finds each number from one more or one less: all together take about the time of eight calls of
+        `tessellate`, and an energy can be a percent or two above that of such a call. With "balanced" and "best"
+        each number is searched by itself too, with that effort, and the better end kept.
     rng : int or numpy.random.Generator
         Seed of what is drawn.
     callback : callable, optional
@@ -157,8 +162,7 @@ def energy_curve(
 
     Notes
     -----
-    For samples of one dimension every energy is the least there is. For others each is about that of `tessellate`,
-    sometimes a percent or two higher, sometimes lower, and all together take about the time of eight calls.
+    For samples of one dimension every energy is the least there is, whatever the effort.
 
     Examples
     --------
@@ -168,13 +172,16 @@ def energy_curve(
     """
     n_max = check_count("n_max", n_max, 1 << 16, "the largest number of generators")
     power = check_non_negative("volume_power", volume_power)
+    alone = None if check_choice("effort", effort, EFFORTS) == "fast" else EFFORTS[effort]
     points, scale = _points(samples, density, space)
     if power:
         scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
     watch = Watch(callback, points.frame.energy)
     conditions = Conditions(EFFORTS["balanced"].stopping, np.random.default_rng(rng), 0, power, watch)
     n_max = min(n_max, int(np.count_nonzero(points.density)))
-    ends = _optimal(points, n_max) if points.n_dims == 1 and not power else _chain(points, n_max, conditions)
+    method = METHODS["transfer" if power else "lloyd"]
+    exact = points.n_dims == 1 and not power
+    ends = _optimal(points, n_max) if exact else chain(points, n_max, method, conditions, alone)
     return EnergyCurve(
         np.array([points.frame.energy(end.energies[-1]) for end in ends]),
         tuple(points.frame.outward(end.generators) for end in ends),
@@ -203,10 +210,6 @@ def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[i
     """
     curve = energy_curve(samples, n_max, **options)
     return curve.elbow(), curve
-
-
-def _chain(points: Points, n_max: int, conditions: Conditions) -> list[Iteration]:
-    return chain(points, n_max, METHODS["transfer" if conditions.volume_power else "lloyd"], conditions)
 
 
 def _optimal(points: Points, n_max: int) -> list[Iteration]:

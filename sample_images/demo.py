@@ -1,7 +1,8 @@
-"""Show what cvtimg does: the sample pictures in 4, 16, 64 and 256 colours.
+"""Show what cvtimg does: the sample pictures in 4, 16, 64 and 256 colours, in segments, and restored.
 
-Run it from anywhere: ``python sample_images/demo.py [OUT_DIR]``. It writes each picture in each number of colours
-and a sheet of all of them side by side, and prints what it cost. Pictures of an earlier run are replaced.
+Run it from anywhere: ``python sample_images/demo.py [OUT_DIR]``. It writes each picture in each number of colours,
+a sheet of all of them side by side and one of the other uses, and prints what it cost. Pictures of an earlier run are
+replaced.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import Quantized, color_samples, quantize, read_image, write_image
-from cvtimg.plot import Panel, contact_sheet
+from cvtimg import Quantized, color_samples, quantize, read_image, restore, segment, superpixels, write_image
+from cvtimg.plot import Panel, contact_sheet, draw_edges
 
 FOLDER = Path(__file__).resolve().parent
 PICTURES = (
@@ -90,6 +91,31 @@ def run(out: Path) -> None:
     write_image(sheet, contact_sheet(rows, title=TITLE), overwrite=True)
     print("\nenergy: squared error a pixel, summed over the channels; ms: time to quantize alone, files left out")
     print(f"{len(PICTURES) * len(N_COLORS)} pictures are in {out}; see them side by side in {sheet}")
+    uses = out / "uses.png"
+    write_image(uses, contact_sheet([segmented("coffee.png"), restored()]), overwrite=True)
+    print(f"segments, superpixels and a picture restored from three bad ones are in {uses}")
+
+
+def segmented(name: str) -> list[Panel]:
+    """Show a picture, as many colours as its elbow picks, segments with their edges, and superpixels."""
+    image = read_image(FOLDER / name)
+    few = quantize(image, "auto")
+    segments = segment(image, 6, space="lab", edge_weight="auto", components=True, min_size=100)
+    cells = superpixels(image, 400)
+    return [
+        Panel(image, (Path(name).stem,)),
+        Panel(few.image, (f"{len(few.palette)} colours, by the elbow",), few.palette),
+        Panel(draw_edges(image, segments.labels), (f"{segments.labels.max()} regions of 6 colours",)),
+        Panel(draw_edges(image, cells.labels), (f"{cells.labels.max()} superpixels",)),
+    ]
+
+
+def restored() -> list[Panel]:
+    """Show three bad versions of a drawing, and what is restored from them."""
+    versions = [read_image(FOLDER / f"drawing_{number}.png") for number in (1, 2, 3)]
+    result = restore(versions, 6)
+    shown = [Panel(version, ("noise, holes and a gap",)) for version in versions]
+    return [*shown, Panel(result.image, ("restored",), result.colors.astype(np.uint8))]
 
 
 def quantized(image: NDArray[Any], n_colors: int, path: Path) -> Outcome:

@@ -165,7 +165,20 @@ def test_an_interrupt_stops_all_workers_and_leaves_no_half_file(here: Path) -> N
 def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
     for number in range(40):
         picture(f"in/{number}.png", 150)
-    command = [sys.executable, "-m", "cvtimg.cli", "quantize", "in", "-k", "64", "--effort", "best", "--jobs", "2"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "cvtimg.cli",
+        "quantize",
+        "in",
+        "-k",
+        "64",
+        "--effort",
+        "best",
+        "--jobs",
+        "2",
+    ]
     process = subprocess.Popen(
         [*command, "--out-dir", "out"], stderr=subprocess.PIPE, text=True, start_new_session=True
     )

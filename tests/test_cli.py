@@ -76,7 +76,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def process(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run the command line in a process of its own."""
-    command = [sys.executable, "-m", "cvtimg.cli", *map(str, arguments)]
+    command = [sys.executable, "-P", "-m", "cvtimg.cli", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, **options)
 
 
@@ -545,7 +545,7 @@ def modules_of(*arguments: str, cwd: Path) -> set[str]:
         "print(*sys.modules, file=sys.stderr); sys.exit(status)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script, *arguments], cwd=cwd, capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-c", script, *arguments], cwd=cwd, capture_output=True, text=True, check=True
     )
     return set(done.stderr.split())
 
@@ -578,7 +578,7 @@ def test_exit_codes_of_the_process(here: Path) -> None:
 def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, arguments: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-m", "cvtimg.cli", *arguments]
+    command = [sys.executable, "-P", "-m", "cvtimg.cli", *arguments]
     with os.fdopen(writer, "w") as out:
         done = subprocess.run(command, cwd=here, stdout=out, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
     assert done.stderr == ""
@@ -606,7 +606,19 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
     import pty
 
     terminal, stderr = pty.openpty()
-    command = [sys.executable, "-m", "cvtimg.cli", "quantize", "pictures", "-k", "4", "--out-dir", "out", "--json"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "cvtimg.cli",
+        "quantize",
+        "pictures",
+        "-k",
+        "4",
+        "--out-dir",
+        "out",
+        "--json",
+    ]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     done = subprocess.run(
         command, cwd=here, stdout=subprocess.PIPE, stderr=stderr, text=True, check=True, timeout=60, env=environment

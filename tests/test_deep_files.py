@@ -379,4 +379,4 @@ def test_8_bit_pictures_are_read_without_the_libraries_for_deep_ones(tmp_path: P
         "import sys; from cvtimg import read_image; [read_image(path) for path in sys.argv[1:]];"
         "assert not {'tifffile', 'imagecodecs'} & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", script, *tmp_path.iterdir()], check=True)
+    subprocess.run([sys.executable, "-P", "-c", script, *tmp_path.iterdir()], check=True)

@@ -59,6 +59,15 @@ def test_the_energies_of_a_photograph_are_about_those_of_single_tessellations(ph
         assert curve.energies[k - 1] <= 1.03 * tessellate(samples, k).energy
 
 
+def test_with_effort_no_energy_is_above_that_of_a_single_tessellation(photograph: NDArray[Any]) -> None:
+    curve = energy_curve(photograph, 24, effort="balanced")
+    samples = color_samples(photograph)
+    alone = np.array([tessellate(samples, k).energy for k in range(1, 25)])
+    assert (curve.energies <= alone * (1 + 1e-9)).all()
+    assert (np.diff(curve.energies) <= 0).all()
+    assert (curve.energies <= energy_curve(photograph, 24).energies).all()
+
+
 def test_a_grey_curve_is_the_optimum_at_every_k() -> None:
     levels = np.random.default_rng(3).normal(120, 40, (30, 30)).clip(0, 255).astype(np.uint8)
     curve = energy_curve(levels, 20)
@@ -161,7 +170,7 @@ def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
         "import sys, cvtimg; cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3).elbow(); assert 'kneed' not in sys.modules"
     )
 
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-P", "-c", code], check=True)
 
 
 def blocks(sigma: float) -> NDArray[np.uint8]:

@@ -78,7 +78,7 @@ def test_max_pixels_guards_and_can_be_raised(
 def test_libraries_do_not_talk_in_between(tmp_path: Path) -> None:
     content = SEEDS["tiff-tiff_lzw.tif"]
     (tmp_path / "bad.tif").write_bytes(content[:200] + bytes(60) + content[260:])
-    command = [sys.executable, "-m", "cvtimg.cli", "info", "bad.tif"]
+    command = [sys.executable, "-P", "-m", "cvtimg.cli", "info", "bad.tif"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
     assert done.stderr.startswith("cvtimg: bad.tif: is truncated or damaged")

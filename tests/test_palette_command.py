@@ -73,7 +73,7 @@ def test_a_terminal_gets_blocks_of_the_color(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
-    command = [sys.executable, "-m", "cvtimg.cli", "palette", str(tmp_path / "a.png")]
+    command = [sys.executable, "-P", "-m", "cvtimg.cli", "palette", str(tmp_path / "a.png")]
     subprocess.run(command, stdout=theirs, env=environment, check=True)
     os.close(theirs)
     text = os.read(ours, 1 << 16).decode()

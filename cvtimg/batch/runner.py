@@ -13,8 +13,7 @@ from typing import Any
 from cvtimg._threads import n_threads, pairwise_sum
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
-from cvtimg.batch.tasks import Missing, Row, Task, Work, check_choice, check_no_clash
-from cvtimg.batch.workers import Attempt, Outcome, in_workers
+from cvtimg.batch.tasks import Attempt, Missing, Outcome, Row, Task, Work, check_choice, check_no_clash
 
 __all__ = ["Running", "check_can_be_written", "fold", "run"]
 
@@ -207,6 +206,8 @@ def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator
         return on_dask(attempt, tasks, how.dask, how.jobs or n_threads())
     jobs = min(how.jobs or _jobs_worthwhile(tasks), len(tasks))
     if jobs > 1:
+        from cvtimg.batch.workers import in_workers
+
         return in_workers(attempt, tasks, jobs, max(1, n_threads() // jobs))
     return ((place, attempt(task)) for place, task in enumerate(tasks))
 

@@ -40,6 +40,17 @@ class Task:
     outputs: Mapping[str, Path] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a task: its result, or why there is none."""
+
+    result: Any
+    why: str = ""
+
+
+Attempt = Callable[[Task], Outcome]
+
+
 #: From a task to its row in the report; whatever it raises is the failure of this input alone. To go to worker
 #: processes it must be picklable: a function of a module, or `functools.partial` of one.
 Work: TypeAlias = Callable[[Task], Row]

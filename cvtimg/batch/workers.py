@@ -8,32 +8,20 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from cvtimg.batch.tasks import Task
+from cvtimg.batch.tasks import Attempt, Outcome, Task
 from cvtimg.files import one_line
 
-__all__ = ["Attempt", "Outcome", "in_workers"]
+__all__ = ["in_workers"]
 
 #: Seconds that a worker has to clean up once it is told to end.
 _PATIENCE = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What became of a task: its result, or why there is none."""
-
-    result: Any
-    why: str = ""
-
-
-Attempt = Callable[[Task], Outcome]
 
 
 def in_workers(
