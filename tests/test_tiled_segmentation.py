@@ -214,6 +214,8 @@ def test_large_tiffs_go_by_tiles_by_themselves(
     assert "exists already" in capsys.readouterr().err
     assert cli.main([*how, "--overwrite", "--max-pixels", "65535"]) == 1
     assert "has over 65535 pixels" in capsys.readouterr().err
+    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
+    assert cli.main([*how, "--overwrite"]) == 0
 
 
 def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
@@ -75,12 +76,14 @@ def quantize_by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool
 def segment_by_tiles(task: Task, number: int, nodata: float | None, options: Mapping[str, Any]) -> Row:
     """Segment a picture by tiles."""
     from cvtimg import image_info, segment_file
+    from cvtimg.images.opening import pixels_limited
 
     start = perf_counter()
     (target,) = task.outputs.values()
     known: dict[str, Any] = {"nodata": nodata}
     if task.source.suffix.lower() != ".zarr":
-        header = image_info(task.source)
+        with pixels_limited(sys.maxsize):  # of a header there is no need to be afraid
+            header = image_info(task.source)
         known = {"nodata": header.nodata if nodata is None else nodata, "has_alpha": header.has_alpha}
     result = segment_file(task.source, target, number, **known, **options)
     return {
