@@ -144,7 +144,7 @@ def segment_file(
         noise = _noise(picture) if weight else np.zeros((1, 1))
         if weight == "auto":
             weight = auto_weight(noise, edge_radius)
-        blur = blur_at_start(picture.variance, noise, n_segments)
+        blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
         start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
         tessellation = start.tessellate(n_segments, effort, rng)
         cells = _Cells(picture, folder, edge_radius if weight else 1)
