@@ -126,7 +126,7 @@ def _client(address: str, n_workers: int) -> Iterator[Client]:
         raise WrongUsageError("--dask needs the package distributed: pip install 'cvtimg[dask]'") from error
     library: Any = distributed
     if address == LOCAL:
-        options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": None}
+        options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": ":0"}
         with (
             dask.config.set(_FOR_SHORT),
             library.LocalCluster(**options) as cluster,
