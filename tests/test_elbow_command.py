@@ -50,6 +50,15 @@ def test_json_has_the_curve_and_the_picks(drawing: Path, table: Path, capsys: py
     assert (second["k"], second["n_max"], second["psnr"]) == (3, 10, None)
 
 
+def test_with_effort_no_energy_is_higher(capsys: pytest.CaptureFixture[str]) -> None:
+    energies = []
+    for effort in ("fast", "balanced"):
+        assert main(["elbow", str(SAMPLES / "chelsea.png"), "--k-max", "12", "--effort", effort, "--json"]) == 0
+        energies.append(json.loads(capsys.readouterr().out)["energies"])
+    assert all(balanced <= fast for fast, balanced in zip(*energies, strict=True))
+    assert energies[0] != energies[1]
+
+
 def test_the_csv_has_a_line_for_each_k_of_each_input(drawing: Path, table: Path, tmp_path: Path) -> None:
     out = tmp_path / "curves.csv"
     assert main(["elbow", str(drawing), str(table), "--k-max", "8", "--csv", str(out), "--quiet"]) == 0
@@ -107,6 +116,8 @@ def test_nothing_is_overwritten_unasked(drawing: Path, tmp_path: Path, capsys: p
         (["--plot", "a.gif"], "--plot: '.gif' must be one of .png, .svg"),
         (["--k-max", "0"], "must be a whole number in 1"),
         (["--space", "hsv"], "--space: 'hsv' must be one of rgb"),
+        (["--effort", "much"], "--effort: 'much' must be one of fast"),
+        (["--effort", "best", "--edge-weight", "3"], "--effort is not for --averaging and --edge-weight"),
     ],
 )
 def test_wrong_usage_is_told(

@@ -57,6 +57,9 @@ EdgeWeight = Annotated[
     float | None,
     Option("--edge-weight", metavar="L", parser=options.number(0), help="As cvtimg segment will weigh edges, >= 0."),
 ]
+Effort = Annotated[
+    str, Option(metavar="NAME", help="fast: all k in one pass. balanced, best: each k is searched by itself too.")
+]
 CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, a line for each k.")]
 PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw all curves, .png or .svg.")]
 Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn for tables.")]
@@ -72,6 +75,7 @@ def elbow(
     volume_power: options.VolumePower = 0,
     averaging: AveragingName = "none",
     edge_weight: EdgeWeight = None,
+    effort: Effort = "fast",
     csv_file: CsvFile = None,
     plot: PlotFile = None,
     seed: Seed = 0,
@@ -87,12 +91,14 @@ def elbow(
     input has a line with the number that the rule picks, and what the other rules would. One input has its whole
     curve below. All columns of a table are taken, as cvtimg cluster -k auto does when it is not told which.
     """
+    from cvtimg import EFFORTS
     from cvtimg.color import SPACES
     from cvtimg.elbow_plot import PLOT_SUFFIXES
     from cvtimg.elbow_rules import RULES, TARGETED
 
     check_choice("--rule", rule, RULES)
     check_choice("--space", space, SPACES)
+    check_choice("--effort", effort, EFFORTS)
     check_choice("--averaging", averaging, ("none", "before", "after"))
     if target is not None and rule not in TARGETED:
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
@@ -102,10 +108,16 @@ def elbow(
     sources, missing = find(inputs, _find)
     outputs = {"--csv": csv_file, "--plot": plot, "--report": running.file}
     _check_outputs({option: path for option, path in outputs.items() if path}, list(sources), overwrite)
-    how = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
+    how: dict[str, Any] = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
     segments: dict[str, Any] = {"averaging": averaging} if averaging != "none" else {}
     if edge_weight:
         segments["edge_weight"] = edge_weight
+    if segments and effort != "fast":
+        raise WrongUsageError(
+            "--effort is not for --averaging and --edge-weight, where each k has a descent of its own"
+        )
+    if not segments:
+        how["effort"] = effort
     work = partial(_measure, how=how, segments=segments, rule=rule, target=target, keep=plot is not None)
     status = run([Task(source) for source in sources], missing, work, report, overwrite=overwrite, running=running)
     done = report.plotted
