@@ -132,8 +132,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     Examples
     --------
     >>> import numpy as np
-    >>> to_space(np.array([[255, 255, 255]], np.uint8), "lab").round(1).tolist()
-    [[100.0, 0.0, 0.0]]
+    >>> to_space(np.array([[255, 0, 0]], np.uint8), "lab").round().tolist()
+    [[53.0, 80.0, 67.0]]
     """
     chosen = SPACES[check_choice("space", space, SPACES)]
     if space == "rgb":
