@@ -236,7 +236,8 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         places = pack(rows, weights).rows(weighted).astype(np.float32)
         _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
         distinct = rows[weighted[first]]
-        density = np.bincount(inverse, weights[weighted]).astype(np.float64, copy=False)
+        # NumPy 2.0 gives the inverse a second axis.
+        density = np.bincount(inverse.reshape(-1), weights[weighted]).astype(np.float64, copy=False)
         n_found = min(self.n_clusters, len(distinct))
         if n_found < self.n_clusters:
             warnings.warn(
