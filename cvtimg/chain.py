@@ -16,12 +16,11 @@ from cvtimg.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.methods.breathing import add, breathe, remove
 from cvtimg.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.methods.transfer import weighted_energy
-from cvtimg.points import Points, assign, cell_energies, cell_moments, coarsen, thin
-from cvtimg.search import Effort, search
+from cvtimg.points import Points, assign, cell_energies, cell_moments
+from cvtimg.search import Effort, fewer_points, search
 from cvtimg.seeding import TooFewSamplesError, divide_worst, split
 
-#: The chain goes over so many times fewer points, the first of these that leaves so many for each generator and in all.
-_COARSER = (32, 16, 8, 4, 2)
+#: The chain goes over so many points at least for each generator and in all.
 _POINTS_PER_GENERATOR = 36
 _ENOUGH_POINTS = 1 << 11
 #: From one number of generators to the next little moves.
@@ -58,20 +57,13 @@ def chain(
 
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
-    fewer = _fewer(points, n_max, conditions.rng)
+    fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_max, _ENOUGH_POINTS), conditions.rng)
     if method is lloyd:
         method = lloyd_in_rounds
     links = _links(fewer, n_max, method, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
     return _links(points, n_max, method, conditions)  # among fewer points rare samples can be lost
-
-
-def _fewer(points: Points, n_max: int, rng: np.random.Generator) -> Points:
-    for factor in _COARSER:
-        if points.n_points >= factor * max(_POINTS_PER_GENERATOR * n_max, _ENOUGH_POINTS):
-            return coarsen(points, factor) if points.in_order else thin(points, factor, rng)
-    return points
 
 
 def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:

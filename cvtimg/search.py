@@ -47,8 +47,8 @@ EFFORTS: dict[str, Effort] = {
 #: No search follows once so many ended within this share of the lowest energy: with few generators nearly all do.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
-#: A search goes over so many times fewer points, the first of these that leaves so many for each and for all.
 _COARSER = (32, 16, 8, 4, 2)
+#: A search goes over so many points at least for each generator and in all.
 _POINTS_PER_GENERATOR = 50
 _ENOUGH_POINTS = 1 << 14
 _STARTS_TIMES_GENERATORS = 512
@@ -75,7 +75,8 @@ def search(
             ends.append(_breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
         return min(ends, key=lambda end: end.energies[-1]).generators
 
-    fewer = _fewer(points, n_generators, conditions.rng)
+    n_enough = max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS)
+    fewer = fewer_points(points, n_enough, conditions.rng)
     try:
         return search_over(fewer)
     except TooFewSamplesError:
@@ -90,9 +91,10 @@ def _agree(ends: list[Iteration]) -> bool:
     return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
 
 
-def _fewer(points: Points, n_generators: int, rng: np.random.Generator) -> Points:
+def fewer_points(points: Points, n_enough: int, rng: np.random.Generator) -> Points:
+    """Return as many times fewer points as leave enough, or the points themselves."""
     for factor in _COARSER:
-        if points.n_points >= factor * max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS):
+        if points.n_points >= factor * n_enough:
             return coarsen(points, factor) if points.in_order else thin(points, factor, rng)
     return points
 

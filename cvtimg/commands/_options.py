@@ -80,7 +80,7 @@ Output = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="O
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png, in folders as inputs are.")]
 Effort = Annotated[str, Option(metavar="NAME", help=EFFORT_HELP)]
 Init = Annotated[str, Option(metavar="NAME", help=f"Colors to begin with: {SEEDING_NAMES}.")]
-Seed = Annotated[int, Option("--seed", metavar="N", parser=SEED, help="Seed for --init k-means++ and random.")]
+Seed = Annotated[int, Option("--seed", metavar="N", parser=SEED, help="Seed of what is drawn.")]
 Method = Annotated[
     str | None, Option(metavar="NAME", help=f"How generators move, by default as suits: {METHOD_NAMES}.")
 ]
