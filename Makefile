@@ -1,11 +1,14 @@
 # Everything happens in a virtual environment of its own. A target is made again only when what it is made of changed.
 PYTHON ?= python3
-VENV := .venv
+VENV ?= .venv
 BIN := $(VENV)/bin
+# A wheel to install in place of the checkout, for example to test it.
+WHEEL ?=
 # meson and ninja are found by name.
-export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PATH := $(abspath $(BIN)):$(PATH)
 
-SOURCES := pyproject.toml meson.build cvtimg/meson.build $(wildcard cvtimg/*.py cvtimg/*.pyi cvtimg/*.pyx cvtimg/*.h cvtimg/*/*.py)
+# An editable install builds what changed when cvtimg is imported; only these ask for a new install.
+RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
 .PHONY: install demo test lint bench clean
 
@@ -17,21 +20,31 @@ $(VENV)/builds: pyproject.toml
 	$(BIN)/pip install --quiet "meson-python>=0.17" "Cython>=3.1" meson ninja
 	touch $@
 
-# Built in build/, so that only what changed is compiled again.
-$(VENV)/installed: $(VENV)/builds $(SOURCES)
-	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build .
+ifdef WHEEL
+$(VENV)/installed: $(VENV)/builds $(WHEEL)
+	$(BIN)/pip install --quiet --force-reinstall $(WHEEL)
 	touch $@
 
 $(VENV)/extra-%: $(VENV)/installed
-	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build ".[$*]"
+	$(BIN)/pip install --quiet "$(WHEEL)[$*]"
 	touch $@
+else
+$(VENV)/installed: $(VENV)/builds $(RECIPES)
+	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build --editable .
+	touch $@
+
+$(VENV)/extra-%: $(VENV)/installed
+	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build --editable ".[$*]"
+	touch $@
+endif
 
 demo: $(VENV)/installed
 	$(BIN)/python sample_images/demo.py out
 
+# The quick tests; with TESTS=all the slow ones too.
+TESTS ?= quick
 test: $(VENV)/extra-test
-	$(BIN)/pytest
-	$(BIN)/pytest --doctest-modules --pyargs cvtimg
+	$(BIN)/pytest -n auto tests --pyargs cvtimg $(if $(filter all,$(TESTS)),,-m "not slow")
 
 lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff check .
@@ -49,4 +62,4 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/restoration.py
 
 clean:
-	rm -rf $(VENV) build dist out
+	rm -rf .venv build dist out

@@ -9,7 +9,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != HERE]
 
 try:
-    from cvtimg.cli import main
+    from cvtimg.cli.app import main
 except ImportError as error:
     sys.exit(f"cli.py: cvtimg is not installed for {sys.executable} ({error}): run `make demo`, or `pip install .`")
 

@@ -19,7 +19,7 @@ def main(wheel: str) -> None:
     }
     in_package = {name for name in names if name.startswith("cvtimg/")}
     compiled = {name for name in in_package if name.endswith((".so", ".pyd"))}
-    modules = sorted(path.stem for path in (ROOT / "cvtimg").glob("*.pyx"))
+    modules = sorted(path.stem for path in (ROOT / "cvtimg").rglob("*.pyx"))
     others = {name for name in names - in_package if ".dist-info/" not in name}
     problems = [f"missing: {name}" for name in sorted(wanted - in_package)]
     problems += [f"unexpected: {name}" for name in sorted((in_package - wanted - compiled) | others)]

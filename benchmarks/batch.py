@@ -77,7 +77,7 @@ def run(*command: str | Path, threads: int = 1) -> None:
 
 def cvtimg(k: int, *options: str) -> Callable[[Path, Path], None]:
     """Make a way of cvtimg's command line."""
-    command = [sys.executable, "-m", "cvtimg.cli", "quantize"]
+    command = [sys.executable, "-m", "cvtimg", "quantize"]
 
     def quantize(source: Path, target: Path) -> None:
         run(*command, source, "-k", str(k), "--out-dir", target, "--quiet", *options)

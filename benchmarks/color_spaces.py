@@ -66,7 +66,8 @@ def differences(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> tuple[fl
 
 def measure(name: str, picture: Picture, k: int) -> list[Record]:
     """Quantize a picture in every space."""
-    from cvtimg import SPACES, quantize
+    from cvtimg import quantize
+    from cvtimg.colors import SPACES
 
     records = []
     for space in SPACES:

@@ -61,7 +61,7 @@ def curves(pictures: list[Picture], repeats: int) -> list[dict[str, Any]]:
     rows = []
     for picture in pictures:
         progress(f"curve of {picture.name}")
-        samples = cvtimg.color_samples(picture.pixels)
+        samples = cvtimg.colors.color_samples(picture.pixels)
         colors = samples.colors.astype(np.float64)
 
         def rival(samples: Any = samples, colors: NDArray[np.float64] = colors) -> object:
@@ -114,7 +114,7 @@ def synthetic_picture(n_colors: int, sigma: float, separation: float, rng: np.ra
 
 def hits(seed: int, separation: float, n_pictures: int) -> dict[str, Any]:
     """Count the pictures whose number of colors each rule finds; 2 to 12 colors take turns."""
-    from cvtimg.elbow import auto_count
+    from cvtimg.elbow.curves import auto_count
 
     rng = np.random.default_rng(seed)
     found: dict[str, list[bool]] = {rule: [] for rule in RULES}
@@ -153,15 +153,15 @@ def human_pictures(data: Path, n_pictures: int | None) -> Iterator[tuple[NDArray
 def rand_indices(data: Path, space: str, n_pictures: int | None) -> list[dict[str, Any]]:
     """Compute the mean Probabilistic Rand Index of plain cells for every fixed K, and for what each rule picks."""
     import cvtimg
-    from cvtimg.elbow import auto_count
-    from cvtimg.places import to_places
+    from cvtimg.colors.places import to_places
+    from cvtimg.elbow.curves import auto_count
 
     measure = metrics(data)
     if measure is None:
         return []
     indices: dict[str, list[float]] = {}
     for pixels, humans in human_pictures(data, n_pictures):
-        samples = cvtimg.color_samples(pixels)
+        samples = cvtimg.colors.color_samples(pixels)
         _, curve = auto_count(samples, space=space)
         places = to_places(samples.colors, space)
         by_k: dict[int, float] = {}

@@ -110,7 +110,7 @@ def cvtimg_colors(pixels: NDArray[np.uint8], k: int, effort: str) -> NDArray[Any
     """Count colors and cluster them."""
     import cvtimg
 
-    return cvtimg.tessellate(cvtimg.color_samples(pixels), k, effort=effort).generators
+    return cvtimg.tessellate(cvtimg.colors.color_samples(pixels), k, effort=effort).generators
 
 
 def scikit_rows(rows: NDArray[Any], k: int, weights: NDArray[Any] | None = None, **settings: Any) -> NDArray[Any]:
@@ -473,7 +473,7 @@ def slower_than_both(measured: Sequence[Row], ours: str, theirs: str) -> str:
 def one_large(n: int) -> Row:
     """Time the large case in this process."""
     import cvtimg
-    from cvtimg import _kernels
+    from cvtimg.engine import _kernels
 
     rows = blobs(n, 3, "uint8")
     cvtimg_rows(rows[:10_000], 64, "fast")

@@ -58,7 +58,7 @@ def make(path: Path, side: int) -> None:
 
 def measure(source: Path, target: Path, words: list[str]) -> str:
     """Run the command line to its end; return its row and what it cost."""
-    command = [sys.executable, "-m", "cvtimg.cli", words[0], source, "-o", target, "--json", *words[1:]]
+    command = [sys.executable, "-m", "cvtimg", words[0], source, "-o", target, "--json", *words[1:]]
     start = time.perf_counter()
     process = os.posix_spawn(sys.executable, [str(part) for part in command], os.environ)
     _, status, usage = os.wait4(process, 0)

@@ -38,7 +38,7 @@ from common import (
 )
 
 if TYPE_CHECKING:
-    from cvtimg import ColorSamples
+    from cvtimg.colors import ColorSamples
 
 SIMD_LEVELS = ("baseline", "avx2", "avx512")
 DIMS = (1, 3, 4, 16, 64)
@@ -71,13 +71,13 @@ def counting(pictures: list[Picture], repeats: int) -> list[Row]:
     for picture in pictures:
         progress(f"color_samples {picture.name}")
         n_pixels = picture.pixels.shape[0] * picture.pixels.shape[1]
-        seconds = median_seconds(partial(cvtimg.color_samples, picture.pixels), repeats)
+        seconds = median_seconds(partial(cvtimg.colors.color_samples, picture.pixels), repeats)
         rows.append(
             {
                 "what": "color_samples",
                 "picture": picture.name,
                 "pixels": n_pixels,
-                "colors": cvtimg.color_samples(picture.pixels).n_colors,
+                "colors": cvtimg.colors.color_samples(picture.pixels).n_colors,
                 "seconds": seconds,
                 "ns_a_pixel": seconds / n_pixels * 1e9,
             }
@@ -93,8 +93,8 @@ def assignment(k: int, repeats: int, picture: Path) -> list[Row]:
     the engine runs, on the colors of a picture and seeds for them. That one may skip pairs, and all are counted.
     """
     import cvtimg
-    from cvtimg import _kernels
-    from cvtimg.points import assign, pack
+    from cvtimg.engine import _kernels
+    from cvtimg.engine.points import assign, pack
 
     rng = np.random.default_rng(0)
     calls: dict[str, tuple[int, Callable[[], object]]] = {}
@@ -104,9 +104,9 @@ def assignment(k: int, repeats: int, picture: Path) -> list[Row]:
         half_norms = 0.5 * np.einsum("kd,kd->k", generators, generators)
         labels = np.empty(N_POINTS, np.int32)
         calls[f"D={n_dims}"] = N_POINTS, partial(_kernels.assign, points.tiles, generators, half_norms, labels)
-    samples = cvtimg.color_samples(read_rgb(picture))
+    samples = cvtimg.colors.color_samples(read_rgb(picture))
     points = pack(samples.colors, samples.density)
-    seeds = cvtimg.SEEDINGS["split"](points, k, rng)
+    seeds = cvtimg.engine.SEEDINGS["split"](points, k, rng)
     calls[PHOTOGRAPH] = samples.n_colors, partial(assign, points, seeds)
     return [
         {
@@ -152,8 +152,8 @@ def seedings(pictures: list[Picture], k: int, repeats: int) -> list[Row]:
 
     rows = []
     for picture in pictures:
-        samples = cvtimg.color_samples(picture.pixels)
-        for name in cvtimg.SEEDINGS:
+        samples = cvtimg.colors.color_samples(picture.pixels)
+        for name in cvtimg.engine.SEEDINGS:
             progress(f"{name} {picture.name}")
             rows.append({"what": "seeding", "picture": picture.name, **seeding_row(samples, name, k, repeats)})
     progress("")
@@ -163,10 +163,10 @@ def seedings(pictures: list[Picture], k: int, repeats: int) -> list[Row]:
 def seeding_row(samples: ColorSamples, name: str, k: int, repeats: int) -> Row:
     """Time one way to seed, and see the energy a pixel before and after Lloyd's iteration from it."""
     import cvtimg
-    from cvtimg.points import pack
+    from cvtimg.engine.points import pack
 
     points = pack(samples.colors, samples.density)
-    runs = [timed(lambda: cvtimg.SEEDINGS[name](points, k, np.random.default_rng(0))) for _ in range(repeats)]
+    runs = [timed(lambda: cvtimg.engine.SEEDINGS[name](points, k, np.random.default_rng(0))) for _ in range(repeats)]
     seeds = points.frame.outward(runs[0][0])
     end, lloyd = timed(lambda: cvtimg.tessellate(samples, k, init=seeds))
     return {

@@ -46,7 +46,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def start(source: Path, out: Path, jobs: int) -> subprocess.Popen[bytes]:
     """Begin or go on with the batch, in a group of processes of its own."""
-    command = [sys.executable, "-m", "cvtimg.cli", "quantize", source, "-k", "16", "--out-dir", out, "--quiet"]
+    command = [sys.executable, "-m", "cvtimg", "quantize", source, "-k", "16", "--out-dir", out, "--quiet"]
     options = ["--skip-existing", "--jobs", str(jobs)]
     return subprocess.Popen([*command, *options], cwd=source.parent, start_new_session=True, stderr=subprocess.DEVNULL)
 

@@ -25,7 +25,7 @@ from skimage.filters import gaussian, threshold_multiotsu, threshold_otsu
 from skimage.measure import label
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet, draw_edges
+from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
 
 #: Two-phase threshold of the slice of bone, as published with it.
 BONE_THRESHOLD = 142
@@ -221,7 +221,7 @@ def europe(scenes: Path, sheets: Path | None) -> list[dict[str, Any]]:
                 {"part": "europe", "rival": name, "shares": shares.tolist(), "edges": edges, "mse": mse}
                 | {"seconds": seconds}
             )
-            means = cvtimg.region_means(result.labels, image)[1:]
+            means = cvtimg.labels.region_means(result.labels, image)[1:]
             panels.append(Panel(bright(means[result.labels - 1]), (name,)))
     print_table(
         "Europe by night",

@@ -1,8 +1,18 @@
 """Centroidal Voronoi tessellations of the colors of images.
 
-The public names, each imported when it is first used, so that ``import cvtimg`` costs next to nothing.
+The verbs are here, and the names that belong to them in the package of their subject: ``cvtimg.quantize`` returns a
+``cvtimg.quantization.Quantized``. Each is imported when it is first used, so that ``import cvtimg`` costs next to
+nothing.
 """
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("cvtimg")
+    return _getattr(name)

@@ -1,86 +1,63 @@
-from .animation import QuantizedFrames, quantize_frames
-from .averaging import Averaging
-from .blocks import quantize_blocks
-from .color import SPACES
-from .contours import Contours, Polygon, find_contours
-from .cvt import Tessellation, tessellate
-from .dithering import DITHERS
-from .edges import find_edges
-from .elbow import EnergyCurve, energy_curve
-from .elbow_rules import RULES
-from .estimator import CVT
-from .frames import Frames, read_frames, write_frames
-from .grid_cells import superpixels
-from .io import find_images, image_info, read_image, read_metadata, write_image
-from .methods import METHODS
-from .noise import estimate_noise
-from .palette import read_palette, write_palette
-from .palette_search import Palette, find_palette
-from .quantization import quantize, quantize_to_size
-from .regions import region_means, region_table
-from .remapping import Quantized, map_to_palette
-from .renormalization import RENORMALIZATIONS
-from .restoration import Restoration, restore
-from .samples import ColorSamples, color_samples, merge_samples
-from .search import EFFORTS
-from .seeding import SEEDINGS
-from .segmentation import Segmentation, segment, segment_curve
-from .sharing import shared_palette
-from .tiled_quantization import QuantizedFile, quantize_file
-from .tiled_segmentation import SegmentedFile, segment_file
+from . import (
+    batch,
+    colors,
+    elbow,
+    engine,
+    files,
+    labels,
+    palettes,
+    pictures,
+    plotting,
+    quantization,
+    restoration,
+    segmentation,
+    tables,
+)
+from .elbow.curves import energy_curve
+from .engine.tessellation import tessellate
+from .files.finding import find_images
+from .labels.contours import find_contours
+from .labels.edges import find_edges
+from .palettes.files import read_palette, write_palette
+from .pictures.files import read_image, write_image
+from .quantization.animations import quantize_frames
+from .quantization.images import quantize
+from .quantization.palette_search import find_palette
+from .restoration.reconstruction import restore
+from .segmentation.grid_cells import superpixels
+from .segmentation.segments import segment
+from .tables.estimator import CVT
+
+__version__: str
 
 __all__ = [
     "CVT",
-    "DITHERS",
-    "EFFORTS",
-    "METHODS",
-    "RENORMALIZATIONS",
-    "RULES",
-    "SEEDINGS",
-    "SPACES",
-    "Averaging",
-    "ColorSamples",
-    "Contours",
-    "EnergyCurve",
-    "Frames",
-    "Palette",
-    "Polygon",
-    "Quantized",
-    "QuantizedFile",
-    "QuantizedFrames",
-    "Restoration",
-    "Segmentation",
-    "SegmentedFile",
-    "Tessellation",
-    "color_samples",
+    "batch",
+    "colors",
+    "elbow",
     "energy_curve",
-    "estimate_noise",
+    "engine",
+    "files",
     "find_contours",
     "find_edges",
     "find_images",
     "find_palette",
-    "image_info",
-    "map_to_palette",
-    "merge_samples",
+    "labels",
+    "palettes",
+    "pictures",
+    "plotting",
+    "quantization",
     "quantize",
-    "quantize_blocks",
-    "quantize_file",
     "quantize_frames",
-    "quantize_to_size",
-    "read_frames",
     "read_image",
-    "read_metadata",
     "read_palette",
-    "region_means",
-    "region_table",
+    "restoration",
     "restore",
     "segment",
-    "segment_curve",
-    "segment_file",
-    "shared_palette",
+    "segmentation",
     "superpixels",
+    "tables",
     "tessellate",
-    "write_frames",
     "write_image",
     "write_palette",
 ]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import cvtimg
-from cvtimg.elbow_plot import Plotted, draw_curves
+from cvtimg.plotting.energy_curves import Plotted, draw_curves
 
 ROOT = Path(__file__).parent.parent
 

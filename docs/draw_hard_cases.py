@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet
+from cvtimg.plotting.sheets import Panel, contact_sheet
 
 ROOT = Path(__file__).parent.parent
 WIDTH, HEIGHT = 200, 140

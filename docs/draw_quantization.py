@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet
+from cvtimg.plotting.sheets import Panel, contact_sheet
 
 ROOT = Path(__file__).parent.parent
 
@@ -13,7 +13,7 @@ def main() -> None:
     rows = []
     for name in ("coffee.png", "rocket.jpg"):
         image = cvtimg.read_image(ROOT / "sample_images" / name)
-        n_distinct = cvtimg.color_samples(image).n_colors
+        n_distinct = cvtimg.colors.color_samples(image).n_colors
         panels = [Panel(image, ("original", f"{n_distinct:,} colors"))]
         for n_colors in (4, 16, 64, 256):
             result = cvtimg.quantize(image, n_colors)

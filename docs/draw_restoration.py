@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet
+from cvtimg.plotting.sheets import Panel, contact_sheet
 
 ROOT = Path(__file__).parent.parent
 SAMPLES = ROOT / "sample_images"

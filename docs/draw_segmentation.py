@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet, draw_edges
+from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
 
 ROOT = Path(__file__).parent.parent
 
@@ -55,7 +55,7 @@ def in_edges(image: NDArray[np.uint8], n_segments: int, **how: Any) -> Panel:
 def posters(image: NDArray[np.uint8]) -> list[Panel]:
     """Draw segments in their mean colors, their edges by themselves, and superpixels."""
     result = cvtimg.segment(image, 6, space="oklab", edge_weight="auto", min_size=40)
-    means = np.rint(cvtimg.region_means(result.labels, image)[1:]).astype(np.uint8)
+    means = np.rint(cvtimg.labels.region_means(result.labels, image)[1:]).astype(np.uint8)
     cells = cvtimg.superpixels(image, 400).labels
     return [
         Panel(means[result.labels - 1], ("6 segments in Oklab,", "pieces under 40 pixels absorbed")),

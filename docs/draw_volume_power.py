@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import cvtimg
-from cvtimg.plot import Panel, contact_sheet
+from cvtimg.plotting.sheets import Panel, contact_sheet
 
 ROOT = Path(__file__).parent.parent
 N_GENERATORS = 8
@@ -19,11 +19,11 @@ def main() -> None:
 def panels(path: Path) -> list[Panel]:
     """Draw a picture, and the generators of its cells at three powers."""
     image = cvtimg.read_image(path)
-    samples = cvtimg.color_samples(image)
+    samples = cvtimg.colors.color_samples(image)
     return [Panel(image, ("original", f"{samples.n_colors:,} colors")), *(panel(samples, power) for power in (0, 1, 2))]
 
 
-def panel(samples: cvtimg.ColorSamples, power: int) -> Panel:
+def panel(samples: cvtimg.colors.ColorSamples, power: int) -> Panel:
     """Give each pixel the generator of its cell; below, the palette by the share of the pixels, dark to light."""
     result = cvtimg.tessellate(samples, N_GENERATORS, volume_power=power, method="transfer")
     palette = result.generators.round().astype(samples.colors.dtype)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-MASK = Path(__file__).parent.parent / "cvtimg" / "data" / "blue_noise.npy"
+MASK = Path(__file__).parent.parent / "cvtimg" / "quantization" / "blue_noise.npy"
 SIDE = 64
 #: Standard deviation of the filter that tells clusters from voids; the paper recommends 1.5.
 SIGMA = 1.5
@@ -77,7 +77,7 @@ def mask() -> NDArray[np.uint16]:
 
 
 def main() -> None:
-    """Write cvtimg/data/blue_noise.npy."""
+    """Write cvtimg/quantization/blue_noise.npy."""
     np.save(MASK, mask())
 
 

@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import Quantized, color_samples, quantize, read_image, restore, segment, superpixels, write_image
-from cvtimg.plot import Panel, contact_sheet, draw_edges
+from cvtimg import quantize, read_image, restore, segment, superpixels, write_image
+from cvtimg.colors import color_samples
+from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
+from cvtimg.quantization import Quantized
 
 FOLDER = Path(__file__).resolve().parent
 PICTURES = (

@@ -272,7 +272,7 @@ def judge(path: Path) -> str:
 
 def outcome(arguments: list[str]) -> tuple[str, list[dict[str, Any]]]:
     """Run the command line here, and tell how it ended."""
-    from cvtimg import cli
+    from cvtimg.cli import app as cli
 
     out, err = io.StringIO(), io.StringIO()
     try:

@@ -1,8 +1,9 @@
-"""The layout is the architecture: a module imports only modules to its left."""
+"""The layout is the architecture: a package is one subject and imports only packages below it."""
 
 from __future__ import annotations
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,70 +12,17 @@ import cvtimg
 
 PACKAGE = Path(cvtimg.__file__).parent
 
-#: From left to right; modules of one group do not import each other.
+#: From the lowest to the highest; packages of one layer do not import each other.
 LAYERS: list[set[str]] = [
-    {"_kernels", "_cracks", "_dither", "_label_kernels", "_checks", "_threads", "files", "profiles"},
-    # samples of colors
-    {"samples", "points", "columns", "color"},
-    {"places"},
-    # files and pictures
-    {"images"},
-    {"images.opening"},
-    {"images.arrays"},
-    {"images.png", "images.tiff"},
-    {"images.metadata"},
-    {"images.decoding", "images.encoding"},
-    {"images.header", "images.animated"},
-    {"io", "frames", "palettes"},
-    {"palettes.swatches"},
-    {f"palettes.{name}" for name in ("act", "ase", "css", "gpl", "hexlist", "jsonlist", "picture")},
-    {"palette"},
-    # the engine
-    {"tables"},
-    {"seeding"},
-    {"methods._iteration"},
-    {"methods.lloyd", "methods.breathing", "methods.transfer", "methods.probabilistic", "methods.optimal1d"},
-    {"methods.macqueen"},
-    {"methods"},
-    {"search", "elbow_rules"},
-    {"chain"},
-    {"cvt"},
-    {"elbow"},
-    {"estimator", "elbow_plot"},
-    # few colors
-    {"targets", "dithering"},
-    {"counting", "tiles", "remapping"},
-    {"palette_search"},
-    {"quantization"},
-    {"animation", "sharing", "tiled_quantization"},
-    {"blocks"},
-    # segments
-    {"edge_weight", "noise", "levels", "components", "averaging"},
-    {"values", "disk_rows"},
-    {"disk_values"},
-    {"segment_energies"},
-    {"segmentation"},
-    {"grid_cells", "tiled_segmentation"},
-    {"edges", "regions", "cracks", "simplification"},
-    {"contours"},
-    {"segment_files"},
-    # several versions
-    {"versions"},
-    {"alignment"},
-    {"masked", "patches", "renormalization"},
-    {"restoration"},
-    {"plot"},
-    # the command line
-    {"batch.tasks"},
-    {"batch.report", "batch.workers"},
-    {"batch.progress", "batch.on_dask"},
-    {"batch.runner"},
-    {"batch"},
-    {"commands"},
-    {"commands._options", "commands._animations", "commands._segment_files"},
-    {"commands._batch_options", "commands._sharing", "commands._tiled"},
-    {f"commands.{name}" for name in ("cluster", "elbow", "info", "palette", "quantize", "restore", "segment")},
+    {"_shared"},
+    {"files"},
+    {"engine", "pictures"},
+    {"colors", "tables", "labels", "batch"},
+    {"elbow", "palettes"},
+    {"quantization", "segmentation"},
+    {"restoration", "plotting"},
     {"cli"},
+    {"__main__"},
 ]
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
 MODULES = {
@@ -82,28 +30,67 @@ MODULES = {
     for path in PACKAGE.rglob("*.py")
     if path != PACKAGE / "__init__.py"
 }
+#: What a name of the first ring comes from.
+FACES = {
+    alias.name: node.module
+    for node in ast.parse((PACKAGE / "__init__.pyi").read_text()).body
+    if isinstance(node, ast.ImportFrom) and node.module
+    for alias in node.names
+}
 
 
 def imported(path: Path) -> set[str]:
     """Return the modules of cvtimg that a file imports, at its top or in a function."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module == "cvtimg":
-            found |= {alias.name for alias in node.names if alias.name in RANK}
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cvtimg."):
-            module = (node.module or "").removeprefix("cvtimg.")
-            found |= {f"{module}.{name.name}" if f"{module}.{name.name}" in RANK else module for name in node.names}
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "cvtimg":
+            base = (node.module or "").removeprefix("cvtimg").removeprefix(".")
+            for alias in node.names:
+                name = f"{base}.{alias.name}" if base else FACES.get(alias.name, alias.name)
+                found.add(name if name in MODULES or not base else base)
         elif isinstance(node, ast.Import):
             found |= {alias.name.removeprefix("cvtimg.") for alias in node.names if alias.name.startswith("cvtimg.")}
     return found
 
 
+def package(module: str) -> str:
+    return module.split(".")[0]
+
+
 @pytest.mark.parametrize("name", sorted(MODULES))
-def test_a_module_imports_only_to_its_left(name: str) -> None:
+def test_a_package_imports_only_packages_below_it(name: str) -> None:
     for other in imported(MODULES[name]):
-        assert RANK[other] < RANK[name], f"{name} imports {other}"
+        below = RANK[package(other)] < RANK[package(name)]
+        assert below or package(other) == package(name), f"{name} imports {other}"
+
+
+def test_modules_do_not_import_each_other_in_circles() -> None:
+    # A package's face imports lazily, so it closes no circle.
+    graph = {name: imported(path) - {package(name)} for name, path in MODULES.items()}
+    TopologicalSorter(graph).prepare()
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))
 def test_no_module_is_too_long(name: str) -> None:
     assert len(MODULES[name].read_text().splitlines()) <= 440
+
+
+def test_no_module_is_named_like_a_public_function() -> None:
+    public = {name for stub in PACKAGE.rglob("__init__.pyi") for name in listed(stub) if name not in RANK}
+    modules = {name.rpartition(".")[2] for name in MODULES}
+    assert public & modules == set()
+
+
+def listed(stub: Path) -> set[str]:
+    """Return the names that the face of a package imports."""
+    nodes = [node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name for node in nodes for alias in node.names}
+
+
+@pytest.mark.parametrize("stub", sorted(PACKAGE.rglob("__init__.pyi")), ids=lambda path: path.parent.name)
+def test_a_face_lists_all_that_it_imports_and_each_name_is_there(stub: Path) -> None:
+    name = ".".join(["cvtimg", *stub.parent.relative_to(PACKAGE).parts])
+    module = __import__(name, fromlist=["_"])
+    assert sorted(module.__all__) == sorted(listed(stub))
+    for public in listed(stub) - {"CVT"}:
+        assert getattr(module, public) is not None

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cvtimg.cli import app
+from cvtimg.cli.app import app
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"

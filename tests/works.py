@@ -7,7 +7,7 @@ import signal
 import time
 
 from cvtimg.batch import Row, Task
-from cvtimg.files import whole_file
+from cvtimg.files.whole import whole_file
 
 
 def copy(task: Task) -> Row:
@@ -36,7 +36,7 @@ def half_a_copy(task: Task) -> Row:
 
 def threads(task: Task) -> Row:
     """Tell the number of threads."""
-    from cvtimg._threads import n_threads
+    from cvtimg._shared.threads import n_threads
 
     return {"input": str(task.source), "threads": n_threads(), "process": os.getpid()}
 

@@ -82,7 +82,7 @@ def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[
 
 def _alone(task: Task, *, attempt: Attempt) -> Outcome:
     """Do a task with one thread: the cluster gives each of its threads a task."""
-    from cvtimg._threads import limit_threads, n_threads
+    from cvtimg._shared.threads import limit_threads, n_threads
 
     if n_threads() != 1:
         limit_threads(1)

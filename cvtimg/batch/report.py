@@ -77,7 +77,7 @@ class Report:
 
     def write(self, path: Path, *, overwrite: bool) -> None:
         """Write a row for each input so far, whatever became of it, as .csv or .jsonl."""
-        from cvtimg.files import whole_file
+        from cvtimg.files.whole import whole_file
 
         text = _lines(self._rows) if path.suffix.lower() == ".jsonl" else _csv(self._rows)
         with whole_file(path, overwrite=overwrite) as file:
@@ -150,7 +150,7 @@ def _cell(column: str, value: Any) -> str:
 
 def reason(path: str | Path, error: Exception) -> str:
     """Say why in one line, without the path; what is worded for users goes without the name of its type."""
-    from cvtimg.files import one_line
+    from cvtimg._shared.messages import one_line
 
     if isinstance(error, MemoryError):
         return "needs more memory than there is"

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cvtimg._threads import n_threads, pairwise_sum
+from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
 from cvtimg.batch.tasks import Attempt, Missing, Outcome, Row, Task, Work, check_choice, check_no_clash
@@ -173,7 +173,7 @@ def _is_done(task: Task) -> bool:
 def _limits(max_pixels: int | None) -> AbstractContextManager[None]:
     if max_pixels is None:
         return nullcontext()
-    from cvtimg.images.opening import pixels_limited
+    from cvtimg.pictures.formats.opening import pixels_limited
 
     return pixels_limited(max_pixels)
 
@@ -239,7 +239,7 @@ def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[O
 
 def check_can_be_written(path: Path, overwrite: bool) -> None:
     """Fail now rather than after the work: begin to write, and do not go through with it."""
-    from cvtimg.files import whole_file, whole_folder
+    from cvtimg.files.whole import whole_file, whole_folder
 
     class EndOfTrialError(Exception):
         pass
@@ -252,7 +252,7 @@ def check_can_be_written(path: Path, overwrite: bool) -> None:
 @contextmanager
 def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
     """Make folders for outputs, and take away those into which nothing came; clear what a killed run left there."""
-    from cvtimg.files import remove_leftovers
+    from cvtimg.files.whole import remove_leftovers
 
     wanted = dict.fromkeys(path.parent for task in tasks for path in task.outputs.values())
     made: list[Path] = []

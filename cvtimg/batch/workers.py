@@ -15,8 +15,8 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import NoReturn
 
+from cvtimg._shared.messages import one_line
 from cvtimg.batch.tasks import Attempt, Outcome, Task
-from cvtimg.files import one_line
 
 __all__ = ["in_workers"]
 
@@ -130,7 +130,7 @@ def _interrupts_held() -> Iterator[None]:
 
 def _serve(pipe: Connection, attempt: Attempt, n_threads: int) -> None:
     """Do tasks until there are no more, or nobody asks."""
-    from cvtimg._threads import limit_threads
+    from cvtimg._shared.threads import limit_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop)  # so that files that are begun are taken away

@@ -1,1 +1,5 @@
-"""Palette files, a format a module: ``read(content)`` gives the colors in it, ``write(swatches)`` the bytes of one."""
+"""Palettes as files that other programs write and read."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.images.opening import UnfitContentError
+from cvtimg.pictures.formats.opening import UnfitContentError
 
 __all__ = ["Swatches", "as_palette", "hex_color", "lines_of", "with_named_alpha"]
 

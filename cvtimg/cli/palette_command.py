@@ -1,0 +1,140 @@
+"""``cvtimg palette``: the colors of pictures, and how much of each there is."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Option
+
+from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, find, run
+from cvtimg.cli import options
+from cvtimg.cli.batch_options import for_many
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+EXAMPLES = """Examples:
+
+\b
+  cvtimg palette photo.jpg -k 8
+  cvtimg palette sprite.png --save-palette sprite.hex
+  cvtimg palette photos/ --json
+"""
+DEFAULT_COLORS = 16
+
+_COUNT = options.whole_number(1, options.MAX_COLORS)
+Colors = Annotated[
+    int | None,
+    Option(
+        "--colors",
+        "-k",
+        metavar="N",
+        parser=_COUNT,
+        help=f"Colors to reduce pictures to; by default those that have more than 256 to {DEFAULT_COLORS}.",
+    ),
+]
+SavePalette = Annotated[Path | None, Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}.")]
+
+_MOST_OWN = 256
+
+
+@for_many
+def palette(
+    inputs: options.Pictures,
+    colors: Colors = None,
+    save_palette: SavePalette = None,
+    overwrite: options.Overwrite = False,
+    as_json: options.AsJson = False,
+    *,
+    running: Running,
+) -> None:
+    """Print the colors of pictures, and the share of the pixels that has each.
+
+    Of a picture that has at most 256 colors, or at most N, these are its own. Others are reduced first, as
+    cvtimg quantize does. The most frequent color comes first.
+    """
+    from cvtimg import find_images
+    from cvtimg.palettes.files import PALETTE_FORMATS
+
+    if save_palette:
+        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
+    sources, missing = find(inputs, find_images)
+    if save_palette and len(sources) + len(missing) > 1:
+        raise WrongUsageError(f"--save-palette is for one input, and these are {len(sources) + len(missing)}")
+    tasks = [Task(source, {"palette": save_palette} if save_palette else {}) for source in sources]
+    report = _Palettes((), as_json=as_json)
+
+    work = partial(_palette, n_colors=colors, overwrite=overwrite)
+    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite, running=running))
+
+
+def _palette(task: Task, *, n_colors: int | None, overwrite: bool) -> Row:
+    import numpy as np
+
+    from cvtimg import quantize, read_image, write_palette
+    from cvtimg.colors import color_samples
+    from cvtimg.colors.spaces import to_depth
+
+    image = read_image(task.source)
+    if image.ndim == 3 and image.shape[2] not in (3, 4):
+        raise ValueError(f"has {image.shape[2]} bands, which are no colors")
+    image = to_depth(image, np.dtype(np.uint8))
+    n_distinct = color_samples(image).n_colors
+    wanted = n_colors or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
+    result = quantize(image, wanted)
+    counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
+    order = np.argsort(-counts, kind="stable")
+    found, counts = result.palette[order], counts[order]
+    if "palette" in task.outputs:
+        write_palette(task.outputs["palette"], found, density=counts, overwrite=overwrite)
+    return {
+        "input": str(task.source),
+        "distinct_colors": n_distinct,
+        "k": len(found),
+        "colors": _entries(found, counts),
+    }
+
+
+def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
+    channels = {1: [0, 0, 0], 2: [0, 0, 0, 1]}.get(palette.shape[1], slice(None))
+    return [
+        {
+            "hex": f"#{color.tobytes().hex()}",
+            "rgb": color[:3].tolist(),
+            "share": count / counts.sum(),
+            "pixels": int(count),
+        }
+        for color, count in zip(palette[:, channels], counts, strict=True)
+    ]
+
+
+class _Palettes(Report):
+    """Prints the colors of each picture as it comes, as blocks of color on a terminal."""
+
+    def show(self, row: Row) -> None:
+        """Tell people of a picture."""
+        print(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
+        if sys.stdout.isatty():
+            _print_blocks(row["colors"])
+        else:
+            for color in row["colors"]:
+                print(f"{color['hex']}\t{color['share']:.6f}\t{color['pixels']}")
+
+
+def _print_blocks(colors: list[Row]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    largest = max(color["share"] for color in colors)
+    for color in colors:
+        rgb = color["hex"][:7]
+        bar = "█" * max(round(30 * color["share"] / largest), 1)
+        table.add_row(Text(" " * 8, style=f"on {rgb}"), color["hex"], f"{color['share']:7.2%}", Text(bar, style=rgb))
+    Console(highlight=False).print(table)

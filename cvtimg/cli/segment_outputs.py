@@ -1,0 +1,174 @@
+"""What ``cvtimg segment`` can write of a picture: which files, by which names, and how each is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cvtimg.batch import check_choice
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cvtimg.labels.contours import Contours
+    from cvtimg.pictures.files import ImageInfo
+
+_PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
+#: What can be written, and how its files may end; the first by default.
+KINDS = {
+    "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
+    "mean": _PICTURES,
+    "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
+    "overlay": _PICTURES,
+    "contours": (".svg", ".geojson"),
+    "table": (".csv",),
+    "coco": (".json",),
+}
+KIND_NAMES = ", ".join(KINDS)
+
+
+class Style(NamedTuple):
+    """How edges and contours are drawn."""
+
+    edge_mode: str
+    line_color: tuple[int, ...]
+    line_width: int
+    subpixel: bool
+    simplify: float
+
+
+def file_names(written: str, files: Mapping[str, Path | None]) -> dict[str, Path | str]:
+    """List outputs as KIND.SUFFIX: files that are named, or else the end of a name that is made of the input's.
+
+    `written` is the option ``--write``, `files` are the options that name one file, by kind.
+    """
+    names: dict[str, Path | str] = {}
+    for item in filter(None, (part.strip() for part in written.split(","))):
+        kind, dot, end = item.partition(".")
+        check_choice("--write", kind, KINDS)
+        suffix = dot + end.lower() if dot else KINDS[kind][0]
+        check_choice(f"--write {kind}", suffix, KINDS[kind])
+        names[kind + suffix] = f"-{kind}{suffix}"
+    for kind, path in files.items():
+        if path:
+            option = "-o" if kind == "labels" else f"--{kind}"
+            check_choice(option, path.suffix.lower(), KINDS[kind])
+            names[kind + path.suffix.lower()] = path
+    return names or {"labels.png": "-labels.png"}
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A segmented picture, and where it is from."""
+
+    source: Path
+    image: NDArray[Any]
+    labels: NDArray[Any]
+    header: ImageInfo
+    style: Style
+    overwrite: bool
+
+    @cached_property
+    def contours(self) -> Contours:
+        """The borders of the segments."""
+        from cvtimg import find_contours
+
+        image = self.image if self.style.subpixel else None
+        return find_contours(self.labels, image, tolerance=self.style.simplify)
+
+    def write(self, outputs: Mapping[str, Path]) -> None:
+        """Write what was asked for, by KIND.SUFFIX."""
+        for name, path in outputs.items():
+            _WRITERS[name.partition(".")[0]](self, path)
+
+
+def _write_labels(subject: Subject, path: Path) -> None:
+    from cvtimg.labels.files import write_labels
+
+    write_labels(path, subject.labels, overwrite=subject.overwrite)
+
+
+def _write_mean(subject: Subject, path: Path) -> None:
+    from cvtimg import write_image
+
+    write_image(path, _mean_picture(subject.image, subject.labels), overwrite=subject.overwrite)
+
+
+def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
+    """Give each pixel the mean of its segment, rounded to the type of the picture; what is masked is 0."""
+    import numpy as np
+
+    from cvtimg.labels import region_means
+
+    means = np.nan_to_num(region_means(labels, image))
+    colors = (np.rint(means) if image.dtype.kind == "u" else means).astype(image.dtype)
+    picture: NDArray[Any] = colors[labels].reshape(image.shape)
+    return picture
+
+
+def _write_edges(subject: Subject, path: Path) -> None:
+    from cvtimg import find_edges, write_image
+
+    edges = find_edges(subject.labels, mode=subject.style.edge_mode, ignore=0)
+    write_image(path, edges, overwrite=subject.overwrite)
+
+
+def _write_overlay(subject: Subject, path: Path) -> None:
+    from cvtimg import write_image
+    from cvtimg.plotting.sheets import draw_edges
+
+    style = subject.style
+    color, thickness = style.line_color, style.line_width
+    drawn = draw_edges(subject.image, subject.labels, color=color, thickness=thickness, ignore=0)
+    write_image(path, drawn, overwrite=subject.overwrite)
+
+
+def _write_contours(subject: Subject, path: Path) -> None:
+    import numpy as np
+
+    from cvtimg.labels import region_means
+    from cvtimg.labels.files import write_geojson, write_svg
+    from cvtimg.plotting.sheets import shown_colors
+
+    polygons, labels, overwrite = subject.contours.polygons, subject.labels, subject.overwrite
+    means = np.nan_to_num(region_means(labels, subject.image))
+    if path.suffix.lower() == ".svg":
+        colors = shown_colors(means, subject.image, labels, ignore=0)
+        write_svg(path, polygons, colors, size=labels.shape, overwrite=overwrite)
+        return
+    areas = np.bincount(labels.ravel()).tolist()
+    properties = {
+        label: {"area": area, "mean": mean}
+        for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
+    }
+    place = subject.header.geo_transform
+    transform = [place[:3], place[3:]] if place else None
+    epsg = subject.header.epsg if place else None
+    write_geojson(path, polygons, properties, transform=transform, epsg=epsg, overwrite=overwrite)
+
+
+def _write_table(subject: Subject, path: Path) -> None:
+    from cvtimg.labels import region_table
+    from cvtimg.labels.files import write_table
+
+    write_table(path, region_table(subject.labels, subject.image), overwrite=subject.overwrite)
+
+
+def _write_coco(subject: Subject, path: Path) -> None:
+    from cvtimg.labels.files import write_coco
+
+    write_coco(path, subject.labels, subject.source.name, overwrite=subject.overwrite)
+
+
+_WRITERS: dict[str, Callable[[Subject, Path], None]] = {
+    "labels": _write_labels,
+    "mean": _write_mean,
+    "edges": _write_edges,
+    "overlay": _write_overlay,
+    "contours": _write_contours,
+    "table": _write_table,
+    "coco": _write_coco,
+}

@@ -1,0 +1,105 @@
+"""Pictures too large for memory, by tiles: which they are, and their rows in the report."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from cvtimg.batch import Row, Task
+
+__all__ = ["check_fit", "goes_by_tiles", "quantize_by_tiles", "segment_by_tiles"]
+
+#: Pixels beyond which a picture is read by tiles, if its file and its output can be.
+_LARGE = 1 << 26
+
+
+def goes_by_tiles(source: Path, target: Path) -> bool:
+    """Whether a picture is to be read and written by tiles: if it is large, or a Zarr array."""
+    suffixes = {source.suffix.lower(), target.suffix.lower()}
+    if ".zarr" in suffixes:
+        return True
+    if not suffixes <= {".tif", ".tiff"}:
+        return False
+    from cvtimg.pictures.tiles import open_bands
+
+    try:
+        return open_bands(source).form.n_pixels > _LARGE
+    except OSError:  # the usual way will say why, or read it
+        return False
+
+
+def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) -> None:
+    """Refuse what cannot be by tiles: options that need the whole picture, and more pixels than were allowed.
+
+    There is no limit unless one is given: memory is bounded.
+    """
+    from cvtimg.pictures.tiles import open_bands
+
+    for option, value in unfit.items():
+        if value is not None and value is not False:
+            raise ValueError(f"is read by tiles, and {option} needs the whole picture in memory")
+    if max_pixels is not None and open_bands(source).form.n_pixels > max_pixels:
+        raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
+
+
+def quantize_by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
+    """Quantize a picture by tiles."""
+    from cvtimg import write_palette
+    from cvtimg.quantization import quantize_file
+
+    start = perf_counter()
+    result = quantize_file(task.source, task.outputs["picture"], overwrite=overwrite, **options)
+    if "palette" in task.outputs:
+        write_palette(task.outputs["palette"], result.palette, overwrite=overwrite)
+    tessellation = result.tessellation
+    return {
+        "input": str(task.source),
+        "output": str(task.outputs["picture"]),
+        "width": result.shape[1],
+        "height": result.shape[0],
+        "channels": result.palette.shape[1],
+        "distinct_colors": result.n_distinct,
+        "exact": result.exact,
+        "k": len(result.palette),
+        "energy": result.energy,
+        "mse": result.mse,
+        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
+        "n_iter": tessellation.n_iter if tessellation else 0,
+        "converged": tessellation.converged if tessellation else True,
+        "seconds": {"all": perf_counter() - start},
+    }
+
+
+def segment_by_tiles(task: Task, number: int, nodata: float | None, options: Mapping[str, Any]) -> Row:
+    """Segment a picture by tiles."""
+    from cvtimg.pictures import image_info
+    from cvtimg.pictures.formats.opening import pixels_limited
+    from cvtimg.segmentation import segment_file
+
+    start = perf_counter()
+    (target,) = task.outputs.values()
+    known: dict[str, Any] = {"nodata": nodata}
+    if task.source.suffix.lower() != ".zarr":
+        with pixels_limited(sys.maxsize):  # of a header there is no need to be afraid
+            header = image_info(task.source)
+        known = {"nodata": header.nodata if nodata is None else nodata, "has_alpha": header.has_alpha}
+    result = segment_file(task.source, target, number, **known, **options)
+    return {
+        "input": str(task.source),
+        "output": str(target),
+        "width": result.shape[1],
+        "height": result.shape[0],
+        "channels": result.generators.shape[1],
+        "left_out": result.shape[0] * result.shape[1] - int(result.masses.sum()),
+        "exact": result.exact,
+        "k": result.n_segments,
+        "edge_weight": result.edge_weight,
+        "energy": result.energy,
+        "n_iter": len(result.energies) - 1,
+        "converged": result.converged,
+        "seconds": {"all": perf_counter() - start},
+    }

@@ -1,0 +1,5 @@
+"""Colors as samples for the engine: color spaces, and the distinct colors of images."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

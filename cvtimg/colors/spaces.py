@@ -1,0 +1,202 @@
+"""Color spaces in which distances are measured, by name: pure functions from sRGB and back.
+
+Equal distances look about equally different in lab and oklab; in linear light means are those that blurring eyes and
+lenses make; rgb, the default, is what files hold and what squared error and PSNR measure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_choice
+
+_Floats = NDArray[np.float64]
+
+# Oklab, Björn Ottosson 2020, https://bottosson.github.io/posts/oklab/: linear sRGB to cone responses, and the cube
+# roots of these to lightness and two opponent channels.
+_TO_CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+# The opponent channels count twice: measured by CIEDE2000, plain ones let lightness weigh too much.
+_TO_OPPONENT = np.array([[1], [2], [2]]) * np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+_FROM_CONES, _FROM_OPPONENT = np.linalg.inv(_TO_CONES), np.linalg.inv(_TO_OPPONENT)
+
+
+def _decode(encoded: _Floats) -> _Floats:
+    """Undo the transfer curve of sRGB, IEC 61966-2-1."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def _encode(light: _Floats) -> _Floats:
+    """Apply the transfer curve of sRGB to what is within the gamut, and bring in what is not."""
+    inside = np.clip(light, 0, 1)
+    return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
+
+
+def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
+    # Not by BLAS, whose bits depend on the number of its threads.
+    transformed: _Floats = np.einsum("cd,nd->nc", matrix, colors)
+    return transformed
+
+
+def _to_lab(rgb: _Floats) -> _Floats:
+    from skimage.color import rgb2lab
+
+    lab: _Floats = rgb2lab(rgb)
+    return lab
+
+
+def _from_lab(lab: _Floats) -> _Floats:
+    from skimage.color import lab2xyz, xyz2rgb
+
+    lightness = np.maximum(lab[:, 0], 0)
+    # Beyond 200 / 116 times this there is less blue than none, of which scikit-image would warn.
+    yellow = np.minimum(lab[:, 2], 1.724 * (lightness + 16))
+    rgb: _Floats = xyz2rgb(np.maximum(lab2xyz(np.stack([lightness, lab[:, 1], yellow], axis=1)), 0))
+    return rgb
+
+
+def _to_oklab(rgb: _Floats) -> _Floats:
+    return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
+
+
+def _from_oklab(oklab: _Floats) -> _Floats:
+    return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
+
+
+def _unchanged(rgb: _Floats) -> _Floats:
+    return rgb
+
+
+@dataclass(frozen=True, slots=True)
+class ColorSpace:
+    """One color space.
+
+    Attributes
+    ----------
+    forward, backward : callable
+        From (N, 3) sRGB in 0..1 to the (N, 3) coordinates of the space, and back; what is out of the gamut may come
+        back a little outside of 0..1.
+    """
+
+    forward: Callable[[_Floats], _Floats]
+    backward: Callable[[_Floats], _Floats]
+
+
+#: The registry: names for `space` and ``--space``.
+SPACES: dict[str, ColorSpace] = {
+    "rgb": ColorSpace(_unchanged, _unchanged),
+    "linear": ColorSpace(_decode, _encode),
+    "lab": ColorSpace(_to_lab, _from_lab),
+    "oklab": ColorSpace(_to_oklab, _from_oklab),
+}
+
+
+def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
+    """Give colors their coordinates in a color space.
+
+    Parameters
+    ----------
+    colors : (N, C) array
+        uint8, uint16, or floating point in 0..1. C is 3 (sRGB) or 1 (grey); any other number only for "rgb".
+    space : {"rgb", "linear", "lab", "oklab"}
+        "rgb" leaves the colors as they are, in type and unit too.
+
+    Returns
+    -------
+    (N, C) array
+        Grey has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
+        point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
+        and twice its opponent channels.
+
+    Raises
+    ------
+    ValueError
+        If there is no such space, or C does not suit it, or floating point is not in 0..1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> to_space(np.array([[255, 0, 0]], np.uint8), "lab").round().tolist()
+    [[53.0, 80.0, 67.0]]
+    """
+    chosen = SPACES[check_choice("space", space, SPACES)]
+    if space == "rgb":
+        return colors
+    _check_channels(colors.shape[1], space)
+    unit = colors / peak(colors.dtype)
+    if colors.dtype.kind == "f" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
+        raise ValueError(f"space={space!r} needs floating point samples in 0..1, not in {unit.min()}..{unit.max()}")
+    places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
+    return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
+
+
+def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Bring places in a color space back to colors of a type, inside the gamut: the inverse of `to_space`.
+
+    Parameters
+    ----------
+    places : (N, C) array
+        As `to_space` gives them.
+    space : {"rgb", "linear", "lab", "oklab"}
+        Where they are. Floating point in "rgb" comes back as it is, whatever its range.
+    dtype : numpy.dtype
+        uint8, uint16 or floating point. Integers are rounded.
+
+    Returns
+    -------
+    (N, C) array
+        Of type `dtype`.
+    """
+    chosen = SPACES[check_choice("space", space, SPACES)]
+    n_channels = places.shape[1]
+    if space == "rgb":
+        colors = places
+    else:
+        _check_channels(n_channels, space)
+        # Grey has no opponent channels; linear grey has its light in all three.
+        full = places if n_channels == 3 else places * ([1, 1, 1] if space == "linear" else [1, 0, 0])
+        colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
+    if dtype.kind == "u":
+        colors = np.rint(np.clip(colors, 0, peak(dtype)))
+    return colors.astype(dtype)
+
+
+def peak(dtype: np.dtype[Any]) -> float:
+    """Return the value of white: 255, 65535, or 1 for floating point."""
+    return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
+
+
+def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
+    if colors.dtype == dtype:
+        return colors
+    unit: NDArray[Any] = colors / np.asarray(
+        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
+    )
+    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
+        raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
+    unit *= unit.dtype.type(peak(dtype))
+    if dtype.kind == "u":
+        np.rint(unit, out=unit)
+    return unit.astype(dtype, copy=False)
+
+
+def _check_channels(n_channels: int, space: str) -> None:
+    if n_channels not in (1, 3):
+        raise ValueError(f"space={space!r} needs colors of 1 or 3 channels, not {n_channels}")

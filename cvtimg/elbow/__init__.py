@@ -1,0 +1,5 @@
+"""The energy elbow: how many generators are worth their number."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Centroidal Voronoi tessellations of weighted samples: the engine that everything else in cvtimg stands on."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

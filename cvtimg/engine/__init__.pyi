@@ -1,0 +1,22 @@
+from .methods import METHODS, Callback, Conditions, Iteration, Method, Probabilistic, Stopping, Watch
+from .samples import WeightedSamples
+from .search import EFFORTS, Effort
+from .seeding import SEEDINGS
+from .tessellation import Tessellation, tessellate
+
+__all__ = [
+    "EFFORTS",
+    "METHODS",
+    "SEEDINGS",
+    "Callback",
+    "Conditions",
+    "Effort",
+    "Iteration",
+    "Method",
+    "Probabilistic",
+    "Stopping",
+    "Tessellation",
+    "Watch",
+    "WeightedSamples",
+    "tessellate",
+]

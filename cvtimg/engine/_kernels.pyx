@@ -1,0 +1,453 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops: one pass each, over buffers that the caller owns.
+
+Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
+Each argument is marked IN, OUT or INOUT. Points are packed in tiles of LANES points, (n_tiles, D, LANES), the
+last tile padded with points of density 0.
+"""
+import os
+
+cimport cython
+from libc.math cimport pow
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
+
+cdef extern from "nearest.h" nogil:
+    enum: LANES, FEW_DIMS, TILES_IN_GROUP
+    ctypedef void nearest_function(
+        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+        int32_t *nearest)
+    ctypedef void two_function(
+        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+        int32_t *nearest, int32_t *second, float *gap)
+    ctypedef void group_function(
+        const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
+        const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
+    ctypedef void sum_function(
+        const float *tile, int dims, const double *density, const int32_t *labels, double *sums)
+    nearest_function *nearest_by_level[3]
+    two_function *two_by_level[3]
+    group_function *group_by_level[3]
+    sum_function *sum_by_level[3]
+    int supported_simd_level()
+
+SIMD_LEVELS = ("baseline", "avx2", "avx512")
+TILE = LANES
+MAX_GROUPED_DIMS = FEW_DIMS
+
+ctypedef fused sample_t:
+    uint8_t
+    uint16_t
+    float
+    double
+
+
+def _simd_level():
+    """The processor's best level, or the lower one that the environment variable CVTIMG_SIMD names."""
+    wanted = os.environ.get("CVTIMG_SIMD", "avx512")
+    if wanted not in SIMD_LEVELS:
+        raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
+    return min(supported_simd_level(), SIMD_LEVELS.index(wanted))
+
+
+cdef int level = _simd_level()
+simd = SIMD_LEVELS[level]
+
+
+def pack_tiles(
+    const sample_t[:, ::1] rows,  # IN (N, D)
+    const double[::1] center,     # IN (D,)
+    double scale,                 # IN
+    Py_ssize_t first,             # IN: which tile of all the first of `tiles` is
+    float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
+):
+    cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
+    cdef Py_ssize_t t, d, i
+    with nogil:
+        for t in range(n_tiles):
+            for d in range(dims):
+                for i in range(LANES):
+                    tiles[t, d, i] = <float>((rows[min((first + t) * LANES + i, n - 1), d] - center[d]) * scale)
+
+
+def assign(
+    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const float[:, ::1] generators,     # IN (K, D)
+    const float[::1] half_norms,        # IN (K,): |generator|^2 / 2
+    int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator, the lowest index on a tie
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef nearest_function *nearest = nearest_by_level[level]
+    with nogil:
+        for t in range(n_tiles):
+            nearest(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+
+
+def assign_grouped(
+    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES), D <= MAX_GROUPED_DIMS
+    const float[:, :, ::1] boxes,       # IN (n_tiles, 2, D): least and greatest coordinates of each tile
+    const float[:, ::1] columns,        # IN (D, width): generators, filled up with 1e18 to a multiple of LANES
+    const float[:, ::1] generators,     # IN (K, D)
+    const float[::1] half_norms,        # IN (K,)
+    int32_t[::1] labels,                # OUT (n_tiles * LANES,)
+):
+    """Assign as `assign` does, faster where the points of a tile are near each other."""
+    cdef Py_ssize_t n_tiles = tiles.shape[0], width = columns.shape[1], t
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef group_function *nearest = group_by_level[level]
+    with nogil:
+        t = 0
+        while t < n_tiles:
+            nearest(
+                &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
+                &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+            t += TILES_IN_GROUP
+
+
+def assign_two(
+    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const float[:, ::1] generators,     # IN (K, D), K >= 2
+    const float[::1] half_norms,        # IN (K,)
+    int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator
+    int32_t[::1] seconds,               # OUT (n_tiles * LANES,): second nearest
+    float[::1] gaps,                    # OUT (n_tiles * LANES,): how much farther that is, in squared distance
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef two_function *nearest_two = two_by_level[level]
+    with nogil:
+        for t in range(n_tiles):
+            at = t * LANES
+            nearest_two(
+                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
+                &gaps[at])
+
+
+def accumulate(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    const int32_t[::1] labels,      # IN (n_tiles * LANES,)
+    double[:, ::1] sums,            # INOUT (K, D + 1): += density times (point, 1), by label
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    cdef int dims = tiles.shape[1]
+    cdef sum_function *add_tile = sum_by_level[level]
+    with nogil:
+        for t in range(n_tiles):
+            add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+
+
+def move_often(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    double[:, ::1] generators,      # INOUT (K, D): moved to the means of their cells, once less than there are energies
+    double[:, ::1] sums,            # OUT (K, D + 1): density times (point, 1) of the last cells
+    float[:, ::1] single,           # OUT (K, D): the generators
+    float[::1] half_norms,          # OUT (K,): |generator|^2 / 2
+    int32_t[::1] labels,            # OUT (n_tiles * LANES,): the last cells
+    double[::1] energies,           # OUT (n_moves + 1,): before each move and at the end, less the points' spread
+):
+    """Make so many moves of Lloyd's method; a generator whose cell is empty stays. For points that are few."""
+    cdef Py_ssize_t n_tiles = tiles.shape[0], n_energies = energies.shape[0], n, t, k, d
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef nearest_function *nearest = nearest_by_level[level]
+    cdef sum_function *add_tile = sum_by_level[level]
+    cdef double norm, cross, total
+    with nogil:
+        for n in range(n_energies):
+            for k in range(n_generators):
+                if n > 0 and sums[k, dims] > 0:
+                    for d in range(dims):
+                        generators[k, d] = sums[k, d] / sums[k, dims]
+                norm = 0
+                for d in range(dims):
+                    single[k, d] = <float>generators[k, d]
+                    norm = norm + <double>single[k, d] * single[k, d]
+                half_norms[k] = <float>(0.5 * norm)
+            sums[:, :] = 0
+            for t in range(n_tiles):
+                nearest(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+                add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+            total = 0
+            for k in range(n_generators):
+                norm = cross = 0
+                for d in range(dims):
+                    norm = norm + generators[k, d] * generators[k, d]
+                    cross = cross + generators[k, d] * sums[k, d]
+                total = total + sums[k, dims] * norm - 2 * cross
+            energies[n] = total
+
+
+def measure(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    const double[:, ::1] generators,  # IN (K, D)
+    const int32_t[::1] labels,      # IN (n_tiles * LANES,)
+    double[::1] energies,           # INOUT (K,): += density times squared distance to the own generator
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
+    cdef int32_t label
+    cdef double total, step
+    with nogil:
+        for t in range(n_tiles):
+            for i in range(LANES):
+                label = labels[t * LANES + i]
+                total = 0
+                for d in range(dims):
+                    step = tiles[t, d, i] - generators[label, d]
+                    total = total + step * step
+                energies[label] += density[t * LANES + i] * total
+
+
+cdef inline double cell_weight(double share, double power) noexcept nogil:
+    if power == 0:
+        return 1
+    if power == 1:
+        return share
+    if power == 2:
+        return share * share
+    return pow(share, power)
+
+
+def transfer(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    int32_t[::1] labels,            # INOUT (n_tiles * LANES,)
+    double[::1] masses,             # INOUT (K,), positive
+    double[:, ::1] means,           # INOUT (D, K)
+    double[::1] energies,           # INOUT (K,): of each cell about its mean
+    double[::1] squares,            # OUT (K,): scratch
+    Py_ssize_t n_locked,            # IN: the means of the first cells stay in place
+    double power,                   # IN: a cell counts by its share of the mass to this power
+    double total,                   # IN: mass of all cells
+):
+    """Move each point to the cell where the weighted energy is least, one after the other; return how many moved."""
+    cdef Py_ssize_t n_points = density.shape[0], dims = tiles.shape[1], n_cells = masses.shape[0]
+    cdef Py_ssize_t p, d, k, own, best, n_moved = 0
+    cdef double mass, step, before, after, change, gain, least, own_change
+    with nogil:
+        for p in range(n_points):
+            mass = density[p]
+            own = labels[p]
+            if mass == 0 or masses[own] <= mass:
+                continue  # the last point of a cell stays: there are as many cells as asked for
+            for k in range(n_cells):
+                squares[k] = 0
+            for d in range(dims):
+                for k in range(n_cells):
+                    step = tiles[p // LANES, d, p % LANES] - means[d, k]
+                    squares[k] += step * step
+            before = cell_weight(masses[own] / total, power)
+            after = cell_weight((masses[own] - mass) / total, power)
+            own_change = mass * squares[own]
+            if own >= n_locked:
+                own_change *= masses[own] / (masses[own] - mass)
+            gain = after * own_change + (before - after) * energies[own]
+            least = gain * (1 - 1e-12)  # less is rounding, and might go round in circles
+            best = own
+            for k in range(n_cells):
+                change = mass * squares[k]
+                if k >= n_locked:
+                    change *= masses[k] / (masses[k] + mass)
+                if power != 0:
+                    before = cell_weight(masses[k] / total, power)
+                    after = cell_weight((masses[k] + mass) / total, power)
+                    change = after * change + (after - before) * energies[k]
+                if change < least and k != own:
+                    least = change
+                    best = k
+            if best == own:
+                continue
+            n_moved += 1
+            labels[p] = <int32_t>best
+            energies[own] -= own_change
+            change = mass * squares[best]
+            if best >= n_locked:
+                change *= masses[best] / (masses[best] + mass)
+            energies[best] += change
+            for d in range(dims):
+                if own >= n_locked:
+                    means[d, own] -= (tiles[p // LANES, d, p % LANES] - means[d, own]) * mass / (masses[own] - mass)
+                if best >= n_locked:
+                    means[d, best] += (tiles[p // LANES, d, p % LANES] - means[d, best]) * mass / (masses[best] + mass)
+            masses[own] -= mass
+            masses[best] += mass
+    return n_moved
+
+
+def squared_distances(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const float[::1] generator,     # IN (D,)
+    const float[::1] bound,         # IN (n_tiles * LANES,)
+    float[::1] distances,           # OUT (n_tiles * LANES,): the lesser of bound and squared distance; may be bound
+):
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
+    cdef float total[LANES]
+    cdef float step
+    with nogil:
+        for t in range(n_tiles):
+            for i in range(LANES):
+                total[i] = 0
+            for d in range(dims):
+                for i in range(LANES):
+                    step = tiles[t, d, i] - generator[d]
+                    total[i] += step * step
+            for i in range(LANES):
+                distances[t * LANES + i] = min(total[i], bound[t * LANES + i])
+
+
+def divide_cells(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const double[::1] density,      # IN (n_tiles * LANES,)
+    int32_t[::1] labels,            # INOUT (n_tiles * LANES,): points above the plane of their cell get its child
+    const int32_t[::1] children,    # IN (K,): the child of each cell that is divided, -1 for the others
+    const double[:, ::1] axes,      # IN (K, D): normals of the planes
+    const double[::1] offsets,      # IN (K,): above the plane is axis . point >= offset
+    int64_t[::1] counts,            # INOUT (K,): += points of positive density that came to each child
+    double[:, :, ::1] moments,      # INOUT (K, D + 1, D + 1): += density times (1, point)^T (1, point), lower half
+):
+    cdef Py_ssize_t n_points = density.shape[0], dims = tiles.shape[1], p, d, e, t, i
+    cdef int32_t cell, child
+    cdef double height, weight, product
+    cdef double *moment
+    with nogil:
+        for p in range(n_points):
+            cell = labels[p]
+            child = children[cell]
+            if child < 0 or density[p] == 0:
+                continue
+            t = p // LANES
+            i = p % LANES
+            height = 0
+            for d in range(dims):
+                height = height + axes[cell, d] * tiles[t, d, i]
+            if height < offsets[cell]:
+                continue
+            labels[p] = child
+            counts[child] += 1
+            weight = density[p]
+            moment = &moments[child, 0, 0]
+            moment[0] += weight
+            for d in range(dims):
+                product = weight * tiles[t, d, i]
+                moment[(d + 1) * (dims + 1)] += product
+                for e in range(d + 1):
+                    moment[(d + 1) * (dims + 1) + e + 1] += product * tiles[t, e, i]
+
+
+def draw_means(
+    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const int64_t[::1] drawn,       # IN (n,): points, in the order in which they were drawn
+    double[:, ::1] means,           # INOUT (D, K)
+    double[::1] counts,             # INOUT (K,): points that each mean is the mean of
+    double[::1] squares,            # OUT (K,): scratch
+    Py_ssize_t n_locked,            # IN: the first means stay in place
+):
+    """Add one point after the other to the mean that is nearest to it by then, the first one on a tie."""
+    cdef Py_ssize_t n_drawn = drawn.shape[0], dims = tiles.shape[1], n_cells = counts.shape[0], n, d, k, t, i, nearest
+    cdef double step, least
+    with nogil:
+        for n in range(n_drawn):
+            t = drawn[n] // LANES
+            i = drawn[n] % LANES
+            for k in range(n_cells):
+                squares[k] = 0
+            for d in range(dims):
+                for k in range(n_cells):
+                    step = tiles[t, d, i] - means[d, k]
+                    squares[k] += step * step
+            least = squares[0]
+            for k in range(1, n_cells):
+                least = min(least, squares[k])
+            nearest = 0
+            while squares[nearest] != least:
+                nearest += 1
+            if nearest < n_locked:
+                continue
+            for d in range(dims):
+                means[d, nearest] = (counts[nearest] * means[d, nearest] + tiles[t, d, i]) / (counts[nearest] + 1)
+            counts[nearest] += 1
+
+
+cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, Py_ssize_t end) noexcept nogil:
+    """Energy about their mean of levels first..end-1, from the sums over those before each."""
+    cdef double mass = moments[end, 0] - moments[first, 0]
+    cdef double sum_ = moments[end, 1] - moments[first, 1]
+    return max(moments[end, 2] - moments[first, 2] - sum_ * sum_ / mass, 0)
+
+
+cdef inline double through(
+    const double[:, ::1] moments, const double[::1] costs, Py_ssize_t first, Py_ssize_t end
+) noexcept nogil:
+    """Cost of levels 0..end-1 if their last cell begins at `first`, but for the price of that cell."""
+    return costs[first] + cell_energy(moments, first, end)
+
+
+cdef inline Py_ssize_t takes_over(
+    const double[:, ::1] moments, const double[::1] costs, Py_ssize_t older, Py_ssize_t newer, Py_ssize_t worse
+) noexcept nogil:
+    """First end from which a last cell better begins at `newer`, given that at `worse` it does not; or M + 1."""
+    # The place is near: steps that double find it sooner than halving all that is left.
+    cdef Py_ssize_t n = moments.shape[0] - 1, stride = 1, better = n + 1, middle
+    while worse + stride <= n:
+        if through(moments, costs, newer, worse + stride) < through(moments, costs, older, worse + stride):
+            better = worse + stride
+            break
+        worse += stride
+        stride *= 2
+    while better - worse > 1:
+        middle = (worse + better) // 2
+        if through(moments, costs, newer, middle) < through(moments, costs, older, middle):
+            better = middle
+        else:
+            worse = middle
+    return better
+
+
+def cut_levels(
+    const double[:, ::1] moments,   # IN (M + 1, 3): sums of density > 0 times (1, y, y^2) over the levels before each
+    double price,                   # IN: of a cell
+    double[::1] costs,              # OUT (M + 1,): least sum of energies and prices for the levels before each
+    int32_t[::1] firsts,            # OUT (M + 1,): where the last of their cells begins
+    int32_t[::1] queue,             # OUT (M + 1,): scratch; beginnings of a last cell that are still to serve
+    int32_t[::1] since,             # OUT (M + 1,): scratch; the end from which each of these is best
+    int32_t[::1] bounds,            # OUT (M + 1,): where each cell begins, and M
+):
+    """Cut sorted levels into cells at the least sum of energies and prices; return the number of cells."""
+    # A later beginning that is better for some end is better for all ends after that. So those that will ever be
+    # best stand in a queue, and a new one takes the ends behind some place from those before it.
+    cdef Py_ssize_t n = moments.shape[0] - 1, head = 0, last = 0, end, start, n_cells = 0
+    with nogil:
+        costs[0] = 0
+        queue[0] = 0
+        since[0] = 1
+        for end in range(1, n + 1):
+            while head < last and since[head + 1] <= end:
+                head += 1
+            firsts[end] = queue[head]
+            costs[end] = through(moments, costs, queue[head], end) + price
+            if end == n:
+                break
+            while True:
+                if last < head:
+                    start = end + 1
+                    break
+                start = max(<Py_ssize_t>since[last], end + 1)
+                if through(moments, costs, end, start) >= through(moments, costs, queue[last], start):
+                    start = takes_over(moments, costs, queue[last], end, start)
+                    break
+                last -= 1
+            if start <= n:
+                last += 1
+                queue[last] = <int32_t>end
+                since[last] = <int32_t>start
+        # From the end to the beginning, and then turned around.
+        start = n
+        while start > 0:
+            bounds[n_cells] = <int32_t>start
+            start = firsts[start]
+            n_cells += 1
+        bounds[n_cells] = 0
+        for start in range((n_cells + 1) // 2):
+            bounds[start], bounds[n_cells - start] = bounds[n_cells - start], bounds[start]
+    return n_cells

@@ -1,0 +1,128 @@
+"""Generators of every number from 1 to K, each found from those of one more or one less.
+
+A solution of k generators is nearly one of k + 1, with its worst cell divided, and of k - 1, without the generator
+that is missed least. So a few searches from scratch, at numbers that double, serve all numbers between them: upwards
+by dividing and downwards by taking away. All of this goes over fewer points; the last moves alone are on all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+
+from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
+from cvtimg.engine.methods.breathing import add, breathe, remove
+from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds
+from cvtimg.engine.methods.transfer import weighted_energy
+from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
+from cvtimg.engine.search import Effort, fewer_points, search
+from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
+
+#: The chain goes over so many points at least for each generator and in all.
+_POINTS_PER_GENERATOR = 36
+_ENOUGH_POINTS = 1 << 11
+#: From one number of generators to the next little moves.
+_LINK = Stopping(tolerance=2e-3, max_iterations=8)
+_FRESH = Stopping(tolerance=1e-3, max_iterations=100)
+#: On all points, where fewer have shown the way.
+_LAST = Stopping(tolerance=0, max_iterations=1)
+#: Energies below this part of that about the origin are summed point by point.
+_SMALL = 1e-7
+#: Shares of the generators that come and go at first and at last, where a search begins from scratch.
+_BREATHS = (1 / 6, 1 / 16)
+
+
+def chain(
+    points: Points, n_max: int, method: Method, conditions: Conditions, effort: Effort | None = None
+) -> list[Iteration]:
+    """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
+
+    The last energy of each end never rises from one to the next. With an effort each number is searched by itself
+    too, and the better end kept.
+    """
+    ends: list[Iteration] = []
+    for found in _over_fewer(points, n_max, method, conditions):
+        end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)
+        if effort is not None:
+            alone = _measured(points, _alone(points, len(found.generators), method, conditions, effort), conditions)
+            end = min(end, alone, key=lambda some: some.energies[-1])
+        if ends and end.energies[-1] > ends[-1].energies[-1]:
+            end = _divided(points, ends[-1], method, conditions)
+        ends.append(end)
+        if end.energies[-1] == 0 or conditions.watch.stopped:
+            break
+    return ends
+
+
+def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
+    fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_max, _ENOUGH_POINTS), conditions.rng)
+    if method is lloyd:
+        method = lloyd_in_rounds
+    links = _links(fewer, n_max, method, conditions)
+    if fewer is points or len(links) == n_max or conditions.watch.stopped:
+        return links
+    return _links(points, n_max, method, conditions)  # among fewer points rare samples can be lost
+
+
+def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
+    """Go up and down between searches from scratch, then once more over all; of each number keep the best."""
+    best: dict[int, Iteration] = {}
+
+    def offer(end: Iteration) -> None:
+        n_generators = len(end.generators)
+        if n_generators not in best or end.energies[-1] < best[n_generators].energies[-1]:
+            best[n_generators] = end
+
+    def follow(numbers: Iterable[int], step: int) -> None:
+        for number in numbers:
+            if number not in best:
+                return
+            move = add if step > 0 else remove
+            offer(method(points, move(points, best[number].generators, 1, 0), conditions.until(_LINK)))
+
+    numbers = sorted({*(1 << power for power in range(n_max.bit_length())), n_max})
+    for number in numbers:
+        try:
+            offer(_fresh(points, number, method, conditions))
+        except TooFewSamplesError:
+            break  # steps upwards will come to the last that there is
+        if conditions.watch.stopped:
+            break
+    for few, many in [*pairwise(numbers), (1, n_max)]:
+        follow(range(few, many), 1)
+        follow(range(many, few, -1), -1)
+    return [best[number] for number in range(1, n_max + 1) if number in best]
+
+
+def _fresh(points: Points, n_generators: int, method: Method, conditions: Conditions) -> Iteration:
+    start = split(points, n_generators, conditions.rng)
+    largest, least = (max(1, int(share * n_generators)) for share in _BREATHS)
+    return breathe(points, start, method, conditions.until(_FRESH), largest, least)
+
+
+def _alone(points: Points, n_generators: int, method: Method, conditions: Conditions, effort: Effort) -> Iteration:
+    none = np.empty((0, points.n_dims))
+    start = search(points, none, n_generators, "split", method, effort, conditions)
+    return method(points, start, conditions.until(effort.stopping))
+
+
+def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
+    """Sum the energy of the cells point by point where it is small, and the moments of the cells lose digits."""
+    if end.energies and end.energies[-1] > _SMALL * points.spread:
+        return end
+    labels = assign(points, end.generators) if end.labels is None else end.labels
+    masses, _ = cell_moments(points, labels, len(end.generators))
+    parts = cell_energies(points, end.generators, labels)
+    energy = weighted_energy(masses, parts, conditions.volume_power)
+    return Iteration(end.generators, [energy], end.converged, end.labels)
+
+
+def _divided(points: Points, end: Iteration, method: Method, conditions: Conditions) -> Iteration:
+    """Divide the worst cell of an end, which lowers the energy whatever the method then does."""
+    labels = assign(points, end.generators) if end.labels is None else end.labels
+    generators, labels = divide_worst(points, end.generators, labels)
+    divided = _measured(points, Iteration(generators, [], False, labels), conditions)
+    moved = _measured(points, method(points, generators, conditions.until(_LAST)), conditions)
+    return min(moved, divided, key=lambda some: some.energies[-1])

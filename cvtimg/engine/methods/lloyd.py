@@ -1,0 +1,55 @@
+"""Lloyd's method: move every generator to the center of mass of its cell, and again.
+
+S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine import _kernels
+from cvtimg.engine.methods._iteration import Conditions, Iteration
+from cvtimg.engine.points import Points, assign, cell_moments, energy
+from cvtimg.engine.seeding import refill
+
+#: Moves in a round of `lloyd_in_rounds`.
+_MOVES = 4
+
+
+def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    """Iterate until the energy rests. It never rises, but for the rounding of distances to float32."""
+    energies: list[float] = []
+    locked = np.arange(len(generators)) < conditions.n_locked
+    while True:
+        labels = assign(points, generators)
+        masses, sums = cell_moments(points, labels, len(generators))
+        energies.append(energy(points, generators, masses, sums))
+        if conditions.ended(energies):
+            return Iteration(generators, energies, conditions.stopping.converged(energies))
+        free = ~locked & (masses > 0)
+        generators = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
+        empty = ~locked & (masses == 0)
+        if empty.any():
+            generators = refill(points, generators, labels, free, empty)
+
+
+def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    """Iterate as `lloyd` does, asking whether to stop after every few moves alone, and with no generator locked.
+
+    For points so few that a pass over them takes less time than to call for it.
+    """
+    n_generators, n_dims = generators.shape
+    moved = generators.copy()
+    sums, single = np.empty((n_generators, n_dims + 1)), np.empty((n_generators, n_dims), np.float32)
+    half_norms, labels = np.empty(n_generators, np.float32), np.empty(len(points.density), np.int32)
+    energies: list[float] = []
+    while True:
+        some = np.empty(_MOVES + 1)
+        _kernels.move_often(points.tiles, points.density, moved, sums, single, half_norms, labels, some)
+        if not sums[:, -1].all():
+            return lloyd(points, moved, conditions)  # which refills empty cells
+        measured = np.maximum(points.spread + some, 0.0).tolist()
+        energies += measured[1:] if energies else measured
+        if conditions.ended(energies):
+            return Iteration(moved, energies, conditions.stopping.converged(energies))

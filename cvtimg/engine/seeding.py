@@ -1,0 +1,223 @@
+"""Initial generators, by name.
+
+`split` is the default: deterministic, fast, and nearer to the optimum after Lloyd's iteration than the others on
+photographs. The registry `SEEDINGS` is where the names for `init` and ``--init`` come from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine import _kernels
+from cvtimg.engine.points import Points, cell_energies, cell_moments
+
+#: From points, the number of generators and a random generator to (K, D) initial generators, centered as the points.
+Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cells:
+    """Room for K cells: points of positive density in each, and the moments of `_kernels.divide_cells`."""
+
+    counts: NDArray[np.int64]
+    moments: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, n_cells: int, n_dims: int) -> _Cells:
+        return cls(np.zeros(n_cells, np.int64), np.zeros((n_cells, n_dims + 1, n_dims + 1)))
+
+    @property
+    def means(self) -> NDArray[np.float64]:
+        """(K, D) centers of mass, 0 where there is none."""
+        masses, sums = self.moments[:, :1, 0], self.moments[:, 1:, 0]
+        return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0)
+
+    @property
+    def energies(self) -> NDArray[np.float64]:
+        """(K,) sum of density times squared distance to the mean; 0 for less than two points."""
+        about_origin = np.einsum("kdd->k", self.moments[:, 1:, 1:])
+        energies = about_origin - np.einsum("kd,kd->k", self.moments[:, 1:, 0], self.means)
+        return np.where(self.counts > 1, np.maximum(energies, 0), 0)
+
+    def main_axes(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n, D) direction of greatest variance in some cells, and (n,) that variance."""
+        moments, means = self.moments[cells], self.means[cells]
+        masses = moments[:, 0, 0, None, None]
+        # Only the lower triangle is there, and only that is read.
+        covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
+        variances, axes = np.linalg.eigh(covariances, UPLO="L")
+        return axes[:, :, -1], np.maximum(variances[:, -1], 0)
+
+
+def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Divide the cells of greatest energy at their mean, across their main axis, until there are enough.
+
+    Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
+    (1991), doi 10.1109/78.107417. All cells of more than half the greatest energy are divided in one pass.
+    """
+    cells = _Cells.empty(n_generators, points.n_dims)
+    labels = np.zeros(len(points.density), np.int32)
+    _gather(points, labels, np.zeros(1, np.intp), cells)
+    divisible = np.ones(n_generators, bool)
+    while (vacant := np.flatnonzero(cells.counts == 0)).size:
+        energies = np.where(divisible, cells.energies, 0)
+        large = np.argsort(-energies, kind="stable")[: vacant.size]
+        large = large[energies[large] > energies[large[0]] / 2]
+        if not large.size:
+            raise TooFewSamplesError(n_generators, n_generators - vacant.size)
+        children = vacant[: large.size]
+        _divide(points, labels, large, children, cells)
+        # Points that only rounding tells apart may all lie on one side.
+        divided = (cells.counts[large] > 0) & (cells.counts[children] > 0)
+        divisible[large] = divisible[children] = divided
+    return cells.means
+
+
+def halves(
+    points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], n_cells: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, D) means, nearly, of the two halves of some cells; the same twice where a cell is a single point."""
+    cells = _Cells.empty(n_cells, points.n_dims)
+    _gather(points, labels, chosen, cells)
+    means = cells.means[chosen]
+    full = np.flatnonzero(cells.counts[chosen])
+    axes, variances = cells.main_axes(chosen[full])
+    steps = np.zeros_like(means)
+    # Half of a normal distribution has its mean so far from the middle.
+    steps[full] = axes * np.sqrt(2 / np.pi * variances)[:, None]
+    return means - steps, means + steps
+
+
+def refill(
+    points: Points,
+    generators: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    free: NDArray[np.bool_],
+    empty: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
+    energies = np.where(free, cell_energies(points, generators, labels), 0)
+    n_divided = min(np.count_nonzero(empty), np.count_nonzero(energies))
+    worst = np.argsort(-energies, kind="stable")[:n_divided]
+    refilled = generators.copy()
+    refilled[worst], refilled[np.flatnonzero(empty)[:n_divided]] = halves(points, labels, worst, len(generators))
+    return refilled
+
+
+def divide_worst(
+    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """(K + 1, D) means and labels of the points after the cell of greatest energy was divided across its main axis."""
+    worst = np.argsort(cell_energies(points, generators, labels))[-1:]
+    lower, upper = halves(points, labels, worst, len(generators))
+    members = np.flatnonzero((labels == worst) & (points.density > 0))
+    above = (points.rows(members) - (lower + upper) / 2) @ (upper - lower)[0] > 0
+    divided = labels.copy()
+    divided[members[above]] = len(generators)
+    masses, sums = cell_moments(points, divided, len(generators) + 1)
+    means = np.concatenate([generators, upper])
+    return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
+
+
+def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw points in proportion to their energy; of several draws keep the one that leaves least energy.
+
+    D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws each time.
+    """
+    n_draws = 2 + int(np.log(n_generators))
+    chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
+    nearest = _distances(points, chosen[0], np.full(len(points.density), np.inf, np.float32))
+    while len(chosen) < n_generators:
+        cumulative = np.cumsum(points.density * nearest)
+        if cumulative[-1] == 0:
+            raise TooFewSamplesError(n_generators, len(chosen))
+        draws = np.searchsorted(cumulative, cumulative[-1] * rng.random(n_draws), side="right")
+        candidates = [_distances(points, draw, nearest) for draw in draws]
+        best = int(np.argmin([np.einsum("n,n->", points.density, distances) for distances in candidates]))
+        nearest = candidates[best]
+        chosen.append(draws[best])
+    return points.rows(np.array(chosen))
+
+
+def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Take the point nearest to the mean, then always the point farthest from those taken.
+
+    Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985),
+    doi 10.1016/0304-3975(85)90224-5.
+    """
+    weighted = points.density > 0
+    from_mean = _distances_to(points, np.zeros(points.n_dims, np.float32), np.full(len(weighted), np.inf, np.float32))
+    chosen = [int(np.argmin(np.where(weighted, from_mean, np.inf)))]
+    nearest = np.where(weighted, np.inf, 0).astype(np.float32)
+    while len(chosen) < n_generators:
+        nearest = _distances(points, chosen[-1], nearest)
+        chosen.append(int(np.argmax(nearest)))
+        if nearest[chosen[-1]] == 0:
+            raise TooFewSamplesError(n_generators, len(chosen) - 1)
+    return points.rows(np.array(chosen))
+
+
+def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw points by density, without repetition."""
+    n_weighted = int(np.count_nonzero(points.density))
+    if n_weighted < n_generators:
+        raise TooFewSamplesError(n_generators, n_weighted)
+    share = points.density / points.density.sum()
+    return points.rows(rng.choice(len(share), n_generators, replace=False, p=share))
+
+
+SEEDINGS: dict[str, Seeding] = {
+    "split": split,
+    "k-means++": kmeans_plus_plus,
+    "maximin": maximin,
+    "random": random,
+}
+
+
+class TooFewSamplesError(ValueError):
+    """More generators were asked for than there are distinct samples of positive density."""
+
+    def __init__(self, n_generators: int, n_distinct: int) -> None:
+        super().__init__(f"n_generators={n_generators} must be in 1..{n_distinct}, the number of distinct samples")
+
+
+def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], cells: _Cells) -> None:
+    """Count the points of some cells and sum their moments: division by a plane that leaves nothing below."""
+    children = np.full(len(cells.counts), -1, np.int32)
+    children[chosen] = chosen
+    axes = np.zeros((len(children), points.n_dims))
+    offsets = np.zeros(len(children))
+    _kernels.divide_cells(points.tiles, points.density, labels, children, axes, offsets, cells.counts, cells.moments)
+
+
+def _divide(
+    points: Points,
+    labels: NDArray[np.int32],
+    chosen: NDArray[np.intp],
+    children: NDArray[np.intp],
+    cells: _Cells,
+) -> None:
+    """Move what is above the middle of some cells to their children."""
+    axes = np.zeros((len(cells.counts), points.n_dims))
+    axes[chosen], _ = cells.main_axes(chosen)
+    offsets = np.einsum("kd,kd->k", axes, cells.means)
+    child_of = np.full(len(cells.counts), -1, np.int32)
+    child_of[chosen] = children
+    _kernels.divide_cells(points.tiles, points.density, labels, child_of, axes, offsets, cells.counts, cells.moments)
+    cells.counts[chosen] -= cells.counts[children]
+    cells.moments[chosen] -= cells.moments[children]
+
+
+def _distances(points: Points, member: int, bound: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Squared distances to a point, or `bound` where that is less."""
+    return _distances_to(points, points.tiles[member // _kernels.TILE, :, member % _kernels.TILE].copy(), bound)
+
+
+def _distances_to(points: Points, place: NDArray[np.float32], bound: NDArray[np.float32]) -> NDArray[np.float32]:
+    distances = np.empty_like(bound)
+    _kernels.squared_distances(points.tiles, place, bound, distances)
+    return distances

@@ -1,0 +1,151 @@
+"""Palettes as files that other programs write and read.
+
+A format is a module of `cvtimg.palettes`, registered here by its suffix. A picture serves as a palette, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_density
+from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.palettes.formats import act, ase, css, gpl, hexlist, jsonlist, picture
+from cvtimg.palettes.swatches import Swatches
+from cvtimg.pictures.formats.opening import reading
+
+__all__ = ["PALETTE_FORMATS", "read_palette", "write_palette"]
+
+
+class PaletteFormat(NamedTuple):
+    """How a palette is read from the bytes of a file, and written."""
+
+    read: Callable[[bytes], NDArray[np.uint8]]
+    write: Callable[[Swatches], bytes]
+
+
+#: By suffix.
+PALETTE_FORMATS = {
+    ".gpl": PaletteFormat(gpl.read, gpl.write),
+    ".json": PaletteFormat(jsonlist.read, jsonlist.write),
+    ".hex": PaletteFormat(hexlist.read, hexlist.write),
+    ".act": PaletteFormat(act.read, act.write),
+    ".ase": PaletteFormat(ase.read, ase.write),
+    ".css": PaletteFormat(css.read, css.write),
+    ".png": PaletteFormat(picture.read, picture.write),
+}
+
+
+def read_palette(path: StrPath) -> NDArray[np.uint8]:
+    r"""Read the colors of a palette file or of a picture.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe) or .css; any other file is taken for a picture.
+
+    Returns
+    -------
+    (K, 3) or (K, 4) uint8 array
+        RGB, or RGBA where the file tells of transparency, in sRGB and in the order of the file. Of an indexed picture
+        its palette, of another one its distinct colors in the order in which they come.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, or is not what its suffix says; or if a picture without a palette has more than
+        65536 colors.
+
+    Notes
+    -----
+    CMYK in an .ase is converted without a profile, where what it looks like depends on the print.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg.palettes.files import read_palette
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flag.hex").write_text("0000ff\nffff00\n")
+    ...     read_palette(f"{folder}/flag.hex").tolist()
+    [[0, 0, 255], [255, 255, 0]]
+    """
+    form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
+    with reading(path) as file:
+        return form.read(file.read())
+
+
+def write_palette(
+    path: StrPath, palette: ArrayLike, *, density: ArrayLike | None = None, overwrite: bool = False
+) -> None:
+    """Write the colors of a palette whole or not at all, in the format that the suffix names.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
+        properties) or .png (a picture with a field for each color). The palette is named after the file.
+    palette : (K,), (K, 1), (K, 3) or (K, 4) array
+        Grey, RGB or RGBA, in sRGB. uint8 is written as it is; uint16 and floating point in 0..1 are rounded to
+        8 bits, which is what these formats hold.
+    density : (K,) array, optional
+        How many pixels have each color. A .json tells it as the share of all.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the suffix is unknown, or the palette or density is not what is said here.
+    FileExistsError
+        If the file exists and `overwrite` is false.
+    OSError
+        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+
+    Notes
+    -----
+    A .gpl and an .ase have no transparency: there the alpha of a color is in its name alone, ``#rrggbbaa``, where
+    `read_palette` finds it. An .act holds at most 256 colors, of which one can be clear.
+
+    Examples
+    --------
+    >>> import json, tempfile
+    >>> from pathlib import Path
+    >>> from cvtimg.palettes.files import write_palette
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "flag.json")
+    ...     write_palette(file, np.array([[0, 0, 255], [255, 255, 0]], np.uint8), density=[1, 3])
+    ...     json.loads(file.read_text())["colors"][1]
+    {'hex': '#ffff00', 'rgb': [255, 255, 0], 'share': 0.75}
+    """
+    target = Path(path)
+    form = PALETTE_FORMATS[check_choice(f"{path}: suffix", target.suffix.lower(), PALETTE_FORMATS)]
+    colors = _eight_bit(np.asarray(palette))
+    shares = None
+    if density is not None:
+        weights = check_density(density, len(colors))
+        shares = (weights / weights.sum()).tolist()
+    # A file name need not be text; replacing what is not is better than refusing the palette.
+    name = " ".join(target.stem.encode("utf-8", "replace").decode().split())
+    content = form.write(Swatches(name, colors, shares))
+    with whole_file(path, overwrite=overwrite) as file:
+        file.write(content)
+
+
+def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
+    """(K, 3) or (K, 4) uint8 of any palette."""
+    rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
+    if rows.ndim != 2 or len(rows) == 0 or rows.shape[1] not in (1, 3, 4):
+        raise ValueError(f"palette of shape {palette.shape} must be (K,), (K, 1), (K, 3) or (K, 4), and have colors")
+    if rows.dtype == np.uint16:
+        rows = np.rint(rows / 257)
+    elif rows.dtype.kind == "f":
+        if not ((rows >= 0) & (rows <= 1)).all():  # NaN fails too
+            raise ValueError(f"palette of type {rows.dtype} must be in 0..1 to be written with 8 bits")
+        rows = np.rint(rows * 255)
+    elif rows.dtype != np.uint8:
+        raise TypeError(f"palette of type {rows.dtype} must be uint8, uint16 or floating point")
+    return np.ascontiguousarray(np.repeat(rows, 3, axis=1) if rows.shape[1] == 1 else rows, np.uint8)

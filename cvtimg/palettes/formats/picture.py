@@ -1,0 +1,72 @@
+"""Pictures as palettes: a field for each color, and the colors of any picture that has few."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from cvtimg.colors.samples import color_samples
+from cvtimg.palettes.swatches import Swatches
+from cvtimg.pictures.formats.decoding import decode, to_srgb
+from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.pictures.formats.opening import UnfitContentError, open_picture
+
+#: Most colors that a picture without a palette may have.
+MAX_COLORS = 1 << 16
+
+
+def read(content: bytes) -> NDArray[np.uint8]:
+    """Read the palette of an indexed picture, else the distinct colors in the order in which they come."""
+    file = BytesIO(content)
+    try:
+        with open_picture(file) as image:
+            if image.mode == "P":
+                return _entries(image)
+    except UnidentifiedImageError:  # of Pillow alone
+        file.seek(0)
+    file.seek(0)
+    return _distinct(decode(file))
+
+
+def _entries(image: Image.Image) -> NDArray[np.uint8]:
+    """Give the palette's colors; all of a PNG's, and those in use where the file pads its palette."""
+    image.load()
+    n_entries = len(image.getpalette("RGB") or b"") // 3
+    numbers = np.arange(n_entries) if image.format == "PNG" else np.unique(np.asarray(image))
+    strip = Image.fromarray(numbers[np.newaxis].astype(np.uint8))
+    strip.putpalette(image.getpalette("RGB") or b"")
+    strip.info = image.info
+    colors: NDArray[np.uint8] = np.asarray(to_srgb(strip))[0]
+    return colors
+
+
+def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:
+    if image.dtype.kind == "f" or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        raise UnfitContentError("has floating point samples, or bands that are no colors")
+    if image.dtype == np.uint16:
+        image = np.rint(image / 257).astype(np.uint8)
+    samples = color_samples(image)
+    if samples.n_colors > MAX_COLORS:
+        raise UnfitContentError(f"has {samples.n_colors} colors, and a palette at most {MAX_COLORS}; quantize it first")
+    first = np.empty(samples.n_colors, np.intp)
+    first[samples.inverse.ravel()[::-1]] = np.arange(samples.inverse.size)[::-1]  # the last to be set is the first
+    ordered = samples.colors[np.argsort(first)]
+    return np.repeat(ordered, 3, axis=1) if ordered.shape[1] == 1 else ordered
+
+
+def write(swatches: Swatches) -> bytes:
+    """Write a PNG with a field for each color; what the last row has to spare shows the last color."""
+    n_colors = len(swatches.colors)
+    widest = min(n_colors, max(16, int(np.ceil(np.sqrt(n_colors)))))
+    n_columns = min(range(widest, widest // 2, -1), key=lambda number: -n_colors % number)
+    n_rows = -(-n_colors // n_columns)
+    side = 32 if n_colors <= 256 else 8
+    fields = np.minimum(np.arange(n_rows * n_columns), n_colors - 1).reshape(n_rows, n_columns)
+    layout = fields.repeat(side, axis=0).repeat(side, axis=1)
+    if n_colors <= 256:
+        return encode_image(".png", layout, palette=swatches.colors)
+    return encode_image(".png", swatches.colors[layout])

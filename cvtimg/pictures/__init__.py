@@ -1,0 +1,5 @@
+"""Pictures on disk: image files, animations, and images larger than memory."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,21 @@
+from .files import ImageInfo, Metadata, encode_image, image_info, read_image, read_metadata, write_image
+from .frames import Frames, is_animated, read_frames, write_frames
+from .tiles import Bands, Form, open_bands, write_bands
+
+__all__ = [
+    "Bands",
+    "Form",
+    "Frames",
+    "ImageInfo",
+    "Metadata",
+    "encode_image",
+    "image_info",
+    "is_animated",
+    "open_bands",
+    "read_frames",
+    "read_image",
+    "read_metadata",
+    "write_bands",
+    "write_frames",
+    "write_image",
+]

@@ -1,0 +1,197 @@
+"""Frames put together as GIF, APNG and WebP, each with its own duration and pixels.
+
+Pillow compresses the frames. It is not asked to put them together, for it merges frames that look the same and looks
+for palettes of its own.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import GifImagePlugin, Image
+
+from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.pictures.formats.metadata import Metadata
+from cvtimg.pictures.formats.png import chunk
+
+__all__ = ["FRAME_WRITERS", "Cel"]
+
+_MOST = 0xFFFF
+_MOST_OF_THREE = 0xFFFFFF
+_KEEP, _CLEAR = 1, 2  # what a GIF does with a frame before the next is drawn
+
+
+class Cel(NamedTuple):
+    """One frame: (H, W) indices into a palette, or without one (H, W), (H, W, 3) or (H, W, 4) pixels."""
+
+    pixels: NDArray[Any]
+    palette: NDArray[np.uint8] | None
+
+    @property
+    def image(self) -> NDArray[Any]:
+        """What is seen of it, (H, W, ...)."""
+        return self.pixels if self.palette is None else self.palette[self.pixels]
+
+
+class _Box(NamedTuple):
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def place(self) -> tuple[slice, slice]:
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.right - self.left, self.bottom - self.top
+
+
+def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
+    """Give the least box around what is wanted, or one pixel; left and top are multiples of `step`."""
+    rows, columns = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
+    if not len(rows):
+        return _Box(0, 0, 1, 1)
+    left, top = int(columns[0]) // step * step, int(rows[0]) // step * step
+    return _Box(left, top, int(columns[-1]) + 1, int(rows[-1]) + 1)
+
+
+def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
+    """For each frame (H, W): where it differs from the one before."""
+    before: NDArray[Any] | None = None
+    for cel in cels:
+        image = cel.image
+        moved = np.ones(image.shape, bool) if before is None else np.asarray(image != before, bool)
+        yield np.any(moved.reshape(*image.shape[:2], -1), axis=2)
+        before = image
+
+
+def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, _: Metadata) -> None:
+    """Write frames with at most 256 colors each, none of them half transparent."""
+    palettes = [cel.palette for cel in cels if cel.palette is not None]
+    if len(palettes) < len(cels):
+        raise ValueError(".gif holds frames of at most 256 colors, each an index into a palette")
+    if any(((palette[:, 3:] > 0) & (palette[:, 3:] < 255)).any() for palette in palettes):
+        raise ValueError(".gif cannot hold half transparency; use one of .png, .webp")
+    height, width = cels[0].pixels.shape
+    shared = all(palette is palettes[0] for palette in palettes)
+    table = _gif_table(palettes[0]) if shared else b""
+    packed = 0x70 | (0x80 | (len(table) // 3).bit_length() - 2 if shared else 0)
+    file.write(b"GIF89a" + struct.pack("<HHBBB", width, height, packed, 0, 0) + table)
+    if plays != 1:
+        file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", min(max(plays - 1, 0), _MOST)) + b"\0")
+    clears = any((cel.image[..., 3:] == 0).any() for cel in cels)
+    for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 10, _MOST), strict=True):
+        options = {"duration": 10 * length, "disposal": _CLEAR if clears else _KEEP, "include_color_table": not shared}
+        file.write(b"".join(_gif_frame(cel, changed, clears, options)))
+    file.write(b";")
+
+
+def _gif_table(palette: NDArray[np.uint8]) -> bytes:
+    """Colors, one more if there is room for a mark of pixels that stay, and padding to a power of two."""
+    n_entries = min(len(palette) + 1, 256)
+    return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")
+
+
+def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict[str, Any]) -> list[bytes]:
+    """Code a frame: what changed over the one before, or where pixels may be clear all that is not, over nothing."""
+    palette = np.empty((0, 3), np.uint8) if cel.palette is None else cel.palette
+    box = _box(cel.image[..., 3] > 0 if clears else changed)
+    shown, moved = cel.pixels[box.place], changed[box.place]
+    clear = np.flatnonzero(palette[:, 3] == 0) if clears else np.empty(0, int)
+    if len(clear):
+        shown, options["transparency"] = np.where(np.isin(shown, clear), clear[0], shown), int(clear[0])
+    elif not clears and len(palette) < 256 and not moved.all():
+        # A mark for pixels that stay compresses better than what they are.
+        shown, options["transparency"] = np.where(moved, shown, len(palette)), len(palette)
+    picture = Image.fromarray(np.ascontiguousarray(shown, np.uint8))
+    picture.putpalette(_gif_table(palette))
+    return GifImagePlugin.getdata(picture, (box.left, box.top), **options)
+
+
+def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
+    """Write frames that have one palette, or none."""
+    height, width = cels[0].pixels.shape[:2]
+    number = 0
+    for cel, changed, duration in zip(cels, _changes(cels), durations, strict=True):
+        box = _box(changed) if number else _Box(0, 0, width, height)
+        chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata)))
+        if not number:
+            file.write(b"\x89PNG\r\n\x1a\n")
+            for name, data in chunks[: [name for name, _ in chunks].index(b"IDAT")]:
+                file.write(chunk(name, data))
+            file.write(chunk(b"acTL", struct.pack(">II", len(cels), plays)))
+        control = struct.pack(">IIIII", number, *box.size, box.left, box.top)
+        file.write(chunk(b"fcTL", control + struct.pack(">HHBB", *_seconds(duration), 0, 0)))
+        pixels = b"".join(data for name, data in chunks if name == b"IDAT")
+        if number:
+            number += 1
+            file.write(chunk(b"fdAT", struct.pack(">I", number) + pixels))
+        else:
+            file.write(chunk(b"IDAT", pixels))
+        number += 1
+    file.write(chunk(b"IEND", b""))
+
+
+def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
+    at = 8
+    while at < len(png):
+        length = int.from_bytes(png[at : at + 4], "big")
+        yield png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
+        at += 12 + length
+
+
+def _seconds(duration: float) -> tuple[int, int]:
+    """Numerator and denominator of a duration in milliseconds, each of 16 bits."""
+    seconds = Fraction(duration) / 1000
+    near = seconds.limit_denominator(_MOST if seconds <= 1 else max(1, int(_MOST / seconds)))
+    return min(near.numerator, _MOST), near.denominator
+
+
+def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
+    """Write frames of any colors, without loss."""
+    height, width = cels[0].pixels.shape[:2]
+    alpha = any(cel.image.ndim == 3 and cel.image.shape[2] == 4 for cel in cels)
+    kept = metadata.options("WEBP", "RGB", ("icc_profile", "exif"))
+    flags = 0x02 | 0x10 * alpha | 0x20 * ("icc_profile" in kept) | 0x08 * ("exif" in kept)
+    body = _riff(b"VP8X", bytes([flags, 0, 0, 0]) + _three(width - 1) + _three(height - 1))
+    if "icc_profile" in kept:
+        body += _riff(b"ICCP", kept["icc_profile"])
+    body += _riff(b"ANIM", struct.pack("<IH", 0, min(plays, _MOST)))
+    for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 1, _MOST_OF_THREE), strict=True):
+        box = _box(changed, step=2)
+        picture = encode_image(".webp", np.ascontiguousarray(cel.image[box.place]))
+        frame = b"".join(map(_three, (box.left // 2, box.top // 2, box.size[0] - 1, box.size[1] - 1, length)))
+        replaces = b"\x02"  # what is below, in place of being blended with it
+        body += _riff(b"ANMF", frame + replaces + picture[12:])
+    if "exif" in kept:
+        body += _riff(b"EXIF", kept["exif"].removeprefix(b"Exif\0\0"))
+    file.write(b"RIFF" + struct.pack("<I", 4 + len(body)) + b"WEBP" + body)
+
+
+def _riff(name: bytes, data: bytes) -> bytes:
+    return name + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2)
+
+
+def _three(value: int) -> bytes:
+    return value.to_bytes(3, "little")
+
+
+def _whole(durations: Sequence[float], unit: float, most: int) -> list[int]:
+    """Durations in whole units, each to the nearest, but what is lost or won is made up for by the next."""
+    ends = np.rint(np.cumsum(durations) / unit)
+    return [min(int(length), most) for length in np.diff(ends, prepend=0)]
+
+
+#: By suffix.
+FRAME_WRITERS: dict[str, Callable[[BinaryIO, Sequence[Cel], Sequence[float], int, Metadata], None]] = {
+    ".gif": write_gif,
+    ".png": write_apng,
+    ".webp": write_webp,
+}

@@ -1,0 +1,68 @@
+"""Pictures as plain arrays: samples of any type brought to the few that cvtimg works with, and .npy files."""
+
+from __future__ import annotations
+
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+
+__all__ = ["NPY_MAGIC", "as_samples", "decode_npy", "npy_header", "upright"]
+
+NPY_MAGIC = b"\x93NUMPY"
+_EXACT = {np.float32: 1 << 24, np.float64: 1 << 53}
+
+
+def as_samples(values: NDArray[Any]) -> NDArray[Any]:
+    """Bring samples to uint8, uint16, float32 or float64, the narrowest that holds them as they are.
+
+    Integers of other types become uint16 where they are in 0..65535, and floating point else.
+    """
+    kind, size = values.dtype.kind, values.dtype.itemsize
+    narrow: type[np.generic]
+    if kind == "b":
+        return values * np.uint8(255)
+    if kind == "f":
+        narrow = np.float32 if size <= 4 else np.float64
+    elif kind == "u" and size <= 2:
+        narrow = np.uint8 if size == 1 else np.uint16
+    elif kind in "iu":
+        low, high = int(values.min()), int(values.max())
+        if low >= 0 and high <= 65535:
+            narrow = np.uint16
+        else:
+            narrow = np.float32 if max(-low, high) <= _EXACT[np.float32] else np.float64
+    else:
+        raise UnfitContentError(f"has samples of type {values.dtype}, which are no numbers on a line")
+    return np.ascontiguousarray(values, narrow)
+
+
+def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Turn an array (H, W, ...) that lies as EXIF's number says, 1..8."""
+    if orientation in (5, 6, 7, 8):
+        values = values.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        values = values[::-1]
+    if orientation in (2, 3, 6, 7):
+        values = values[:, ::-1]
+    return np.ascontiguousarray(values)
+
+
+def decode_npy(file: BinaryIO) -> NDArray[Any]:
+    """Read an array (H, W) or (H, W, C) of numbers."""
+    return as_samples(_checked(np.load(file, allow_pickle=False)))
+
+
+def npy_header(path: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array on disk."""
+    values = _checked(np.load(path, mmap_mode="r", allow_pickle=False))
+    return values.shape, values.dtype
+
+
+def _checked(values: NDArray[Any]) -> NDArray[Any]:
+    if values.ndim not in (2, 3) or values.size == 0:
+        raise UnfitContentError(f"holds an array of shape {values.shape}, and a picture is (H, W) or (H, W, C)")
+    check_size(values.shape[0] * values.shape[1])
+    return values

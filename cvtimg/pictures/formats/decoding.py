@@ -1,0 +1,96 @@
+"""From what a picture file holds to an upright sRGB array.
+
+Pillow reads nearly all. What it would cut to 8 bits or to three bands goes to tifffile and imagecodecs, which are
+imported then.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageFile, UnidentifiedImageError
+
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
+from cvtimg.pictures.formats.opening import open_picture, orientation
+from cvtimg.pictures.formats.png import decode_deep_png
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, decode_tiff, tags_of
+from cvtimg.pictures.profiles import apply_profile
+
+__all__ = ["decode", "depth", "to_srgb"]
+
+_UPRIGHT = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+
+
+def decode(file: BinaryIO) -> NDArray[Any]:
+    """Give the pixels in a file as `read_image` does."""
+    magic = file.read(8)
+    file.seek(0)
+    if magic.startswith(NPY_MAGIC):
+        return decode_npy(file)
+    try:
+        image = open_picture(file)
+    except UnidentifiedImageError:
+        if not magic.startswith(TIFF_MAGICS):
+            raise
+        return decode_tiff(file)
+    with image:
+        if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
+            return decode_tiff(file)
+        if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
+            return decode_deep_png(file, image)
+        return _decode(image)
+
+
+def _decode(image: ImageFile.ImageFile) -> NDArray[Any]:
+    bits = depth(image)  # asked first: load() forgets how the file is coded
+    image.load()
+    _scale_transparent_color(image, bits)
+    turn = _UPRIGHT.get(orientation(image))
+    upright = image if turn is None else image.transpose(turn)
+    if image.mode.startswith(("I", "F")):
+        return as_samples(np.array(upright))
+    return np.array(to_srgb(upright))
+
+
+def depth(image: ImageFile.ImageFile) -> int:
+    """Bits a band in the file, which Pillow may have widened or cut to 8."""
+    if image.format == "PNG":
+        coded = re.search(r";(\d+)", str(image.tile[0].args))
+        if coded:
+            return int(coded[1])
+    if image.format == "TIFF":
+        return Layout.of(tags_of(image)).bits
+    return {"1": 1, "I": 32, "F": 32}.get(image.mode, 16 if image.mode.startswith("I;16") else 8)
+
+
+def _scale_transparent_color(image: Image.Image, bits: int) -> None:
+    """Bring a PNG's transparent colour to 8 bits: Pillow does so for the pixels alone."""
+    color = image.info.get("transparency")
+    if image.format != "PNG" or color is None:
+        return
+    if image.mode == "L" and bits in (2, 4):
+        image.info["transparency"] = color * 255 // (2**bits - 1)
+
+
+def to_srgb(image: Image.Image) -> Image.Image:
+    """Bring an 8-bit picture of any mode to L, RGB or RGBA in sRGB."""
+    icc = image.info.get("icc_profile")
+    grey = image.mode in ("1", "L", "LA")
+    opaque = "L" if grey else "CMYK" if image.mode == "CMYK" else "RGB"
+    mode = "RGBA" if image.has_transparency_data else opaque
+    plain = image if image.mode == mode else image.convert(mode)
+    if icc:
+        plain = apply_profile(plain, icc, grey)
+    # Pillow has undone the inversion of Adobe's CMYK JPEG when it decoded.
+    return plain.convert("RGB") if plain.mode == "CMYK" else plain

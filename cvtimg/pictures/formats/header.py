@@ -1,0 +1,148 @@
+"""What the header of a picture file says, without its pixels."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any, BinaryIO
+
+import numpy as np
+from PIL import ImageFile, UnidentifiedImageError
+
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
+from cvtimg.pictures.formats.decoding import depth
+from cvtimg.pictures.formats.opening import open_picture, orientation
+from cvtimg.pictures.formats.tiff import (
+    TIFF_MAGICS,
+    Layout,
+    Place,
+    first_page,
+    icc_profile,
+    is_turned,
+    tags_of,
+    tiff_tags,
+)
+from cvtimg.pictures.profiles import profile_name
+
+__all__ = ["ImageInfo", "read_header"]
+
+
+@dataclass(frozen=True, slots=True)
+class ImageInfo:
+    """What the header of a picture says.
+
+    Attributes
+    ----------
+    width, height : int
+        Size in pixels of the upright picture, as `read_image` returns it.
+    format, mode : str
+        Pillow's names, such as ``"PNG"`` and ``"RGB"``; of arrays, and of bands without a meaning, the type of their
+        samples, such as ``"float32"``.
+    bands : tuple of str
+        Names of the bands, such as ``("R", "G", "B")``; ``("B1", "B2", ...)`` for those without a meaning.
+    bits : int
+        Bits a band (an index in a palette picture) in the file.
+    frames : int
+        How many frames or pages; `read_image` reads the first.
+    has_alpha : bool
+        Whether the picture carries transparency of any kind.
+    icc : str or None
+        Description of the embedded colour profile, ``"unreadable"`` for a damaged one.
+    geo_transform : tuple of float (a, b, c, d, e, f) or None
+        Of a GeoTIFF: from a place in the picture to one on the map, ``x = a * column + b * row + c`` and ``y = d *
+        column + e * row + f``, where (0, 0) is the upper left corner of the first pixel, and (0.5, 0.5) its center.
+    epsg : int or None
+        Number of the map's coordinate system in the EPSG register.
+    nodata : float or None
+        Value of the pixels of a GeoTIFF that are not known.
+    """
+
+    width: int
+    height: int
+    format: str
+    mode: str
+    bands: tuple[str, ...]
+    bits: int
+    frames: int
+    has_alpha: bool
+    icc: str | None
+    geo_transform: tuple[float, float, float, float, float, float] | None = None
+    epsg: int | None = None
+    nodata: float | None = None
+
+
+def read_header(file: BinaryIO) -> ImageInfo:
+    """Tell what is in a file as `image_info` does."""
+    magic = file.read(8)
+    file.seek(0)
+    if magic.startswith(NPY_MAGIC):
+        shape, dtype = npy_header(file.name)
+        return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
+    try:
+        image = open_picture(file)
+    except UnidentifiedImageError:
+        if not magic.startswith(TIFF_MAGICS):
+            raise
+        return _of_tiff(file)
+    with image:
+        layout = Layout.of(tags_of(image))
+        if image.format == "TIFF" and layout.n_samples > layout.n_colors + layout.alpha and not layout.for_pillow:
+            return _of_tiff(file)
+        return _of_picture(image)
+
+
+def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
+    width, height = image.size
+    # Pillow states the size of a TIFF upright already. A PNG's EXIF behind the pixels would
+    # cost a decoding.
+    known = image.format != "PNG" or "exif" in image.info
+    lies = known and orientation(image) >= 5
+    if image.format != "TIFF" and lies:
+        width, height = height, width
+    return ImageInfo(
+        width=width,
+        height=height,
+        format=image.format or "",
+        mode=image.mode,
+        bands=image.getbands(),
+        bits=depth(image),
+        frames=getattr(image, "n_frames", 1),
+        has_alpha=image.has_transparency_data,
+        icc=profile_name(image.info.get("icc_profile")),
+        **asdict(Place.of(tags_of(image))),
+    )
+
+
+def _of_tiff(file: BinaryIO) -> ImageInfo:
+    import tifffile
+
+    file.seek(0)
+    with tifffile.TiffFile(file) as tiff:
+        page, tags = first_page(tiff), tiff_tags(tiff)
+        height, width = page.imagelength, page.imagewidth
+        header = _of_array(
+            (width, height) if is_turned(tags) else (height, width), page.samplesperpixel, np.dtype(page.dtype)
+        )
+        layout = Layout.of(tags)
+        return replace(
+            header,
+            format="TIFF",
+            bits=layout.bits,
+            frames=len(tiff.pages),
+            has_alpha=layout.alpha,
+            icc=profile_name(icc_profile(tags)),
+            **asdict(Place.of(tags)),
+        )
+
+
+def _of_array(size: tuple[int, ...], n_bands: int, dtype: np.dtype[Any]) -> ImageInfo:
+    return ImageInfo(
+        width=size[1],
+        height=size[0],
+        format="NPY",
+        mode=dtype.name,
+        bands=tuple(f"B{band}" for band in range(1, n_bands + 1)),
+        bits=1 if dtype.kind == "b" else 8 * dtype.itemsize,
+        frames=1,
+        has_alpha=False,
+        icc=None,
+    )

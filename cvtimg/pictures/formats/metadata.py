@@ -1,0 +1,132 @@
+"""What a picture file says beside its pixels, and what of it stays true of the picture that is written."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO
+
+from PIL import Image, ImageFile, TiffImagePlugin, UnidentifiedImageError
+
+from cvtimg.pictures.formats.opening import open_picture
+from cvtimg.pictures.formats.png import chunk
+from cvtimg.pictures.formats.tiff import GEO_TYPES, TIFF_MAGICS, geo_tags, tags_of, tiff_tags
+from cvtimg.pictures.profiles import kept_profile, profile_space
+
+__all__ = ["Metadata", "decode_metadata"]
+
+_EXIF_PART, _GPS_PART = 0x8769, 0x8825
+#: Of EXIF's first part, what is about the picture and not about its file: description, make and model, software, date,
+#: artist, copyright, and Windows' title, comment, author, keywords and subject.
+_ABOUT_THE_PICTURE = (270, 271, 272, 305, 306, 315, 33432, *range(0x9C9B, 0x9CA0), _EXIF_PART, _GPS_PART)
+_SIZE = (0xA002, 0xA003)
+_INCHES_A_METER = 39.3701
+
+
+@dataclass(frozen=True, slots=True)
+class Metadata:
+    """What can be kept of a picture file beside the pixels.
+
+    Attributes
+    ----------
+    icc : bytes or None
+        Color profile that the pixels have after `read_image`: the file's own where that left them as they are, else
+        sRGB. None where the file has none that serves.
+    dpi : tuple of float or None
+        Pixels an inch, across and down the upright picture.
+    exif : bytes or None
+        EXIF without orientation, size and thumbnail, which may not be true of the picture that is written.
+    geo : mapping of int
+        Tags of a GeoTIFF that say where it lies; a .tif keeps them.
+    """
+
+    icc: bytes | None = None
+    dpi: tuple[float, float] | None = None
+    exif: bytes | None = None
+    geo: Mapping[int, Any] = field(default_factory=dict)
+
+    def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
+        """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
+        grey = mode in ("1", "L", "I;16")
+        fits = self.icc and profile_space(self.icc) == ("GRAY" if grey else "RGB")
+        values: dict[str, Any] = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
+        given = {name: values[name] for name in kept if values[name]}
+        if form == "TIFF":
+            given["tiffinfo"] = self._tiff_tags(given.pop("exif", None))
+        return given
+
+    def _tiff_tags(self, exif: bytes | None) -> TiffImagePlugin.ImageFileDirectory_v2:
+        """Give where the picture lies, and of EXIF the first part: Pillow compresses no TIFF that has more of it."""
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        for code, value in self.geo.items():
+            tags.tagtype[code] = GEO_TYPES[code][0]
+            tags[code] = value
+        about = Image.Exif()
+        about.load(exif or b"")
+        for code in about:
+            if code not in (_EXIF_PART, _GPS_PART):
+                tags[code] = about[code]
+        return tags
+
+    def png_chunks(self, mode: str) -> bytes:
+        """Give what goes between header and pixels of a PNG."""
+        given = self.options("PNG", mode, ("icc_profile", "dpi", "exif"))
+        chunks = b""
+        if "icc_profile" in given:
+            chunks += chunk(b"iCCP", b"icc\0\0" + zlib.compress(given["icc_profile"]))
+        if "dpi" in given:
+            per_meter = [round(value * _INCHES_A_METER).to_bytes(4, "big") for value in given["dpi"]]
+            chunks += chunk(b"pHYs", b"".join(per_meter) + b"\1")
+        if "exif" in given:
+            chunks += chunk(b"eXIf", given["exif"].removeprefix(b"Exif\0\0"))
+        return chunks
+
+
+def decode_metadata(file: BinaryIO) -> Metadata:
+    """Tell what can be kept of a file, as `read_metadata` does."""
+    try:
+        image = open_picture(file)
+    except UnidentifiedImageError:  # an array, or a TIFF of many bands
+        return _of_tiff(file)
+    with image:
+        icc = image.info.get("icc_profile")
+        exif = image.getexif()
+        dpi = _dpi(image)
+        if dpi and exif.get(0x0112, 1) >= 5:
+            dpi = dpi[::-1]
+        return Metadata(
+            kept_profile(icc, image.mode) if icc else None, dpi, _about_the_picture(exif), geo_tags(tags_of(image))
+        )
+
+
+def _of_tiff(file: BinaryIO) -> Metadata:
+    file.seek(0)
+    if not file.read(4).startswith(TIFF_MAGICS):
+        return Metadata()
+    import tifffile
+
+    file.seek(0)
+    with tifffile.TiffFile(file) as tiff:
+        return Metadata(geo=geo_tags(tiff_tags(tiff)))
+
+
+def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
+    with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
+        across, down = (float(value) for value in image.info["dpi"])
+        if 0 < across < 1e6 and 0 < down < 1e6:
+            return across, down
+    return None
+
+
+def _about_the_picture(exif: Image.Exif) -> bytes | None:
+    kept = Image.Exif()
+    for tag in _ABOUT_THE_PICTURE:
+        if tag in (_EXIF_PART, _GPS_PART):
+            part = {name: value for name, value in exif.get_ifd(tag).items() if name not in _SIZE}
+            if part:
+                kept[tag] = part
+        elif tag in exif:
+            kept[tag] = exif[tag]
+    return kept.tobytes() if len(kept) else None

@@ -1,0 +1,142 @@
+"""Picture files opened in silence, and whatever is wrong with one said in one line."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import math
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from PIL import Image, ImageFile, UnidentifiedImageError
+
+from cvtimg._shared.messages import one_line
+from cvtimg.files.finding import NOT_RASTER
+from cvtimg.files.whole import StrPath
+
+__all__ = [
+    "UnfitContentError",
+    "check_size",
+    "limit_pixels",
+    "open_picture",
+    "orientation",
+    "pixels_limited",
+    "reading",
+]
+
+# Both log some of what they also raise; without a handler that goes to stderr a second time.
+for _library in ("PIL", "tifffile"):
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+
+
+class _Quiet:
+    """Hold Pillow's warnings back while at least one picture is open.
+
+    Two `warnings.catch_warnings` that overlap in two threads restore each other's filters and can
+    leave a filter behind for good. Here the first to enter sets it and the last to leave takes it
+    away, without making the decoders wait for one another. Only warnings raised inside PIL are
+    held back, so that another thread's own warnings still show.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._depth = 0
+        self._saved = warnings.catch_warnings()
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._depth == 0:
+                self._saved = warnings.catch_warnings()
+                self._saved.__enter__()
+                warnings.filterwarnings("ignore", module=r"PIL\.")
+            self._depth += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._depth -= 1
+            if self._depth == 0:
+                self._saved.__exit__(None, None, None)
+
+
+_QUIET = _Quiet()
+
+
+class UnfitContentError(ValueError):
+    """A file is not what it should be; the message says what it is, for people."""
+
+
+@contextmanager
+def reading(path: StrPath) -> Iterator[BinaryIO]:
+    """Open a file to read a picture from it; whatever fails in the block is the file's fault and says so."""
+    try:
+        if Path(path).is_dir():  # Windows would say "permission denied"
+            raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
+        with _QUIET, Path(path).open("rb") as file:
+            yield file
+    # On damaged files Pillow and tifffile raise nearly every class there is: SyntaxError, struct.error,
+    # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
+    except Exception as error:
+        known = isinstance(error, OSError) and error.errno is not None
+        raise (type(error) if known else OSError)(f"{path}: {_why_unread(path, error)}") from error
+
+
+def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
+    """Open a picture with Pillow, which reads no pixels yet."""
+    image = Image.open(file)
+    if image.format in NOT_RASTER:
+        raise UnidentifiedImageError
+    return image
+
+
+def orientation(image: Image.Image) -> int:
+    """EXIF's number of the way that the picture lies, 1..8; 1 is upright."""
+    try:
+        return int(image.getexif().get(0x0112, 1))
+    except Exception:  # damaged metadata, of which Pillow makes any error, spoils no pixel
+        return 1
+
+
+def check_size(n_pixels: int) -> None:
+    """Refuse what Pillow would refuse: a small file that says it is large enough to fill the memory."""
+    if n_pixels > _most_pixels():
+        raise Image.DecompressionBombError
+
+
+def limit_pixels(n: int) -> None:
+    """Let pictures have so many pixels; without this they may have those that Pillow finds safe, some 179 million."""
+    Image.MAX_IMAGE_PIXELS = n / 2  # type: ignore[assignment]  # beyond twice of which Pillow refuses them
+
+
+@contextmanager
+def pixels_limited(n: int | None) -> Iterator[None]:
+    """Let pictures have so many pixels for a while."""
+    before = Image.MAX_IMAGE_PIXELS
+    if n is not None:
+        limit_pixels(n)
+    try:
+        yield
+    finally:
+        Image.MAX_IMAGE_PIXELS = before
+
+
+def _most_pixels() -> float:
+    return 2 * Image.MAX_IMAGE_PIXELS if Image.MAX_IMAGE_PIXELS is not None else math.inf
+
+
+def _why_unread(path: StrPath, error: Exception) -> str:
+    if isinstance(error, FileNotFoundError):
+        return "no such file"
+    if isinstance(error, UnidentifiedImageError):
+        empty = Path(path).stat().st_size == 0
+        return "is empty" if empty else "is not a picture that Pillow can read"
+    if isinstance(error, UnfitContentError) or (isinstance(error, OSError) and error.errno is not None):
+        return one_line(error)
+    if isinstance(error, Image.DecompressionBombError):
+        return f"has over {_most_pixels():.0f} pixels, the limit for safety; --max-pixels raises it"
+    if isinstance(error, MemoryError):
+        return "needs more memory than there is"
+    return f"is truncated or damaged ({one_line(error)})"

@@ -1,0 +1,223 @@
+"""Animations on disk: GIF, APNG and WebP, frame by frame with their timing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ImageFile
+
+from cvtimg._shared.checks import check_choice
+from cvtimg._shared.messages import one_line
+from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
+from cvtimg.pictures.formats.arrays import upright
+from cvtimg.pictures.formats.decoding import decode, to_srgb
+from cvtimg.pictures.formats.encoding import check_indexed
+from cvtimg.pictures.formats.metadata import Metadata
+from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading
+
+__all__ = ["Frames", "is_animated", "read_frames", "write_frames"]
+
+#: Pages of other formats are no frames.
+_ANIMATED = ("GIF", "PNG", "WEBP")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """The frames of an animation, each a whole picture as it is seen.
+
+    Attributes
+    ----------
+    images : tuple of (H, W), (H, W, 3) or (H, W, 4) arrays
+        All of one shape and type, upright and in sRGB.
+    durations : tuple of float
+        Milliseconds that each is shown.
+    plays : int
+        How often all are shown, 0 for ever.
+    """
+
+    images: tuple[NDArray[Any], ...]
+    durations: tuple[float, ...]
+    plays: int
+
+    def __post_init__(self) -> None:
+        if not self.images or len(self.images) != len(self.durations):
+            raise ValueError(f"{len(self.images)} images and {len(self.durations)} durations must be as many, not 0")
+        shapes = {image.shape for image in self.images}
+        if len(shapes) > 1:
+            raise ValueError(f"images of shapes {sorted(shapes)} must have one")
+        if not all(0 <= duration < math.inf for duration in self.durations):
+            raise ValueError(f"durations {self.durations} must be finite milliseconds >= 0")
+        if self.plays < 0:
+            raise ValueError(f"plays={self.plays} must be >= 0")
+        for image in self.images:
+            image.flags.writeable = False
+
+
+def is_animated(path: StrPath) -> bool:
+    """Tell whether a file has several frames; pages of a document are none."""
+    with reading(path) as file:
+        try:
+            image = open_picture(file)
+        except OSError:  # of those that only `read_image` reads
+            return False
+        with image:
+            return image.format in _ANIMATED and bool(getattr(image, "is_animated", False))
+
+
+def read_frames(path: StrPath) -> Frames:
+    """Read all frames of an animation as they are seen, one over the other.
+
+    Parameters
+    ----------
+    path : str or path-like
+        GIF, APNG or WebP; any other picture is one frame.
+
+    Returns
+    -------
+    Frames
+        With uint8 images. A picture that an APNG has for programs that do not know animations is left out.
+
+    Raises
+    ------
+    OSError
+        As `read_image` does.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg.pictures import read_frames, write_frames
+    >>> frames = Frames((np.zeros((2, 3), np.uint8), np.full((2, 3), 9, np.uint8)), (40, 60), 0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_frames(f"{folder}/a.png", frames)
+    ...     again = read_frames(f"{folder}/a.png")
+    >>> again.durations, int(again.images[1].max())
+    ((40.0, 60.0), 9)
+    """
+    with reading(path) as file:
+        image = open_picture(file) if is_animated(path) else None
+        if image is None:
+            return Frames((decode(file),), (0.0,), 1)
+        with image:
+            return _decode_frames(image)
+
+
+def write_frames(
+    path: StrPath,
+    frames: Frames,
+    *,
+    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None = None,
+    metadata: Metadata | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Write an animation whole or not at all, in the format that the suffix names.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .gif, .png (APNG) or .webp (lossless).
+    frames : Frames
+        With uint8 images, or with integer (H, W) indices where there are palettes.
+    palettes : (K, 3) or (K, 4) uint8 array, or one for each frame, 1 <= K <= 256, optional
+        A .gif needs them, each color opaque or clear. A .png with one for all frames is indexed.
+    metadata : Metadata, optional
+        As in `write_image`; a .gif has no room for it.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is unknown, or frames or palettes do not fit the format.
+    FileExistsError
+        If the file exists and `overwrite` is false.
+    OSError
+        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+
+    Notes
+    -----
+    A .gif counts hundredths of a second and a .webp thousandths: each duration is rounded so that none of the frames
+    begins more than half of that early or late. The longest that these formats can tell are 655 s in a .gif, 4.6 h in
+    a .webp and 18 h in a .png.
+    """
+    write = FRAME_WRITERS[check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)]
+    cels = _cels(frames.images, palettes, indexed_png=Path(path).suffix.lower() == ".png")
+    with whole_file(path, overwrite=overwrite) as file:
+        try:
+            write(file, cels, frames.durations, frames.plays, metadata or Metadata())
+        except ValueError:
+            raise
+        except Exception as error:  # encoders raise OSError, SystemError and others
+            raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+
+
+def _decode_frames(image: ImageFile.ImageFile) -> Frames:
+    check_size(image.width * image.height)
+    plays = image.info.get("loop", 1)
+    if image.format == "GIF" and "loop" in image.info:
+        plays = plays + 1 if plays else 0  # it counts repetitions
+    first = int(getattr(image, "default_image", False))
+    images: list[NDArray[Any]] = []
+    durations: list[float] = []
+    turn = orientation(image)
+    for number in range(first, getattr(image, "n_frames", 1)):
+        image.seek(number)
+        image.load()
+        whole = image.convert("RGBA") if image.format == "GIF" else to_srgb(image)
+        images.append(upright(np.asarray(whole), turn))
+        durations.append(float(image.info.get("duration", 0)))
+    return Frames(tuple(_alike(images)), tuple(durations), int(plays))
+
+
+def _alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Bring all to the channels that one of them needs; none needs an alpha of nothing but opaque pixels."""
+    if all(image.ndim == 2 for image in images):
+        return images
+    clear = any(image.ndim == 3 and image.shape[2] == 4 and (image[..., 3] < 255).any() for image in images)
+    return [_with_channels(image, 4 if clear else 3) for image in images]
+
+
+def _with_channels(image: NDArray[Any], n_channels: int) -> NDArray[Any]:
+    color = np.repeat(image[..., np.newaxis], 3, axis=2) if image.ndim == 2 else image[..., :3]
+    if n_channels == 3:
+        return np.ascontiguousarray(color)
+    alpha = image[..., 3:] if image.ndim == 3 and image.shape[2] == 4 else np.full_like(color[..., :1], 255)
+    return np.concatenate([color, alpha], axis=2)
+
+
+def _cels(
+    images: Sequence[NDArray[Any]],
+    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None,
+    *,
+    indexed_png: bool,
+) -> list[Cel]:
+    """Check images and palettes, and give each frame what it needs."""
+    if palettes is None:
+        if any(image.dtype != np.uint8 or image.shape[2:] not in ((), (3,), (4,)) for image in images):
+            raise ValueError("images without palettes must be (H, W), (H, W, 3) or (H, W, 4) uint8")
+        return [Cel(image, None) for image in images]
+    each = [palettes] if isinstance(palettes, np.ndarray) else list(palettes)
+    shared = isinstance(palettes, np.ndarray)
+    each = _alike_palettes(each)
+    if shared:
+        each *= len(images)  # one object, by which a writer knows that it is shared
+    if len(each) != len(images):
+        raise ValueError(f"{len(each)} palettes must be as many as the frames, {len(images)}, or one array")
+    for image, palette in zip(images, each, strict=True):
+        check_indexed(image, palette)
+    if indexed_png and not shared:  # it has room for one palette
+        return [Cel(palette[image], None) for image, palette in zip(images, each, strict=True)]
+    return [Cel(image, palette) for image, palette in zip(images, each, strict=True)]
+
+
+def _alike_palettes(palettes: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """RGBA for all, or RGB if all colors are opaque."""
+    if any(palette.ndim != 2 or palette.shape[1] not in (3, 4) for palette in palettes):
+        return palettes  # to be refused
+    return [palette[0] for palette in _alike([palette[np.newaxis] for palette in palettes])]

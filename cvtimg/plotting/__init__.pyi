@@ -1,0 +1,12 @@
+from .energy_curves import Plotted, draw_curves
+from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
+
+__all__ = [
+    "Panel",
+    "Plotted",
+    "contact_sheet",
+    "draw_curves",
+    "draw_edges",
+    "palette_strip",
+    "shown_colors",
+]

@@ -1,0 +1,156 @@
+"""Draws energy curves: log E over log k, a curve for each picture, its elbow, and the picture at a few k along it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.colors.places import from_places, to_places
+from cvtimg.colors.samples import color_samples
+from cvtimg.colors.spaces import peak
+from cvtimg.elbow.curves import EnergyCurve
+from cvtimg.engine.points import assign, pack
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Suffixes of plots.
+PLOT_SUFFIXES = (".png", ".svg")
+#: So many pictures have a row of thumbnails each; more would leave no room for the curves.
+MOST_THUMBNAILS = 4
+#: Numbers of generators to show a picture in, beside the one that was picked; 0 stands for the original.
+_POWERS = (2, 4, 8, 16, 32, 64)
+_THUMBNAIL_SIDE = 160
+_WIDTH = 8.0
+_AXES_HEIGHT = 4.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plotted:
+    """One curve of a plot: its name, the k to mark, and (H, W) or (H, W, C) the picture, None for a table."""
+
+    name: str
+    curve: EnergyCurve
+    k: int
+    image: NDArray[Any] | None = None
+    space: str = "rgb"
+
+
+def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") -> bytes:
+    """Draw curves into the bytes of a file.
+
+    Parameters
+    ----------
+    plotted : sequence of Plotted
+        Energies are shown as shares of E(1), so that pictures can be compared. Where E(k) is 0 the curve ends.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    rule : str
+        What picked k, for the legend.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("plots need matplotlib: pip install 'cvtimg[plot]'") from error
+    rows = [one for one in plotted if one.image is not None][:MOST_THUMBNAILS]
+    n_max = max(one.curve.n_max for one in plotted)
+    columns = [None, *(k for k in _POWERS if k <= n_max), 0]
+    heights = [*(_row_height(one, len(columns)) for one in rows), _AXES_HEIGHT]
+    # Letters stay letters in an SVG, and the same curves make the same bytes.
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
+        figure = Figure(figsize=(_WIDTH, sum(heights) + 0.3), layout="constrained")
+        parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+        for number, (part, one) in enumerate(zip(parts, rows, strict=False)):
+            _draw_thumbnails(part.subplots(1, len(columns), squeeze=False)[0], one, columns, f"C{number}")
+        order = [*rows, *(one for one in plotted if one not in rows)]
+        _draw_axes(parts[-1].subplots(), order, n_max, rule)
+        file = BytesIO()
+        metadata = {"Date": None} if suffix == ".svg" else None
+        figure.savefig(file, format=suffix[1:], dpi=150, metadata=metadata)
+    return file.getvalue()
+
+
+def _row_height(one: Plotted, n_columns: int) -> float:
+    assert one.image is not None
+    height, width = one.image.shape[:2]
+    return float(min(_WIDTH / n_columns * height / width, 2.0)) + 0.35
+
+
+def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int | None], color: str) -> None:
+    """Show a picture at a few k; what the rule picked has a frame in the color of the curve."""
+    assert one.image is not None
+    small = _reduced(one.image)
+    for place, column in zip(axes, columns, strict=True):
+        k = one.k if column is None else column
+        place.set_xticks([])
+        place.set_yticks([])
+        place.spines[:].set_visible(column is None)
+        place.spines[:].set(color=color, linewidth=2.5)
+        if k > one.curve.n_max:
+            place.set_axis_off()
+            continue
+        shown = small if k == 0 else _in_generators(small, one.curve.generators[k - 1], one.space)
+        place.imshow(_as_shown(shown), cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+        text = "original" if k == 0 else f"k = {k}"
+        place.set_title(text, fontsize=8, pad=3, color=color if column is None else "black")
+
+
+def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) -> None:
+    for number, one in enumerate(plotted):
+        first = one.curve.energies[0] or 1.0
+        shares = np.where(one.curve.energies > 0, one.curve.energies / first, np.nan)
+        color = f"C{number % 10}"
+        label = f"{one.name}: {one.k} by {rule}"
+        axes.plot(np.arange(1, len(shares) + 1), shares, color=color, marker=".", markersize=4, label=label)
+        if np.isfinite(shares[one.k - 1]):
+            axes.plot(one.k, shares[one.k - 1], "o", color=color, markersize=11, markerfacecolor="none", mew=2)
+        else:
+            axes.axvline(one.k, color=color, linestyle=":")  # nothing is left there, which no logarithm shows
+    axes.set_xscale("log", base=2)
+    if any(one.curve.energies[0] for one in plotted):
+        axes.set_yscale("log")
+    ticks = [1 << power for power in range(n_max.bit_length())]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.set_xlabel("generators k")
+    axes.set_ylabel("energy E(k) / E(1)")
+    axes.grid(visible=True, which="major", alpha=0.3)
+    if len(plotted) <= 20:
+        axes.legend(fontsize=8)
+
+
+def _reduced(image: NDArray[Any]) -> NDArray[Any]:
+    """Every so many-th pixel: no filter adds colors that the picture has not."""
+    step = max(1, -(-max(image.shape[:2]) // _THUMBNAIL_SIDE))
+    return np.ascontiguousarray(image[::step, ::step])
+
+
+def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: str) -> NDArray[Any]:
+    """Give each pixel its nearest generator."""
+    samples = color_samples(image)
+    points = pack(to_places(samples.colors, space), samples.density)
+    labels = assign(points, points.frame.inward(generators))[: points.n_points]
+    colors = from_places(generators, space, samples.colors.dtype)
+    return colors[labels[samples.inverse]].reshape(image.shape)
+
+
+def _as_shown(image: NDArray[Any]) -> NDArray[np.float64]:
+    """(H, W) grey, (H, W, 3) or (H, W, 4) in 0..1; of other numbers of bands the first or the first three."""
+    bands = image.reshape(*image.shape[:2], -1)
+    n_shown = {3: 3, 4: 4}.get(bands.shape[2], 3 if bands.shape[2] > 4 else 1)
+    shown = np.clip(bands[..., :n_shown] / peak(image.dtype), 0, 1)
+    return shown[..., 0] if n_shown == 1 else shown

@@ -1,0 +1,368 @@
+"""Draw results, compute nothing: palettes as strips, and grids of pictures with captions.
+
+Arrays in, an array out, and nothing on disk. Whatever belongs under a picture (a quantized picture's palette, the
+segments' colors, a few figures) is passed in a `Panel`; `contact_sheet` lays panels out and knows no more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from cvtimg._shared.checks import check_count, check_density, check_image, check_labeled_image, check_labels, check_rows
+from cvtimg.labels.edges import find_edges
+
+BACKGROUND = (255, 255, 255)
+MAT = (240, 240, 240)
+INK = (24, 24, 24)
+PALE_INK = (92, 92, 92)
+YELLOW = (255, 255, 0)
+CHECKERS = (200, 232)
+CHECKER_SIDE = 8
+
+MARGIN = 20
+GAP = 15
+ROW_GAP = 26
+STRIP_GAP = 5
+STRIP_HEIGHT = 24
+CAPTION_GAP = 7
+LINE_HEIGHT = 19
+CAPTION_SIZE = 14
+TITLE_SIZE = 22
+TITLE_HEIGHT = 28
+
+#: A picture in a sheet is at most this many times as high as the panels are wide: an upright 2:3 photograph fits.
+TALLEST = 1.5
+#: Sides of a sheet and a strip are at most this long, so that a slip of the pen does not fill the memory.
+LONGEST = 1 << 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """A picture in a contact sheet, and what stands below it.
+
+    Attributes
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        bool, uint8, uint16 or floating point. One or two channels show the first as grey, three are RGB, four are
+        RGB and alpha, of more the first three are shown.
+    caption : sequence of str
+        A line each; what is too long for the panel ends in an ellipsis.
+    palette : (K, D) array, optional
+        Colors to draw as a strip, of the type of the image.
+    shares : (K,) array, optional
+        See `palette_strip`.
+
+    Examples
+    --------
+    >>> panel = Panel(np.zeros((2, 3), np.uint8), ("black", "energy 0 a pixel"))
+    >>> panel.palette is None
+    True
+    """
+
+    image: Any
+    caption: Sequence[str] = ()
+    palette: ArrayLike | None = None
+    shares: ArrayLike | None = None
+
+
+def palette_strip(
+    palette: ArrayLike, *, width: int = 300, height: int = STRIP_HEIGHT, shares: ArrayLike | None = None
+) -> NDArray[np.uint8]:
+    """Draw the colors of a palette side by side.
+
+    Parameters
+    ----------
+    palette : (K, D) array
+        uint8: grey (D = 1), RGB or RGBA. uint16 and floating point are stretched from the least to the greatest
+        value. RGBA is shown over a grey checkerboard.
+    width, height : int
+        Size of the strip in pixels.
+    shares : (K,) array, optional
+        Draw bands in proportion to these weights, at least one pixel wide each, for example the masses of the
+        cells. By default all colors get the same room, because a color may be rare and yet matter; many colors
+        stand two or more in a column, so that their fields stay large enough to see.
+
+    Returns
+    -------
+    (height, width, 3) uint8 array
+        The colors in their order, column by column from left to right, downwards in each.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or the strip has no pixel for each color.
+
+    Examples
+    --------
+    >>> red_blue = np.array([[255, 0, 0], [0, 0, 255]], dtype=np.uint8)
+    >>> palette_strip(red_blue, width=4, height=1).tolist()
+    [[[255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255]]]
+    >>> palette_strip(red_blue, width=4, height=1, shares=[3, 1])[0, :, 0].tolist()
+    [255, 255, 255, 0]
+    """
+    check_count("width", width, LONGEST, "the longest side")
+    check_count("height", height, LONGEST, "the longest side")
+    rows = check_rows("palette", palette)
+    return np.array(_strip(rows, _limits([rows]), width, height, shares))
+
+
+def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_width: int = 300) -> NDArray[np.uint8]:
+    """Lay out panels as a grid: pictures, a palette strip below each that has a palette, and captions.
+
+    Pictures wider than a panel are reduced to its width, or to one and a half times that in height. Smaller ones
+    are enlarged by whole factors, pixel by pixel, so that each pixel can be seen as it is. Transparency is shown
+    over a grey checkerboard.
+
+    Parameters
+    ----------
+    rows : iterable of sequences of Panel
+        Rows may differ in their number of panels. Within a row pictures, strips and captions stand level.
+    title : str
+        Heading of the sheet.
+    panel_width : int
+        In pixels. Five panels of 300 make a sheet of 1600.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a picture or palette has another shape or type, or a palette has more colors than fit in a strip.
+
+    Notes
+    -----
+    uint16 and floating point pictures are stretched to black and white by the least and the greatest value of all
+    such pictures in their row, so that pictures in a row can be compared.
+
+    Examples
+    --------
+    >>> picture = np.array([[10, 200], [200, 10]], dtype=np.uint8)
+    >>> sheet = contact_sheet([[Panel(picture, ("2 colors",), np.array([[10], [200]], np.uint8))]], panel_width=100)
+    >>> sheet.shape
+    (195, 140, 3)
+    """
+    check_count("panel_width", panel_width, LONGEST, "the longest side")
+    grid = [list(row) for row in rows]
+    n_columns = max(map(len, grid), default=0)
+    width = max(n_columns * (panel_width + GAP) - GAP, 0)
+    blocks = [_draw_row(panels, panel_width) for panels in grid if panels]
+    if title:
+        blocks.insert(0, _draw_title(title, width))
+    height = sum(block.height for block in blocks) + ROW_GAP * max(len(blocks) - 1, 0)
+    sheet = Image.new("RGB", (width + 2 * MARGIN, height + 2 * MARGIN), BACKGROUND)
+    top = MARGIN
+    for block in blocks:
+        sheet.paste(block, (MARGIN, top))
+        top += block.height + ROW_GAP
+    return np.array(sheet)
+
+
+def draw_edges(
+    image: Any,
+    labels: ArrayLike,
+    *,
+    color: Sequence[int] = YELLOW,
+    thickness: int = 1,
+    ignore: int | None = None,
+) -> NDArray[np.uint8]:
+    """Draw the edges of segments over the picture that they are of.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        As in `Panel`; pixels of label 0 may be NaN.
+    labels : (H, W) integer array
+        Segment of each pixel.
+    color : sequence of three int
+        In 0..255.
+    thickness : int
+        Width of the edges in pixels. An odd one is centered on inner edges, an even one on the border.
+    ignore : int, optional
+        A label whose borders are no edges, as in `find_edges`.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+        A picture that is not 8-bit is stretched from the least to the greatest value outside of `ignore`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here.
+
+    Examples
+    --------
+    >>> drawn = draw_edges(np.zeros((1, 4), np.uint8), np.array([[1, 1, 2, 2]]), color=(255, 0, 0))
+    >>> drawn[0, :, 0].tolist()
+    [0, 0, 255, 0]
+    """
+    from skimage.morphology import isotropic_dilation
+
+    segments = check_labels("labels", labels)
+    check_count("thickness", thickness, LONGEST, "the longest side")
+    values = check_labeled_image("image", image, segments)
+    drawn = np.array(_over_checkers(Image.fromarray(_as_bytes(values, _limits([values[segments != ignore]])))))
+    edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
+    radius = (thickness - 1) // 2
+    if radius and edges.any():
+        edges = isotropic_dilation(edges, radius)  # type: ignore[no-untyped-call]
+    drawn[edges] = color
+    return drawn
+
+
+def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: int | None = None) -> NDArray[np.uint8]:
+    """Give colors as they look where `draw_edges` draws: (K, C) in the units of the image to (K, 3) uint8."""
+    segments = check_labels("labels", labels)
+    values = check_labeled_image("image", image, segments)
+    rows = np.asarray(colors)
+    if values.dtype == np.uint8:
+        rows = np.rint(rows).astype(np.uint8)
+    return _as_bytes(rows, _limits([values[segments != ignore]]))[:, :3]
+
+
+def _draw_title(title: str, width: int) -> Image.Image:
+    block = Image.new("RGB", (width, TITLE_HEIGHT), BACKGROUND)
+    _write(block, (0, 0), title, width, TITLE_SIZE, INK)
+    return block
+
+
+def _draw_row(panels: list[Panel], width: int) -> Image.Image:
+    """Draw the panels of a row side by side, with their parts level."""
+    images = [_as_array(panel.image) for panel in panels]
+    limits = _limits(images)
+    pictures = [_fit(_as_bytes(image, limits), width) for image in images]
+    mat_height = max(picture.height for picture in pictures)
+    strip_top = mat_height + STRIP_GAP
+    caption_top = mat_height + CAPTION_GAP
+    if any(panel.palette is not None for panel in panels):
+        caption_top += STRIP_GAP + STRIP_HEIGHT
+    height = caption_top + LINE_HEIGHT * max(len(panel.caption) for panel in panels)
+    block = Image.new("RGB", (len(panels) * (width + GAP) - GAP, height), BACKGROUND)
+    for column, (panel, picture) in enumerate(zip(panels, pictures, strict=True)):
+        left = column * (width + GAP)
+        block.paste(MAT, (left, 0, left + width, mat_height))
+        block.paste(picture, (left + (width - picture.width) // 2, (mat_height - picture.height) // 2))
+        if panel.palette is not None:
+            colors = check_rows("palette", panel.palette)
+            block.paste(_strip(colors, limits, width, STRIP_HEIGHT, panel.shares), (left, strip_top))
+        for number, line in enumerate(panel.caption):
+            place = (left, caption_top + number * LINE_HEIGHT)
+            _write(block, place, line, width, CAPTION_SIZE, PALE_INK if number else INK)
+    return block
+
+
+def _write(
+    block: Image.Image, place: tuple[int, int], text: str, width: int, size: int, ink: tuple[int, int, int]
+) -> None:
+    """Write one line, cut to `width` pixels."""
+    font = _font(size)
+    line = " ".join(text.split())
+    if font.getlength(line) > width:
+        while line and font.getlength(line + "…") > width:
+            line = line[:-1]
+        line = line.rstrip() + "…"
+    ImageDraw.Draw(block).text(place, line, fill=ink, font=font)
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+def _as_array(image: Any) -> NDArray[Any]:
+    """(H, W, C) array of the types that are drawn."""
+    array = np.asarray(image)
+    picture = check_image("image", array * np.uint8(255) if array.dtype == np.bool_ else array)
+    return picture.reshape(*picture.shape[:2], -1)
+
+
+def _limits(pictures: Iterable[NDArray[Any]]) -> tuple[float, float]:
+    """Least and greatest value of the pictures that are not 8-bit, without their alpha."""
+    deep = [_split_alpha(picture)[0] for picture in pictures if picture.dtype != np.uint8]
+    low = min((float(color.min()) for color in deep), default=0)
+    return low, max((float(color.max()) for color in deep), default=low)
+
+
+def _split_alpha(picture: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Separate the channels to show, (..., 1) or (..., 3), from alpha, (..., 1) or (..., 0)."""
+    n_channels = picture.shape[-1]
+    return picture[..., : 3 if n_channels >= 3 else 1], picture[..., 3 : 4 if n_channels == 4 else 3]
+
+
+def _as_bytes(picture: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]:
+    """Colors to show, (..., 3), or (..., 4) with alpha, for channels on the last axis."""
+    color, alpha = _split_alpha(picture)
+    if picture.dtype != np.uint8:
+        opaque = np.iinfo(picture.dtype).max if picture.dtype.kind == "u" else 1
+        color, alpha = _stretch(color, *limits), _stretch(alpha, 0, opaque)
+    rgb = np.broadcast_to(color, (*color.shape[:-1], 3))
+    return np.concatenate([rgb, alpha], axis=-1)
+
+
+def _stretch(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]:
+    span = high - low or 1.0
+    return np.rint(np.clip((values - np.float64(low)) * 255 / span, 0, 255)).astype(np.uint8)
+
+
+def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:
+    """Bring a picture to the size of a panel."""
+    picture = Image.fromarray(pixels)
+    room = min(width / picture.width, int(TALLEST * width) / picture.height)
+    scale = int(room) if room >= 1 else room
+    if scale != 1:
+        size = (max(round(picture.width * scale), 1), max(round(picture.height * scale), 1))
+        # Hamming's window is as sharp as a bicubic filter here, and draws no halos along the edges of flat areas.
+        resampling = Image.Resampling.NEAREST if scale > 1 else Image.Resampling.HAMMING
+        picture = picture.resize(size, resampling, reducing_gap=3.0)
+    return _over_checkers(picture)
+
+
+def _over_checkers(picture: Image.Image) -> Image.Image:
+    if picture.mode != "RGBA":
+        return picture
+    row, column = np.ogrid[: picture.height, : picture.width]
+    odd = (row // CHECKER_SIDE + column // CHECKER_SIDE) % 2
+    board = Image.fromarray(np.array(CHECKERS, np.uint8)[odd]).convert("RGBA")
+    return Image.alpha_composite(board, picture).convert("RGB")
+
+
+def _strip(
+    colors: NDArray[Any], limits: tuple[float, float], width: int, height: int, shares: ArrayLike | None
+) -> Image.Image:
+    n_colors = len(colors)
+    if shares is None:
+        check_count("number of colors", n_colors, width * height, "the pixels of the strip")
+        layout = _fields(n_colors, width, height)
+    else:
+        check_count("number of colors", n_colors, width, "the width of the strip")
+        layout = np.tile(_bands(check_density(shares, n_colors), width), (height, 1))
+    return _over_checkers(Image.fromarray(_as_bytes(colors, limits)[layout]))
+
+
+def _fields(n_colors: int, width: int, height: int) -> NDArray[np.intp]:
+    """(height, width) index of a color for each pixel: equal fields, two or more in a column where they are many."""
+    upright = int(np.sqrt(n_colors * height / width))  # most in a column that leave the fields as high as wide
+    n_rows = min(max(upright, -(-n_colors // width), 1), height)
+    n_columns = -(-n_colors // n_rows)
+    column = np.arange(width) * n_columns // width
+    first, end = column * n_colors // n_columns, (column + 1) * n_colors // n_columns
+    return first + (end - first) * np.arange(height)[:, None] // height
+
+
+def _bands(shares: NDArray[np.float64], width: int) -> NDArray[np.intp]:
+    """(width,) index of a color for each column: by share, but a column for each color at least."""
+    numbers = np.arange(1, len(shares) + 1)
+    part = np.cumsum(shares)
+    ends = np.floor(width * (part / part[-1]) + 0.5).astype(np.intp)
+    ends = np.maximum.accumulate(np.maximum(ends - numbers, 0)) + numbers
+    ends = np.minimum(ends, width - len(shares) + numbers)
+    return np.searchsorted(ends, np.arange(width), side="right")

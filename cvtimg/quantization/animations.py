@@ -1,0 +1,132 @@
+"""Animations in few colors: one palette for all frames, or one for each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_alone
+from cvtimg.colors.samples import color_samples, merge_samples
+from cvtimg.colors.spaces import peak
+from cvtimg.pictures.frames import Frames
+from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
+from cvtimg.quantization.remapping import Quantized, map_to_palette
+
+__all__ = ["QuantizedFrames", "quantize_frames"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuantizedFrames:
+    """An animation in few colors.
+
+    Attributes
+    ----------
+    results : tuple of Quantized
+        Each frame.
+    durations, plays
+        As in `Frames`.
+    n_distinct : int
+        Distinct colors of all frames before; of the frame with the most where each has its own palette.
+    """
+
+    results: tuple[Quantized, ...]
+    durations: tuple[float, ...]
+    plays: int
+    n_distinct: int
+
+    @property
+    def energy(self) -> float:
+        """Sum of the energies of the frames."""
+        return sum(result.energy for result in self.results)
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of a sample over all frames."""
+        return float(np.mean([result.mse for result in self.results]))
+
+    @property
+    def psnr(self) -> float:
+        """Peak signal-to-noise ratio in dB over all frames; infinite if exact."""
+        top = peak(self.results[0].palette.dtype)
+        return float(10 * np.log10(top**2 / self.mse)) if self.energy else float("inf")
+
+    @property
+    def content(self) -> tuple[Frames, NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None]:
+        """What `write_frames` takes: frames of indices and their palettes, or frames of colors and None."""
+        contents = [result.content for result in self.results]
+        palettes = [palette for _, palette in contents if palette is not None]
+        if len(palettes) < len(contents):
+            pictures = tuple(pixels if palette is None else palette[pixels] for pixels, palette in contents)
+            return Frames(pictures, self.durations, self.plays), None
+        shared = all(np.array_equal(palette, palettes[0]) for palette in palettes)
+        frames = Frames(tuple(pixels for pixels, _ in contents), self.durations, self.plays)
+        return frames, palettes[0] if shared else palettes
+
+
+def quantize_frames(
+    frames: Frames,
+    n_colors: int | None = None,
+    *,
+    per_frame: bool = False,
+    space: str = "rgb",
+    palette: ArrayLike | None = None,
+    locked: ArrayLike | None = None,
+    dither: str | None = None,
+    dither_strength: float = 1.0,
+    **engine: Unpack[EngineOptions],
+) -> QuantizedFrames:
+    """Find the colors that stand best for all frames of an animation, or for each.
+
+    A palette for all is as exact as one for a picture: the densities of the colors of all frames add, so that it is
+    that of the frames side by side in one picture.
+
+    Parameters
+    ----------
+    frames : Frames
+        From `read_frames`.
+    n_colors : int
+        Size of a palette, in 1..65536, of which a .gif holds 256. Not to be given with `palette`.
+    per_frame : bool
+        Find a palette for each frame: of less error, but colors that stand still may change from frame to frame.
+    space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng
+        As in `quantize`. Floyd-Steinberg dithering flickers in what stands still; blue noise does not.
+
+    Returns
+    -------
+    QuantizedFrames
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import quantize_frames
+    >>> from cvtimg.pictures import Frames
+    >>> frames = Frames(tuple(np.full((2, 3), level, np.uint8) for level in (10, 12, 200)), (40, 40, 40), 0)
+    >>> result = quantize_frames(frames, 2)
+    >>> [int(one.image[0, 0]) for one in result.results]
+    [11, 11, 200]
+    """
+    several = [color_samples(image) for image in frames.images]
+    wholes = several if per_frame else [merge_samples(several)]
+    n_distinct = max(samples.n_colors for samples in wholes)
+    if palette is not None:
+        others = {"n_colors": n_colors, "per_frame": per_frame or None, "locked": locked, **engine}
+        check_alone("palette", [name for name, value in others.items() if value is not None])
+        found = [Palette(np.array(palette), None)]
+    elif n_colors is None:
+        raise TypeError("n_colors or palette must be given")
+    else:
+        found = [find_palette(whole, n_colors, space=space, locked=locked, **engine) for whole in wholes]
+    results = []
+    for samples, one in zip(several, found if per_frame else found * len(several), strict=True):
+        result = map_to_palette(samples, one.colors, space=space, dither=dither, dither_strength=dither_strength)
+        results.append(replace(result, tessellation=one.tessellation))
+    return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

@@ -1,0 +1,89 @@
+"""Color quantization of Dask arrays, block by block, wherever the blocks are."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
+from cvtimg.quantization.remapping import map_to_palette
+from cvtimg.quantization.sharing import add_samples, count_picture, in_fixed_order
+
+if TYPE_CHECKING:
+    import dask.array as da
+
+__all__ = ["quantize_blocks"]
+
+
+def quantize_blocks(
+    image: da.Array,
+    n_colors: int,
+    *,
+    space: str = "rgb",
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> tuple[Palette, da.Array]:
+    """Find the colors that stand best for a picture in blocks, and give each pixel the nearest, later.
+
+    The colors of the blocks are counted, and the counts added two by two, on the cluster that Dask works with; the
+    palette is found here. `quantize` takes a Dask array too, and brings it into memory first.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) dask.array.Array
+        uint8, uint16 or floating point. Of two or four channels the last is alpha.
+    n_colors : int
+        Size of the palette, in 1..65536.
+    space, locked, method, init, effort, volume_power, rng
+        As in `find_palette`.
+
+    Returns
+    -------
+    Palette
+        The same bit by bit whatever the blocks.
+    dask.array.Array, (H, W)
+        For each pixel the index of its color, uint8 or, of more than 256 colors, uint16: not computed yet, in the
+        blocks of the picture.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Examples
+    --------
+    >>> import dask.array as da
+    >>> import numpy as np
+    >>> from cvtimg.quantization import quantize_blocks
+    >>> picture = da.from_array(np.array([[10, 12, 200], [11, 202, 201]], np.uint8), chunks=(1, 3))
+    >>> palette, indices = quantize_blocks(picture, 2)
+    >>> palette.colors.ravel().tolist(), indices.compute().tolist()
+    ([11, 201], [[0, 0, 1], [0, 1, 1]])
+    """
+    import dask.array
+    from dask.delayed import delayed
+
+    if image.ndim not in (2, 3) or 0 in image.shape:
+        raise ValueError(f"image of shape {image.shape} must be (H, W) or (H, W, C), none of them 0")
+    whole: Any = image
+    if image.ndim == 3:
+        whole = whole.rechunk({2: -1})
+    sums = [delayed(count_picture)(block) for block in whole.to_delayed().ravel()]
+    while len(sums) > 1:
+        pairs = [delayed(add_samples)(*sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
+        sums = pairs + sums[2 * len(pairs) :]
+    samples = in_fixed_order(sums[0].compute())
+    palette = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+    colors = palette.colors
+    dtype = np.uint8 if len(colors) <= 256 else np.uint16
+    library: Any = dask.array
+    map_block = partial(_map_block, palette=colors, space=space)
+    indices: da.Array = library.map_blocks(map_block, whole, dtype=dtype, drop_axis=[2] if image.ndim == 3 else [])
+    return palette, indices
+
+
+def _map_block(block: NDArray[Any], *, palette: NDArray[Any], space: str) -> NDArray[Any]:
+    return map_to_palette(block, palette, space=space).indices

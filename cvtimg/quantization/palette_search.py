@@ -1,0 +1,223 @@
+"""Palettes that stand best for samples of colors, whatever pictures these are of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_colors, check_count
+from cvtimg.colors.places import (
+    CLEAR,
+    OPAQUE,
+    PARTLY,
+    agree,
+    from_places,
+    has_alpha,
+    kinds_of,
+    opaque_end,
+    to_places,
+    with_alpha,
+)
+from cvtimg.colors.samples import ColorSamples
+from cvtimg.engine.methods import Method, Stopping
+from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
+
+_REST = Stopping(tolerance=1e-4, max_iterations=100)
+#: Moves to the means of cells would undo what their weights have done.
+_AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
+
+
+class EngineOptions(TypedDict, total=False):
+    """Options of `tessellate` that those who find palettes pass on."""
+
+    method: str | Method | None
+    init: str | ArrayLike
+    effort: str
+    volume_power: float
+    rng: int | np.random.Generator
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Palette:
+    """Colors that stand for others.
+
+    Attributes
+    ----------
+    colors : (K, C) array of the type of the samples
+        Distinct, in the units of the samples; those with transparency first, then from dark to bright.
+    tessellation : Tessellation or None
+        What they were rounded from, in the coordinates of the color space; None where the samples have so few colors
+        that these are the palette.
+    """
+
+    colors: NDArray[Any]
+    tessellation: Tessellation | None
+
+    def __post_init__(self) -> None:
+        self.colors.flags.writeable = False
+
+
+def find_palette(
+    samples: ColorSamples,
+    n_colors: int,
+    *,
+    space: str = "rgb",
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Palette:
+    """Find the colors that stand best for samples: of one picture, or of several that were merged.
+
+    Parameters
+    ----------
+    samples : ColorSamples
+        From `color_samples`, or `merge_samples` for one palette of several pictures or frames.
+    n_colors : int
+        Size of the palette, in 1..65536, with the locked colors and, if a sample is fully transparent, with the
+        color for that.
+    space : {"rgb", "linear", "lab", "oklab"}
+        Where distances are measured. Means are taken there too, and come back to sRGB.
+    locked : (L, C) array, optional
+        Colors that are in the palette exactly, in the units of the samples.
+    method, init, effort, volume_power, rng
+        As in `tessellate`. Initial colors, if given, are in the coordinates of the space.
+
+    Returns
+    -------
+    Palette
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import find_palette
+    >>> from cvtimg.colors import color_samples
+    >>> picture = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
+    [11, 201]
+    """
+    samples, fixed, least = fixed_colors(samples, locked)
+    check_room(n_colors, least)
+    kinds = kinds_of(samples.colors)
+    samples = _visible(samples, kinds)
+    if samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all() and has_alpha(fixed.shape[1]):
+        return _opaque_palette(samples, n_colors, space, fixed, engine)
+    if samples.n_colors <= n_colors:
+        colors = _in_order(np.concatenate([fixed, samples.colors]))
+        if len(colors) <= n_colors:
+            return Palette(colors, None)
+    if len(fixed) == n_colors:
+        return Palette(_in_order(fixed), None)
+    return _tessellated(samples, n_colors, space, fixed, engine)
+
+
+def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:
+    """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
+    fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
+    samples, fixed = agree(samples, fixed)
+    needed, there = (set(np.unique(kinds_of(colors)).tolist()) for colors in (samples.colors, fixed))
+    if CLEAR in needed - there:
+        fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
+    return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
+
+
+def check_room(n_colors: int, least: int) -> None:
+    """Refuse a size that no palette has, or too small a one."""
+    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
+    if n_colors < least:
+        raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
+
+
+def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
+    """Leave out what cannot be seen or does not count; but if nothing opaque counts, it still needs its color."""
+    opaque, density = kinds == OPAQUE, samples.density
+    if opaque.any() and not density[opaque].any():
+        density = np.where(opaque, 1e-12 * density.max(), density)
+        samples = replace(samples, density=density)
+    chosen = (density > 0) & (kinds != CLEAR)
+    return samples if chosen.all() else samples.some(chosen)
+
+
+def _opaque_palette(
+    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+) -> Palette:
+    """Find a palette where alpha plays no part: transparent colors are locked ones, and the others have none."""
+    opaque = kinds_of(fixed) == OPAQUE
+    seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]))
+    n_left = n_colors - int(np.count_nonzero(~opaque))
+    locked = fixed[opaque, :-1] if opaque.any() else None
+    found = find_palette(seen, n_left, space=space, locked=locked, **engine)
+    return Palette(_in_order(np.concatenate([fixed[~opaque], with_alpha(found.colors)])), found.tessellation)
+
+
+def _tessellated(
+    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+) -> Palette:
+    """Find a palette of more samples, with the fixed colors, than it can hold."""
+    colors, density = samples.colors, samples.density
+    if samples.n_colors < n_colors:  # the engine wants as many samples as generators, locked ones too
+        colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
+    places = to_places(colors, space)
+    tessellation = tessellate(
+        replace(samples, rows=places, density=density), n_colors, locked=to_places(fixed, space), **engine
+    )
+    generators = tessellation.generators
+    if has_alpha(fixed.shape[1]):
+        end = opaque_end(fixed.shape[1], space, fixed.dtype)
+        rest = _AT_ONCE if engine.get("volume_power") else _REST
+        generators = _keep_opaque(places, density, (kinds_of(colors), kinds_of(fixed)), tessellation, end, rest)
+    found = from_places(generators, space, fixed.dtype)
+    found[: len(fixed)] = fixed
+    return Palette(_in_order(found), tessellation)
+
+
+def _keep_opaque(
+    places: NDArray[np.float64],
+    density: NDArray[np.float64],
+    kinds: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+    tessellation: Tessellation,
+    end: float,
+    rest: Stopping,
+) -> NDArray[np.float64]:
+    """Make the generators of mostly opaque cells opaque, and let all move until they rest under that condition.
+
+    `kinds` are those of the places and of the locked generators, the first ones. Opaque places belong to the nearest
+    opaque generator, which has `end` for its last coordinate. No step raises the energy.
+    """
+    generators, labels = tessellation.generators.copy(), tessellation.labels
+    n_generators, n_locked = len(generators), len(kinds[1])
+    free = np.arange(n_generators) >= n_locked
+    masses = np.bincount(labels, density * (kinds[0] == OPAQUE), n_generators)
+    opaque = free & (masses > 0) & (masses >= tessellation.masses / 2)
+    if not (opaque.any() or OPAQUE in kinds[1]):
+        opaque[n_locked + np.argmax(masses[n_locked:])] = True
+    ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
+    ends[:n_locked] = kinds[1]
+    energies: list[float] = []
+    while True:
+        generators[opaque, -1] = end
+        labels = nearest_of_kind(places, kinds[0], generators, ends)
+        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
+        if rest.converged(energies) or len(energies) > rest.max_iterations:
+            return generators
+        masses = np.bincount(labels, density, n_generators)
+        moved = free & (masses > 0)
+        for dim in range(places.shape[1]):
+            sums = np.bincount(labels, density * places[:, dim], n_generators)
+            generators[moved, dim] = sums[moved] / masses[moved]
+
+
+def _in_order(colors: NDArray[Any]) -> NDArray[Any]:
+    """Distinct colors: those with transparency first, as files have it, then by the sum of their channels."""
+    totals = colors.sum(axis=1, dtype=np.float64)
+    ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors) == OPAQUE))]
+    is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    distinct: NDArray[Any] = ordered[is_new]
+    return distinct

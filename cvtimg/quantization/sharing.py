@@ -1,0 +1,106 @@
+"""One palette for many pictures: of the exact sum of their densities, whatever their order and who counted them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvtimg._shared.threads import pairwise_sum
+from cvtimg.colors.places import has_alpha, widen, without_idle_alpha
+from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
+from cvtimg.colors.spaces import to_depth
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import read_image
+from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
+
+__all__ = ["add_samples", "count_picture", "in_fixed_order", "shared_palette"]
+
+
+def shared_palette(
+    pictures: Iterable[StrPath | ArrayLike],
+    n_colors: int,
+    *,
+    space: str = "rgb",
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Palette:
+    """Find the colors that stand best for all pixels of many pictures.
+
+    The densities of the pictures are added exactly, so the result is that of one picture with all their pixels, and
+    the same bit by bit whatever the order of the pictures. `map_to_palette` then brings each of them to the palette.
+
+    Parameters
+    ----------
+    pictures : iterable of paths or (H, W) or (H, W, C) arrays
+        Taken one after the other: only the distinct colors of all are held in memory, at most 2^24 of 8-bit RGB.
+        Grey counts as RGB where there is color, opaque pictures get alpha where some have transparency, and 8 bits
+        become 16 where some have 16; floating point and bands that are no colors go with their like alone.
+    n_colors : int
+        Size of the palette, in 1..65536.
+    space, locked, method, init, effort, volume_power, rng
+        As in `find_palette`.
+
+    Returns
+    -------
+    Palette
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+    OSError
+        If a picture cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.quantization import shared_palette
+    >>> shared_palette([np.array([[10, 12]], np.uint8), np.array([[200, 202]], np.uint8)], 2).colors.tolist()
+    [[11], [201]]
+    """
+    samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
+    if samples is None:
+        raise ValueError("pictures must be at least one")
+    return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
+
+
+def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> ColorSamples:
+    """Count the colors of a picture, with so many bits a sample, without the way back to its pixels.
+
+    This is what goes from worker to worker: some megabytes for a photograph of any size.
+    """
+    image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else np.asarray(picture)
+    if depth:
+        image = to_depth(image, np.dtype(f"uint{depth}"))
+    samples = color_samples(without_idle_alpha(image))
+    return replace(samples, inverse=np.empty((0, 0), np.int32))
+
+
+def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
+    """Add two densities. Counts of pixels are whole numbers, whose sums are exact in any order."""
+    merged = merge_samples(_alike(first, second))
+    return replace(merged, inverse=np.empty((0, 0), np.int32))
+
+
+def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
+    """Bring samples to one type and number of channels, if they can be."""
+    pair = [first, second]
+    dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
+    if dtypes == {"uint8", "uint16"}:
+        pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
+    if len(channels) > 1 and max(channels) <= 4:
+        n_seen, alpha = 1 if max(channels) < 3 else 3, any(map(has_alpha, channels))
+        pair = [replace(one, rows=widen(one.colors, n_seen, alpha)) for one in pair]
+    return pair
+
+
+def in_fixed_order(samples: ColorSamples) -> ColorSamples:
+    """Sort colors: those that a table counted have their order from it, others from which came first."""
+    order = np.lexsort(samples.colors.T[::-1])
+    in_order = replace(samples, rows=samples.colors[order], density=samples.density[order])
+    return merge_samples([in_order]) if samples.in_order else in_order

@@ -1,0 +1,166 @@
+"""Color quantization of pictures larger than memory: once through the file to count, once to map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_colors
+from cvtimg.colors.counting import Counter
+from cvtimg.colors.places import CLEAR, has_alpha, kinds_of
+from cvtimg.colors.spaces import peak
+from cvtimg.engine.tessellation import Tessellation
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
+from cvtimg.quantization.palette_search import EngineOptions, find_palette
+from cvtimg.quantization.remapping import map_to_palette
+
+__all__ = ["QuantizedFile", "quantize_file"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuantizedFile:
+    """What became of a picture that is only on disk.
+
+    Attributes
+    ----------
+    palette, tessellation
+        As in `Quantized`.
+    shape : tuple of int
+        Shape of the picture: (H, W) or (H, W, C).
+    energy : float
+        As in `Quantized`: exact, whether `exact` is true or not.
+    n_distinct : int
+        Distinct colors of the picture before; where `exact` is false and pixels have more than three bytes, how many
+        were told apart at a time.
+    exact : bool
+        Whether the palette is that of all these colors: up to 2^22 (`cvtimg.counting.MOST_COLORS`). Beyond,
+        neighbours were taken together when it was sought.
+    """
+
+    palette: NDArray[Any]
+    shape: tuple[int, ...]
+    energy: float
+    tessellation: Tessellation | None
+    n_distinct: int
+    exact: bool
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of a sample, alpha apart."""
+        n_channels = self.palette.shape[1]
+        return float(self.energy / (prod(self.shape[:2]) * (n_channels - has_alpha(n_channels))))
+
+    @property
+    def psnr(self) -> float:
+        """Peak signal-to-noise ratio in dB, as in `Quantized`."""
+        return float(10 * np.log10(peak(self.palette.dtype) ** 2 / self.mse)) if self.energy else float("inf")
+
+
+def quantize_file(
+    source: StrPath,
+    target: StrPath,
+    n_colors: int | None = None,
+    *,
+    space: str = "rgb",
+    palette: ArrayLike | None = None,
+    locked: ArrayLike | None = None,
+    overwrite: bool = False,
+    **engine: Unpack[EngineOptions],
+) -> QuantizedFile:
+    """Reduce a picture on disk, of any size, to the colors that stand best for it.
+
+    The palette is that of the whole picture: no seams. Memory does not grow with the picture: some bands of about 2^23
+    pixels (`cvtimg.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22 distinct colors,
+    beyond which neighbours are taken together: under 2 GiB for RGB.
+
+    Parameters
+    ----------
+    source : path
+        A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: uint8, uint16 or
+        floating point, (H, W) or (H, W, C).
+    target : path
+        Ends in .tif, .tiff or .zarr. Up to 256 colors of 8-bit RGB make an indexed TIFF; a Zarr array holds the
+        picture in its new colors. Color profile and place on Earth stay as they are in a TIFF.
+    n_colors : int
+        Size of the palette, in 1..65536; not to be given with `palette`.
+    space, palette, locked, method, init, effort, volume_power, rng
+        As in `quantize`.
+    overwrite : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    QuantizedFile
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+    OSError
+        If a file cannot be read by tiles, or written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from cvtimg import read_image, write_image
+    >>> from cvtimg.quantization import quantize_file
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/a.tif", np.array([[[10, 12, 200], [11, 202, 201], [12, 12, 200]]], np.uint8))
+    ...     result = quantize_file(f"{folder}/a.tif", f"{folder}/b.tif", 2)
+    ...     read_image(f"{folder}/b.tif").tolist(), result.energy
+    ([[[11, 12, 200], [11, 202, 201], [11, 12, 200]]], 2.0)
+    """
+    check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
+    if (n_colors is None) == (palette is None):
+        raise TypeError("either n_colors or palette must be given")
+    bands = open_bands(source)
+    counter = Counter()
+    for band in bands:
+        counter.add(band)
+    samples, exact = counter.samples(), counter.exact
+    tessellation = None
+    if palette is None:
+        assert n_colors is not None
+        found = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+        colors, tessellation = found.colors, found.tessellation
+    else:
+        colors = check_colors("palette", palette, samples.colors.dtype)
+    if has_alpha(colors.shape[1]) and CLEAR in kinds_of(samples.colors) and CLEAR not in kinds_of(colors):
+        colors = np.concatenate([colors, np.zeros_like(colors[:1])])
+    n_distinct = counter.n_distinct
+    del samples, counter  # which take more memory than the bands
+    mapping = _Mapping(bands, colors, space, Path(target).suffix.lower() != ".zarr")
+    write_bands(target, mapping.form, mapping, palette=mapping.indexed, overwrite=overwrite)
+    return QuantizedFile(mapping.palette, bands.form.shape, mapping.energy, tessellation, n_distinct, exact)
+
+
+class _Mapping:
+    """The bands of a picture in the colors of a palette, and the energy of those that were given."""
+
+    def __init__(self, bands: Bands, palette: NDArray[Any], space: str, may_be_indexed: bool) -> None:
+        # One pixel tells how palettes and pictures of unequal channels agree.
+        form = bands.form
+        white = np.full((1, 1, *form.shape[2:]), peak(form.dtype), form.dtype)
+        pixel = map_to_palette(white, palette, space=space)
+        self.palette = palette
+        self.energy = 0.0
+        self._bands, self._space = bands, space
+        n_channels = pixel.palette.shape[1]
+        fits = len(palette) <= 256 and palette.dtype == np.uint8 and n_channels == 3
+        self.indexed = pixel.palette if may_be_indexed and fits else None
+        shape = form.shape[:2] if n_channels == 1 or self.indexed is not None else (*form.shape[:2], n_channels)
+        self.form = replace(form, shape=shape)
+
+    def __iter__(self) -> Iterator[Band]:
+        for band in self._bands:
+            result = map_to_palette(band, self.palette, space=self._space)
+            self.energy += result.energy
+            yield result.indices if self.indexed is not None else result.image.reshape(len(band), *self.form.shape[1:])

@@ -1,0 +1,5 @@
+"""Segmentation: images in segments of similar color, for clean and for noisy images."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,16 @@
+from .averaging import Averaging
+from .grid_cells import superpixels
+from .noise import estimate_noise
+from .segments import Segmentation, segment, segment_curve
+from .tiled import SegmentedFile, segment_file
+
+__all__ = [
+    "Averaging",
+    "Segmentation",
+    "SegmentedFile",
+    "estimate_noise",
+    "segment",
+    "segment_curve",
+    "segment_file",
+    "superpixels",
+]

@@ -1,0 +1,131 @@
+"""A picture larger than memory as values in a color space, of which some rows are in memory at a time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.colors.counting import Counter
+from cvtimg.colors.spaces import peak, to_space
+from cvtimg.pictures.tiles import Bands
+from cvtimg.segmentation.disk_rows import DiskRows
+from cvtimg.segmentation.values import PictureValues, unit_of
+
+__all__ = ["DiskValues"]
+
+#: Pixels of a strip. Values, labels and what is computed of them take some 100 bytes for each.
+STRIP_PIXELS = 1 << 21
+#: A strip has so many rows at least, more than the largest disc of neighbors reaches.
+_LEAST_ROWS = 32
+
+
+class DiskValues:
+    """The pixels of a picture in a file without compression, and their colors.
+
+    Parameters
+    ----------
+    bands : Bands
+        The picture.
+    path : Path
+        The file.
+    space : str
+        The color space.
+    has_alpha : bool
+        The last band is alpha: pixels where it is 0 are outside.
+    nodata : float, optional
+        Pixels with this value in all bands that have color are outside.
+
+    Attributes
+    ----------
+    shape : (H, W)
+    strips : list of (first, last)
+        Rows that are in memory at a time.
+    values : PictureValues
+        Of all pixels inside, without the way back to them.
+    exact : bool
+        Whether all distinct colors are told apart in these.
+    """
+
+    def __init__(self, bands: Bands, path: Path, space: str, *, has_alpha: bool, nodata: float | None) -> None:
+        form = bands.form
+        n_bands = form.shape[2] if len(form.shape) > 2 else 1
+        if has_alpha and n_bands < 2:
+            raise ValueError(f"has_alpha needs more bands than {n_bands}")
+        self.shape = form.shape[:2]
+        self.n_dims = n_bands - has_alpha
+        height, width = self.shape
+        n_rows = max(STRIP_PIXELS // width, _LEAST_ROWS)
+        self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
+        self._has_alpha, self._nodata = has_alpha, nodata
+        self._pixels = DiskRows(path, (*self.shape, n_bands), form.dtype)
+        try:
+            self.values, self.exact = self._count(bands, space)
+        except BaseException:
+            self.close()
+            raise
+        self._center = self.values.center
+
+    def _count(self, bands: Bands, space: str) -> tuple[PictureValues, bool]:
+        """Lay all pixels down and count their colors."""
+        counter, top = Counter(), 0
+        for band in bands:
+            rows = band.reshape(*band.shape[:2], -1)
+            self._pixels.write(top, rows)
+            colors, inside = self._split(rows)
+            if inside.any():
+                counter.add(colors if inside.all() else colors[inside][None])
+            top += len(rows)
+        if not counter.has_any:
+            raise ValueError("picture must have at least one pixel that is known")
+        samples, dtype = counter.samples(), self._pixels.dtype
+        if space == "rgb":
+            values = PictureValues(np.empty((0, 0), np.bool_), samples, 255 / peak(dtype), 0.0, space, dtype)
+        else:
+            places = to_space(samples.colors.astype(np.float64) / peak(dtype), space) * unit_of(space, dtype)
+            samples = replace(samples, rows=places)
+            values = PictureValues(np.empty((0, 0), np.bool_), samples, 1.0, 0.0, space, dtype)
+        return values, counter.exact
+
+    def _split(self, rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Part colors from where they are known."""
+        colors = rows[:, :, : self.n_dims]
+        inside = rows[:, :, -1] > 0 if self._has_alpha else np.ones(rows.shape[:2], np.bool_)
+        if rows.dtype.kind == "f":
+            inside &= np.isfinite(colors).all(axis=2)
+        if self._nodata is not None:
+            inside &= (colors != self._nodata).any(axis=2)
+        return colors, inside
+
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return (H, W, D) values of some rows, less the mean of all, 0 outside; and (H, W) where they are known."""
+        colors, inside = self._split(self._pixels.read(first, last))
+        if inside.all():
+            return self._field(colors.reshape(-1, self.n_dims)).reshape(colors.shape), inside
+        field = np.zeros(colors.shape, np.float32)
+        field[inside] = self._field(colors[inside])
+        return field, inside
+
+    def _field(self, colors: NDArray[Any]) -> NDArray[np.float32]:
+        """(N, D) values of (N, C) colors, less the mean of all."""
+        values, scale = self.values, self.values.scale
+        if values.space != "rgb":
+            colors, scale = to_space(colors.astype(np.float64) / peak(values.dtype), values.space), values.unit
+        field = np.empty(colors.shape, np.float32)
+        for dim, center in enumerate(self._center):  # long loops, one for each dimension
+            field[:, dim] = colors[:, dim].astype(np.float64) * scale - center
+        return field
+
+    @property
+    def variance(self) -> float:
+        """Sum over the dimensions of the variance of values."""
+        samples, scale = self.values.samples, self.values.scale
+        steps = samples.colors * scale - self._center
+        return float((samples.density @ steps**2).sum() / samples.density.sum())
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._pixels.close()

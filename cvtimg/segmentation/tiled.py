@@ -1,0 +1,312 @@
+"""Segmentation of pictures larger than memory: strips of rows, and cells that are those of the whole picture.
+
+The first pass counts colors and lays the pixels down beside the target, where they can be read again from above and
+from below. What follows goes strip by strip over files: the descent of edges too, in the order in which it goes over
+a picture in memory and with the same sums, so that strips leave no seams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_choice, check_count, check_non_negative
+from cvtimg.colors.counting import Counter
+from cvtimg.colors.samples import ColorSamples
+from cvtimg.colors.spaces import SPACES
+from cvtimg.engine.points import assign, pack
+from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.files.whole import StrPath, scratch_folder
+from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, open_bands, write_bands
+from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
+from cvtimg.segmentation.disk_rows import DiskRows
+from cvtimg.segmentation.disk_values import DiskValues
+from cvtimg.segmentation.edge_weight import State, settle
+from cvtimg.segmentation.noise import BLOCK, block_covariances, quiet_covariance
+from cvtimg.segmentation.segments import auto_weight, blur_at_start, dark_to_bright, weight_number
+
+__all__ = ["SegmentedFile", "segment_file"]
+
+#: Labels are of 8 or 16 bits, and 0 is outside.
+_MOST_SEGMENTS = 65535
+#: Blocks that tell the noise; beyond, some rows of blocks are left out.
+_NOISE_BLOCKS = 1 << 18
+#: Levels of which an averaged picture is counted.
+_LEVELS = 255
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentedFile:
+    """What became of a picture that is only on disk.
+
+    Attributes
+    ----------
+    generators, masses, energy, energies, edge_weight, converged
+        As in `Segmentation`.
+    shape : tuple of int
+        Shape of the picture: (H, W) or (H, W, C).
+    exact : bool
+        Whether segments start from all distinct colors, or averages of them by 255 levels: up to 2^22. Beyond,
+        neighbors were taken together.
+    """
+
+    generators: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    energy: float
+    energies: tuple[float, ...]
+    edge_weight: float
+    converged: bool
+    shape: tuple[int, ...]
+    exact: bool
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments, K."""
+        return len(self.generators)
+
+
+def segment_file(
+    source: StrPath,
+    target: StrPath,
+    n_segments: int,
+    *,
+    space: str = "rgb",
+    edge_weight: float | str = 0,
+    edge_radius: int = 3,
+    has_alpha: bool = False,
+    nodata: float | None = None,
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+    overwrite: bool = False,
+) -> SegmentedFile:
+    """Divide a picture on disk, of any size, into segments of similar color.
+
+    Segments are those of the whole picture: no seams. Memory does not grow with the picture, as in `quantize_file`;
+    the folder of the target needs room for the pixels without compression and, for each, 4 bytes, with an edge weight
+    7, until the end.
+
+    Parameters
+    ----------
+    source : path
+        A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: uint8, uint16 or
+        floating point, (H, W) or (H, W, C). Pixels with NaN or infinity in any band are left out.
+    target : path
+        Ends in .tif, .tiff or .zarr: labels from 1, dark to bright, and 0 for what is left out; 8 bits for up to 255
+        segments, else 16. The place on Earth stays as it is in a TIFF.
+    n_segments : int
+        K, in 1..65535.
+    space, edge_weight, edge_radius, effort, rng
+        As in `segment`.
+    has_alpha : bool
+        The last band is alpha, which has no color; pixels where it is 0 are left out.
+    nodata : float, optional
+        Pixels with this value in all bands are left out.
+    overwrite : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    SegmentedFile
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+    OSError
+        If a file cannot be read by tiles, or written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from cvtimg import read_image, write_image
+    >>> from cvtimg.segmentation import segment_file
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/a.tif", np.array([[10, 12, 200], [11, 202, 201]], np.uint8))
+    ...     result = segment_file(f"{folder}/a.tif", f"{folder}/b.tif", 2)
+    ...     read_image(f"{folder}/b.tif").tolist(), result.generators.ravel().tolist()
+    ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
+    """
+    check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
+    check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
+    check_count("edge_radius", edge_radius, 30, "the largest disc")
+    check_choice("space", space, SPACES)
+    weight = edge_weight if edge_weight == "auto" else check_non_negative("edge_weight", weight_number(edge_weight))
+    bands = open_bands(source)
+    with scratch_folder(target) as folder, ExitStack() as stack:
+        picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata)
+        stack.callback(picture.close)
+        noise = _noise(picture) if weight else np.zeros((1, 1))
+        if weight == "auto":
+            weight = auto_weight(noise, edge_radius)
+        blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
+        start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
+        tessellation = start.tessellate(n_segments, effort, rng)
+        cells = _Cells(picture, folder, edge_radius if weight else 1)
+        stack.callback(cells.close)
+        cells.put(start.labels(tessellation))
+        energies, converged = cells.settle(len(tessellation.generators), float(weight))
+        generators = picture.values.to_picture(cells.state.means[1:] + picture.values.center)
+        masses = cells.state.masses[1:, 0]
+        new_label = dark_to_bright(generators, masses)
+        dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
+        form = Form(bands.form.shape[:2], dtype, geo_tags=bands.form.geo_tags)
+        write_bands(target, form, cells.labels(np.append(0, new_label).astype(dtype)), overwrite=overwrite)
+    order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
+    unit = picture.values.unit**2
+    if not weight:
+        energies, converged = tuple(e * start.scale**2 for e in tessellation.energies), tessellation.converged
+    return SegmentedFile(
+        generators=generators[order],
+        masses=masses[order],
+        energy=float(cells.state.parts.sum()) / unit,
+        energies=tuple(energy / unit for energy in energies),
+        edge_weight=float(weight),
+        converged=converged,
+        shape=bands.form.shape,
+        exact=picture.exact and start.exact,
+    )
+
+
+def _noise(picture: DiskValues) -> NDArray[np.float64]:
+    """(D, D) covariance of the noise, from all rows of blocks or as many as are enough."""
+    height, width = picture.shape
+    if min(height, width) < BLOCK + 2:
+        values, inside = picture.read(0, height)
+        sides = [min(BLOCK, max(side - 2, 1)) for side in picture.shape]
+        return quiet_covariance(block_covariances(values, inside), sides[0] * sides[1])
+    n_rows, n_columns = (height - 2) // BLOCK, (width - 2) // BLOCK
+    rows = range(0, n_rows, -(-n_rows * n_columns // _NOISE_BLOCKS))
+    found = [block_covariances(*picture.read(BLOCK * row, BLOCK * row + BLOCK + 2)) for row in rows]
+    return quiet_covariance(np.concatenate(found), BLOCK**2)
+
+
+class _Start:
+    """The segments that edges start from: of the picture, or of its averages where it is noisy."""
+
+    def __init__(self, picture: DiskValues, average: Averaging | None) -> None:
+        self._picture, self._average = picture, average
+        self._halo = int(TRUNCATE * average.radius + 0.5) if average else 0
+        self.samples, self.scale, self._offset = picture.values.samples, picture.values.scale, -picture.values.center
+        self.exact = True
+        if average:
+            self.samples = self._count()
+
+    def _count(self) -> ColorSamples:
+        """Count averages by levels of the range that colors have."""
+        places = self.samples.colors * self.scale + self._offset
+        low, high = float(places.min()), float(places.max())
+        self.scale, self._offset = (high - low) / _LEVELS, np.full(places.shape[1], low)
+        counter = Counter()
+        for values, inside in self._strips():
+            counter.add(np.rint((values[inside] - low) / self.scale).astype(np.uint8)[None])
+        samples = counter.samples()
+        self.exact = counter.exact
+        return samples
+
+    def _strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+        """Give strips of values, averaged if they shall be, and where they count."""
+        for first, last in self._picture.strips:
+            above, below = max(first - self._halo, 0), min(last + self._halo, self._picture.shape[0])
+            values, inside = self._picture.read(above, below)
+            own = slice(first - above, last - above)
+            if self._average:
+                values = averaged(values, self._average, inside)
+            yield values[own], inside[own]
+
+    def tessellate(self, n_segments: int, effort: str, rng: int | np.random.Generator) -> Tessellation:
+        n_most = min(n_segments, self.samples.n_colors)
+        return tessellate(self.samples, n_most, effort=effort, rng=rng)
+
+    def labels(self, tessellation: Tessellation) -> Iterator[NDArray[np.int32]]:
+        """Give strips of labels, of the nearest generators."""
+        generators = tessellation.generators * self.scale + self._offset
+        origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are
+        for values, inside in self._strips():
+            labels = np.zeros(inside.shape, np.int32)
+            rows = values[inside]
+            if len(rows):
+                points = pack(rows, np.ones(len(rows)), center=origin)
+                labels[inside] = assign(points, points.frame.inward(generators))[: len(rows)] + 1
+            yield labels
+
+
+class _Cells:
+    """Labels on disk with a frame of zeros, and what the descent keeps up to date with them."""
+
+    def __init__(self, picture: DiskValues, folder: Path, radius: int) -> None:
+        self.picture, self.radius = picture, radius
+        shape = tuple(side + 2 * radius for side in picture.shape)
+        self.on_disk = {
+            name: DiskRows(folder / name, shape, dtype)
+            for name, dtype in (("labels", np.int32), ("others", np.uint16), ("stale", np.uint8))
+        }
+
+    def put(self, strips: Iterable[NDArray[np.int32]]) -> None:
+        top = self.radius
+        for strip in strips:
+            self.on_disk["labels"].write(top, np.pad(strip, ((0, 0), (self.radius, self.radius))))
+            top += len(strip)
+
+    def settle(self, n_segments: int, edge_weight: float) -> tuple[tuple[float, ...], bool]:
+        """Measure the cells, after the descent if edges cost."""
+        shape = (self.picture.shape[1], self.picture.n_dims)
+        self.state = State(self._strips, shape, n_segments, self.radius)
+        if edge_weight:
+            self.state.begin()
+            return settle(self.state, edge_weight)
+        self.state.measure()
+        self.state.measure()
+        return (), True
+
+    def _strips(self, backward: bool) -> Iterator[_Strip]:
+        strips = self.picture.strips
+        return (_Strip(self, *ends) for ends in (reversed(strips) if backward else strips))
+
+    def labels(self, new_label: NDArray[np.unsignedinteger]) -> Iterator[NDArray[np.unsignedinteger]]:
+        """Give strips of labels by other numbers."""
+        frame = slice(self.radius, -self.radius)
+        return (new_label[strip.labels[frame, frame]] for strip in self._strips(False))
+
+    def close(self) -> None:
+        for rows in self.on_disk.values():
+            rows.close()
+
+
+class _Strip:
+    """Some rows of cells, read as they are asked for."""
+
+    weights = None
+
+    def __init__(self, cells: _Cells, first: int, last: int) -> None:
+        self._cells, self._first, self._last = cells, first, last
+
+    def _read(self, name: str) -> NDArray[np.generic]:
+        return self._cells.on_disk[name].read(self._first, self._last + 2 * self._cells.radius)
+
+    @cached_property
+    def values(self) -> NDArray[np.float32]:
+        return self._cells.picture.read(self._first, self._last)[0]
+
+    @cached_property
+    def labels(self) -> NDArray[np.int32]:
+        return self._read("labels").view(np.int32)
+
+    @cached_property
+    def others(self) -> NDArray[np.uint16]:
+        return self._read("others").view(np.uint16)
+
+    @cached_property
+    def stale(self) -> NDArray[np.uint8]:
+        return self._read("stale").view(np.uint8)
+
+    def save(self) -> None:
+        for name, rows in self._cells.on_disk.items():
+            if name in self.__dict__:
+                rows.write(self._first, self.__dict__[name])

@@ -1,0 +1,279 @@
+"""The engine as a scikit-learn estimator.
+
+Only this module imports scikit-learn, and SciPy, which comes with it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_count
+from cvtimg.engine.points import assign, cell_energies, pack
+from cvtimg.engine.seeding import TooFewSamplesError
+from cvtimg.engine.tessellation import Tessellation, tessellate
+
+try:
+    from scipy.spatial.distance import cdist
+    from sklearn.base import BaseEstimator, ClassNamePrefixFeaturesOutMixin, ClusterMixin, TransformerMixin
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.utils import check_array, check_random_state
+    from sklearn.utils.validation import check_is_fitted, validate_data
+except ImportError as error:
+    raise ImportError("cvtimg.CVT needs scikit-learn 1.6 or newer: pip install 'cvtimg[sklearn]'") from error
+
+__all__ = ["CVT"]
+
+
+class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseEstimator):  # type: ignore[misc]
+    """Centroidal Voronoi tessellation of the rows of a table.
+
+    The estimator for those who have scikit-learn's pipelines and searches; `cvtimg.tessellate` is the same as a
+    function, and can do more.
+
+    Parameters
+    ----------
+    n_clusters : int
+        Number of generators, at most the number of samples.
+    method : str
+        How generators move, by its name in `cvtimg.engine.METHODS`.
+    init : {"split", "k-means++", "maximin", "random"} or (n_clusters, n_features) array
+        Initial generators. From given ones the iteration starts as they are, without a search.
+    effort : {"fast", "balanced", "best"}
+        How long to look for a low energy.
+    random_state : int, RandomState instance or None
+        An int is the seed, as `rng` is of `tessellate`. From a RandomState the seed is drawn, so that every fit has
+        another; None stands for NumPy's global one.
+
+    Attributes
+    ----------
+    cluster_centers_ : (n_clusters, n_features) array
+        Generators, in the order of their first coordinate, then of the second and so on, or of `init` where that
+        is an array. They are fewer where there are fewer distinct samples of positive weight.
+    labels_ : (n_samples,) int32 array
+        For each sample the index of its nearest generator.
+    inertia_ : float
+        Energy: sum of weight times squared distance to the nearest generator. If the method "transfer" is stopped
+        before it rests, this is lower than the last of `energies_`, where a sample may be in another cell.
+    energies_ : (n_iter_ + 1,) array
+        The energy before each step of the iteration and at its end; it never rises.
+    n_iter_ : int
+        Steps of the iteration.
+    n_features_in_ : int
+        Columns of the samples.
+    feature_names_in_ : (n_features_in_,) array of str
+        Their names, where they have any.
+
+    Warns
+    -----
+    ConvergenceWarning
+        If there are fewer distinct samples than clusters. Each is its own generator then, and the energy is 0.
+
+    See Also
+    --------
+    cvtimg.tessellate : The engine, with locked generators, volume power and a callback.
+
+    Notes
+    -----
+    The words of the papers and those of scikit-learn: generators are cluster centers, a tessellation is a clustering,
+    a cell is a cluster, the density is the sample weight, the energy is the inertia.
+
+    Samples are compared in float32 after the center of the generators was taken from them. Centers are float32 if the
+    samples are.
+
+    References
+    ----------
+    Q. Du, V. Faber, M. Gunzburger, SIAM Review 41 (1999) 637-676, doi 10.1137/S0036144599352836.
+
+    Examples
+    --------
+    >>> from cvtimg import CVT
+    >>> cvt = CVT(n_clusters=2).fit([[0, 0], [0, 2], [9, 0], [9, 2]])
+    >>> cvt.cluster_centers_.tolist(), cvt.labels_.tolist(), cvt.inertia_
+    ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
+    >>> cvt.predict([[8, 8]]).tolist(), cvt.transform([[9, 5]])[0, 1].item()
+    ([1], 4.0)
+    """
+
+    def __init__(
+        self,
+        n_clusters: int = 8,
+        *,
+        method: str = "lloyd",
+        init: str | ArrayLike = "split",
+        effort: str = "balanced",
+        random_state: Any = 0,
+    ) -> None:
+        self.n_clusters = n_clusters
+        self.method = method
+        self.init = init
+        self.effort = effort
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
+        """Compute the tessellation.
+
+        Parameters
+        ----------
+        X : (n_samples, n_features) array-like
+            Samples, finite and dense.
+        y : ignored
+            For scikit-learn's sake.
+        sample_weight : (n_samples,) array-like, optional
+            Density: weights >= 0 and not all 0, 1 each by default.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or an argument is not what is said here; the message names it.
+        """
+        rows = self._rows(X, reset=True)
+        weights = _weights(sample_weight, len(rows))
+        check_count("n_clusters", self.n_clusters, len(rows), f"for n_samples={len(rows)}")
+        try:
+            result = self._tessellate(rows, weights, self.n_clusters)
+        except TooFewSamplesError:
+            result = self._tessellate_distinct(rows, weights)
+        generators = result.generators if not isinstance(self.init, str) else _in_order(result.generators)
+        self.cluster_centers_ = generators.astype(rows.dtype)
+        self.labels_, self.inertia_ = self._measure(rows, weights)
+        self.energies_ = np.array(result.energies)
+        self.n_iter_ = result.n_iter
+        return self
+
+    def predict(self, X: ArrayLike) -> NDArray[np.int32]:  # noqa: N803
+        """Label each sample with its nearest generator.
+
+        Parameters
+        ----------
+        X : (n_samples, n_features) array-like
+            Samples.
+
+        Returns
+        -------
+        (n_samples,) int32 array
+        """
+        check_is_fitted(self)
+        return self._measure(self._rows(X), None)[0]
+
+    def transform(self, X: ArrayLike) -> Any:  # noqa: N803
+        """Measure the distances to the generators.
+
+        Parameters
+        ----------
+        X : (n_samples, n_features) array-like
+            Samples.
+
+        Returns
+        -------
+        (n_samples, n_clusters) array, or what `set_output` asks for
+            Distances, not squared.
+        """
+        check_is_fitted(self)
+        rows = self._rows(X)
+        # Differences first: scikit-learn's own way through scalar products finds a generator 6e-8 away from itself.
+        return cdist(rows, self.cluster_centers_).astype(rows.dtype, copy=False)
+
+    def score(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> float:  # noqa: N803
+        """Return the energy of samples, negative, so that more is better.
+
+        Parameters
+        ----------
+        X : (n_samples, n_features) array-like
+            Samples.
+        y : ignored
+            For scikit-learn's sake.
+        sample_weight : (n_samples,) array-like, optional
+            Density, 1 each by default.
+
+        Returns
+        -------
+        float
+        """
+        check_is_fitted(self)
+        rows = self._rows(X)
+        return -self._measure(rows, _weights(sample_weight, len(rows)))[1]
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float64", "float32"]
+        return tags
+
+    @property
+    def _n_features_out(self) -> int:
+        return len(self.cluster_centers_)
+
+    def _rows(self, samples: ArrayLike, *, reset: bool = False) -> NDArray[Any]:
+        rows: NDArray[Any] = validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
+        return rows
+
+    def _tessellate(self, rows: NDArray[Any], weights: NDArray[np.float64], n_generators: int) -> Tessellation:
+        seed = self.random_state
+        if not isinstance(seed, (int, np.integer)):
+            seed = check_random_state(seed).randint(np.iinfo(np.int32).max)
+        return tessellate(
+            rows,
+            n_generators,
+            density=weights,
+            method=self.method,
+            init=self.init,
+            effort=self.effort,
+            rng=int(seed),
+        )
+
+    def _tessellate_distinct(self, rows: NDArray[Any], weights: NDArray[np.float64]) -> Tessellation:
+        """Tessellate the distinct samples, for the engine has found too few."""
+        weighted = np.flatnonzero(weights > 0)
+        # Distinct for the engine, that is in float32.
+        places = pack(rows, weights).rows(weighted).astype(np.float32)
+        _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        distinct = rows[weighted[first]]
+        # NumPy 2.0 gives the inverse a second axis.
+        density = np.bincount(inverse.reshape(-1), weights[weighted]).astype(np.float64, copy=False)
+        n_found = min(self.n_clusters, len(distinct))
+        if n_found < self.n_clusters:
+            warnings.warn(
+                f"n_clusters={self.n_clusters} is more than the {n_found} distinct samples of positive weight: "
+                f"there are {n_found} clusters",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
+        result = self._tessellate(distinct, density, n_found)
+        return result if n_found < len(distinct) else replace(result, generators=distinct.astype(np.float64))
+
+    def _measure(self, rows: NDArray[Any], weights: NDArray[np.float64] | None) -> tuple[NDArray[np.int32], float]:
+        """Return the label of the nearest generator for each sample, and the energy."""
+        # The center depends on the generators alone, so that a sample has one label in any company.
+        center: NDArray[np.float64] = np.mean(self.cluster_centers_, axis=0, dtype=np.float64)
+        density = np.ones(len(rows)) if weights is None else weights
+        points = pack(rows, density, center=center)
+        # Rounded as the samples are: one that is a generator has no energy.
+        generators = points.frame.inward(self.cluster_centers_).astype(np.float32).astype(np.float64)
+        labels = assign(points, generators)
+        return labels[: len(rows)], points.frame.energy(float(cell_energies(points, generators, labels).sum()))
+
+
+def _in_order(generators: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sort generators, so that rounding that makes the engine find them in another order changes no label."""
+    return generators[np.lexsort(generators.astype(np.float32).T[::-1])]
+
+
+def _weights(sample_weight: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
+    if sample_weight is None:
+        return np.ones(n_samples)
+    weights: NDArray[np.float64] = check_array(
+        sample_weight, ensure_2d=False, dtype=np.float64, input_name="sample_weight"
+    )
+    if weights.shape != (n_samples,):
+        raise ValueError(f"sample_weight of shape {weights.shape} must be ({n_samples},), one weight for each sample")
+    if not (weights.min() >= 0 and weights.any()):
+        raise ValueError("sample_weight must be >= 0, and not zero for all samples")
+    return weights

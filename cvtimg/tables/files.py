@@ -1,0 +1,311 @@
+"""Tables of numbers on disk: rows and weights in, labels and generators out.
+
+A table is text with a delimiter, such as CSV, or a NumPy array in a ``.npy`` file. Its columns have names.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_choice
+from cvtimg.files.finding import find_images
+from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.tables.columns import Columns, open_columns
+
+__all__ = [
+    "LABEL_SUFFIXES",
+    "MISSING",
+    "Scaling",
+    "Table",
+    "find_tables",
+    "read_table",
+    "spread",
+    "write_generators",
+    "write_labels",
+]
+
+#: What to do with rows that lack a value.
+MISSING = ("error", "drop")
+#: Suffixes of files of labels.
+LABEL_SUFFIXES = (".csv", ".npy")
+#: Suffixes by which tables in a folder are known; a file that is named is read whatever its suffix.
+TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Rows of numbers.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the columns.
+    rows : (N, D) float64 array
+        Finite.
+    weights : (N,) float64 array or None
+        Finite and >= 0, if there is a column of weights.
+    kept : (M,) bool array
+        For each row of the file, whether it is in `rows`; the others lack a value.
+    """
+
+    names: tuple[str, ...]
+    rows: NDArray[np.float64]
+    weights: NDArray[np.float64] | None
+    kept: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for array in (self.rows, self.weights, self.kept):
+            if array is not None:
+                array.flags.writeable = False
+
+
+def read_table(
+    path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"
+) -> Table:
+    r"""Read a table of numbers.
+
+    Parameters
+    ----------
+    path : str or path-like
+        An array (N,), (N, D) or structured in a ``.npy`` file; whatever ends otherwise is text in UTF-8 with commas,
+        semicolons or tabs between values, which may be in double quotes. Lines with nothing in them are no rows.
+    columns : sequence of str, optional
+        Names of the columns to take, in this order; all but `weight` by default. Columns without names are called
+        col0, col1 and so on, or 0, 1 and so on for short.
+    weight : str, optional
+        Column of weights.
+    missing : {"error", "drop"}
+        What to do with rows where a value that is to be read is missing: empty, NaN, NA, null or none.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    ValueError
+        If the file is no such table, or a column is not there or is not of finite numbers; the message names file,
+        line and column.
+    OSError
+        If the file cannot be read.
+
+    Notes
+    -----
+    The first line of text names the columns if none of its values is a number, or if in some column it has no
+    number and the second line has one. No point but ``.`` divides a number.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from cvtimg.tables.files import read_table
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "trees.csv")
+    ...     _ = file.write_text("site,height,girth\nA,11.5,0.8\nB,14,1.25\n")
+    ...     table = read_table(file, columns=["girth", "height"])
+    >>> table.names, table.rows.tolist()
+    (('girth', 'height'), [[0.8, 11.5], [1.25, 14.0]])
+    """
+    check_choice("missing", missing, MISSING)
+    source = open_columns(Path(path))
+    chosen = _choose(source, columns, weight)
+    names = [source.names[number] for number in chosen]
+    values = source.values(chosen)
+
+    absent = np.isnan(values)
+    is_weight = np.arange(len(chosen)) == (-1 if weight is None else len(chosen) - 1)
+    for faults, what in (
+        (np.isinf(values), "is infinite"),
+        ((values < 0) & is_weight, "is a weight and must be >= 0"),
+        (absent & (missing == "error"), "is missing; leave such rows out with missing='drop' (--missing drop)"),
+    ):
+        if faults.any():
+            row, column = np.argwhere(faults)[0]
+            raise ValueError(f"{path}: {source.place(int(row))}, column {names[column]!r}: the value {what}")
+    kept = np.logical_not(absent.any(axis=1))
+    values = values if kept.all() else values[kept]
+    if not len(values):
+        raise ValueError(f"{path}: has no rows" if not len(kept) else f"{path}: has no row without a missing value")
+    if weight is None:
+        return Table(tuple(names), values, None, kept)
+    if not values[:, -1].any():
+        raise ValueError(f"{path}: column {names[-1]!r}: the weights must not all be 0")
+    return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scaling:
+    """Columns of mean 0 and variance 1, and the way back to their own units.
+
+    Attributes
+    ----------
+    means : (D,) float64 array
+        Weighted means.
+    deviations : (D,) float64 array
+        Weighted standard deviations; 1 for a column that is constant.
+    """
+
+    means: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Scaling:
+        """Measure (N, D) rows and their (N,) weights, 1 each by default."""
+        means = np.average(rows, axis=0, weights=weights)
+        deviations = np.sqrt(np.average((rows - means) ** 2, axis=0, weights=weights))
+        # The mean of equal numbers need not equal them to the last bit.
+        constant = np.ptp(rows if weights is None else rows[weights > 0], axis=0) == 0
+        return cls(means, np.where(constant | (deviations == 0), 1.0, deviations))
+
+    def apply(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standardize rows."""
+        standardized: NDArray[np.float64] = (rows - self.means) / self.deviations
+        return standardized
+
+    def undo(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bring standardized rows back to their own units."""
+        original: NDArray[np.float64] = rows * self.deviations + self.means
+        return original
+
+
+def spread(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
+    """Sum of weight times squared distance to the mean: the energy of a single generator."""
+    squares = ((rows - np.average(rows, axis=0, weights=weights)) ** 2).sum(axis=1)
+    return float(squares.sum() if weights is None else np.einsum("n,n->", weights, squares))
+
+
+def write_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
+    """Write a label for each row of a table, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .csv: a line ``label``, and a line for each row. Or in .npy: an (M,) int32 array.
+    labels : (N,) integer array
+        Of the rows that were kept.
+    kept : (M,) bool array
+        Rows that were kept. The label of another is ``""`` in a .csv, which is not taken for an empty line, and -1
+        in a .npy.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another.
+    FileExistsError
+        If the file exists and `overwrite` is false.
+    OSError
+        If the file cannot be written.
+    """
+    suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
+    all_labels = np.full(len(kept), -1, np.int32)
+    all_labels[kept] = labels
+    with whole_file(path, overwrite=overwrite) as file:
+        if suffix == ".npy":
+            np.save(file, all_labels)
+        else:
+            lines = ('""' if label < 0 else str(label) for label in all_labels.tolist())
+            file.write("\n".join(chain(["label"], lines, [""])).encode())
+
+
+def write_generators(
+    path: StrPath,
+    names: Sequence[str],
+    generators: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write generators as a CSV, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Where to write.
+    names : sequence of str
+        Names of the columns.
+    generators : (K, D) array
+        A line for each, in the order of the labels.
+    masses : (K,) array
+        Mass of each cell; two more columns, ``mass`` and ``share`` of all, tell it.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is false.
+    OSError
+        If the file cannot be written.
+    """
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    # A column of the table may be a mass, too.
+    writer.writerow([*names, *(name if name not in names else f"cell_{name}" for name in ("mass", "share"))])
+    writer.writerows(np.column_stack([generators, masses, masses / masses.sum()]).tolist())
+    with whole_file(path, overwrite=overwrite) as file:
+        file.write(text.getvalue().encode())
+
+
+def find_tables(path: StrPath) -> list[Path]:
+    """List the tables that a file, a folder or a pattern names, as `find_images` does for pictures.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A folder stands for all files in it and below that end in .csv, .tsv or .npy, hidden ones left out.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    FileNotFoundError
+        If nothing is found.
+    """
+    folder = Path(path)
+    if not folder.is_dir():
+        return find_images(path)
+    inside = (file.relative_to(folder) for file in folder.rglob("*") if file.suffix.lower() in TABLE_SUFFIXES)
+    found = [folder / file for file in inside if not any(part.startswith(".") for part in file.parts)]
+    if not found:
+        raise FileNotFoundError(f"{path}: no table ({', '.join(TABLE_SUFFIXES)}) in this folder")
+    return sorted(file for file in found if file.is_file())
+
+
+def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) -> list[int]:
+    """Return the numbers of the columns to take, that of the weights last."""
+    places = {name: number for number, name in enumerate(source.names)}
+    for number, name in enumerate(source.names):
+        if places[name] != number:
+            raise ValueError(f"{source.path}: column name {name!r} occurs more than once")
+    if not source.named:
+        places.update({str(number): number for number in range(len(source.names))})
+
+    def place(name: str) -> int:
+        if name not in places:
+            shown = ", ".join(source.names[:20]) + (", ..." if len(source.names) > 20 else "")
+            raise ValueError(f"{source.path}: column {name!r} must be one of {shown}")
+        return places[name]
+
+    last = [] if weight is None else [place(weight)]
+    chosen = [n for n in range(len(source.names)) if n not in last] if columns is None else list(map(place, columns))
+    if not chosen:
+        raise ValueError(f"{source.path}: has no column to take")
+    for number, name in zip(chosen, columns or (), strict=False):
+        if number in last:
+            raise ValueError(f"{source.path}: column {name!r} is the weight, and not one to take")
+        if chosen.count(number) > 1:
+            raise ValueError(f"{source.path}: column {name!r} is named more than once")
+    return chosen + last

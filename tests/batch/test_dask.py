@@ -1,0 +1,104 @@
+"""A Dask cluster does the same work to the same bits, and a lost worker costs nothing but time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cvtimg import find_palette, quantize, read_image, tessellate, write_image
+from cvtimg.cli import app as cli
+from cvtimg.colors import color_samples
+from cvtimg.quantization import quantize_blocks
+
+distributed = pytest.importorskip("distributed")
+import dask.array as da  # noqa: E402
+
+RNG = np.random.default_rng(41)
+PICTURES = [RNG.normal(center, 25, (20, 30, 3)).clip(0, 255).astype(np.uint8) for center in (40, 90, 150, 220, 60)]
+# Distributed leaves sockets to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """Run a scheduler and two workers in threads of this process."""
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    threads = os.environ.get("CVTIMG_THREADS")
+    with distributed.LocalCluster(protocol="tcp", **options) as cluster:
+        yield cluster.scheduler_address
+    from cvtimg._shared.threads import _pool, n_threads
+
+    if threads is None:
+        os.environ.pop("CVTIMG_THREADS", None)
+    n_threads.cache_clear()
+    _pool.cache_clear()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    for number, picture in enumerate(PICTURES):
+        write_image(f"in/{number}.png", picture)
+    return tmp_path
+
+
+@pytest.mark.parametrize("options", [[], ["--shared-palette"]])
+def test_a_cluster_gives_the_same_files(scheduler: str, folder: Path, options: list[str]) -> None:
+    command = ["quantize", "in", "-k", "9", "--quiet", *options, "--out-dir"]
+    assert cli.main([*command, "one"]) == 0
+    assert cli.main([*command, "two", "--dask", scheduler]) == 0
+    for number in range(len(PICTURES)):
+        assert Path(f"one/{number}.png").read_bytes() == Path(f"two/{number}.png").read_bytes()
+
+
+@pytest.mark.parametrize("options", [[], ["--shared-palette"]])
+def test_a_bad_picture_fails_alone(
+    scheduler: str, folder: Path, capsys: pytest.CaptureFixture[str], options: list[str]
+) -> None:
+    Path("in/bad.png").write_text("no picture")
+    assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", scheduler, "--quiet", *options]) == 1
+    assert capsys.readouterr().err == "cvtimg: in/bad.png: is not a picture that Pillow can read\n"
+    assert len(list(Path("out").iterdir())) == len(PICTURES)
+
+
+def test_no_scheduler_is_wrong_usage(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cvtimg.batch.on_dask._PATIENCE", 0.2)
+    assert cli.main(["info", "in", "--dask", "tcp://127.0.0.1:9"]) == 2
+    assert "no scheduler answers at 'tcp://127.0.0.1:9'" in capsys.readouterr().err
+
+
+def test_a_local_cluster_needs_no_scheduler(folder: Path) -> None:
+    assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", "local", "--jobs", "1", "--quiet"]) == 0
+    assert len(list(Path("out").iterdir())) == len(PICTURES)
+
+
+@pytest.mark.parametrize("chunks", [(20, 30, 3), (7, 11, 2), (20, 4, 1)])
+def test_blocks_give_the_palette_and_the_indices_of_the_whole(chunks: tuple[int, ...]) -> None:
+    for picture in (PICTURES[0], PICTURES[0][..., 0], np.dstack([PICTURES[0], PICTURES[1][..., 0]])):
+        blocks = da.from_array(picture, chunks=chunks[: picture.ndim])
+        palette, indices = quantize_blocks(blocks, 6)
+        assert isinstance(indices, da.Array)
+        whole = quantize(picture, 6)
+        np.testing.assert_array_equal(palette.colors, whole.palette)
+        np.testing.assert_array_equal(indices.compute(), whole.indices)
+
+
+def test_the_engine_takes_dask_arrays() -> None:
+    rows = PICTURES[0].reshape(-1, 3).astype(np.float64)
+    blocks = da.from_array(rows, chunks=(100, 3))
+    np.testing.assert_array_equal(tessellate(blocks, 5).labels, tessellate(rows, 5).labels)
+    picture = da.from_array(PICTURES[0], chunks=(7, 11, 3))
+    np.testing.assert_array_equal(quantize(picture, 5).indices, quantize(PICTURES[0], 5).indices)
+    assert find_palette(color_samples(picture), 5).colors.shape == (5, 3)
+
+
+def test_pictures_come_back_readable(scheduler: str, folder: Path) -> None:
+    assert cli.main(["quantize", "in/0.png", "-k", "4", "-o", "a.png", "--dask", scheduler, "--quiet"]) == 0
+    np.testing.assert_array_equal(read_image("a.png"), quantize(PICTURES[0], 4).image)

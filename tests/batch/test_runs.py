@@ -1,0 +1,330 @@
+"""A batch finds its inputs, loses nothing, goes on after what fails, and is the same however many work at it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import multiprocessing
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import works
+
+from cvtimg import find_images, write_image
+from cvtimg._shared.threads import n_threads
+from cvtimg.batch import Report, Running, Task, WrongUsageError, find, run
+from cvtimg.cli import app as cli
+from cvtimg.files.whole import whole_file
+
+RNG = np.random.default_rng(11)
+posix = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Work in an empty folder."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+def inputs(n: int) -> list[Task]:
+    """Make inputs and the tasks to copy each into out/."""
+    Path("in").mkdir(exist_ok=True)
+    for number in range(n):
+        Path(f"in/{number}").write_text(f"content {number}")
+    return [Task(Path(f"in/{number}"), {"copy": Path(f"out/{number}")}) for number in range(n)]
+
+
+def report() -> Report:
+    return Report((), as_json=True)
+
+
+def rows(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def picture(path: str, size: int = 12) -> Path:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    write_image(path, RNG.integers(0, 256, (size, size, 3), np.uint8))
+    return Path(path)
+
+
+# Inputs
+
+
+def test_folders_and_patterns_keep_their_tree_below_the_output_folder(here: Path) -> None:
+    for name in ("a/1.png", "a/b/1.png", "a/b/c/1.png", "d/x/2.png", "e.png"):
+        picture(name)
+    sources, missing = find(["a", "d/*/2.png", "e.png", "a/b/1.png"], find_images, Path("out"))
+    assert not missing
+    assert {str(path): str(folder) for path, folder in sources.items()} == {
+        "a/1.png": "out",
+        "a/b/1.png": "out/b",
+        "a/b/c/1.png": "out/b/c",
+        "d/x/2.png": "out/x",
+        "e.png": "out",
+    }
+    assert find(["a"], find_images)[0][Path("a/b/1.png")] == Path("a/b")
+
+
+@pytest.mark.parametrize("end", ["\n", "\0"])
+def test_a_list_on_standard_input_keeps_its_folders(here: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+    names = ["a/1.png", "a/b/1.png", "../outside.png"]
+    for name in (*names, here / "c.png"):
+        picture(str(name))
+    listed = end.join([*names, str(here / "c.png"), "no.png", ""]).encode()
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(listed)))
+    sources, missing = find(["-"], find_images, Path("out"))
+    assert [str(folder) for folder in sources.values()] == ["out/a", "out/a/b", "out", "out"]
+    assert [text for text, _ in missing] == ["no.png"]
+
+
+def test_a_tree_comes_out_as_it_went_in(here: Path) -> None:
+    names = ["a/1.png", "a/b/1.png", "a/b/c/2.png"]
+    for name in names:
+        picture(name)
+    assert cli.main(["quantize", "a", "-k", "4", "--out-dir", "out", "--quiet"]) == 0
+    assert sorted(str(path) for path in Path("out").rglob("*.png")) == [name.replace("a/", "out/", 1) for name in names]
+
+
+def test_outputs_that_clash_are_told_before_any_work(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture("a/x.png")
+    picture("b/x.png")
+    assert cli.main(["quantize", "a", "b", "-k", "4", "--out-dir", "out"]) == 2
+    assert "a/x.png and b/x.png would both become out/x.png" in capsys.readouterr().err
+    assert cli.main(["info", "a", "--report", "a/x.png"]) == 2
+    assert not Path("out").exists()
+
+
+# Workers
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.CaptureFixture[str], jobs: int) -> None:
+    tasks = inputs(7)
+    assert run(tasks, [], works.copy, report(), out_dir=Path("out"), running=Running(jobs)) == 0
+    assert [row["input"] for row in rows(capsys)] == [str(task.source) for task in tasks]
+    assert all(Path(f"out/{number}").read_text() == f"content {number}" for number in range(7))
+
+
+def test_threads_times_jobs_are_no_more_than_the_cores(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    jobs = n_threads() + 1
+    run(inputs(jobs * 2), [], works.threads, report(), out_dir=Path("out"), running=Running(jobs))
+    found = rows(capsys)
+    assert {row["threads"] for row in found} == {1}
+    assert os.getpid() not in {row["process"] for row in found}
+
+
+@posix
+def test_a_worker_that_dies_takes_only_its_own_input_with_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = inputs(6)
+    for number in (0, 4, 5):
+        tasks[number].source.write_bytes(b"die")
+    assert run(tasks, [], works.copy_or_die, report(), out_dir=Path("out"), running=Running(2)) == 1
+    failed = {row["input"]: row["error"] for row in rows(capsys) if "error" in row}
+    assert set(failed) == {"in/0", "in/4", "in/5"}
+    assert all("worker process was killed by SIGKILL" in str(why) for why in failed.values())
+    assert sorted(path.name for path in Path("out").iterdir()) == ["1", "2", "3"]
+
+
+def test_a_row_that_cannot_be_sent_fails_its_own_input(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(inputs(2), [], works.unsendable, report(), out_dir=Path("out"), running=Running(2)) == 1
+    assert [list(row) for row in rows(capsys)] == [["input", "error"]] * 2
+
+
+@posix
+def test_an_interrupt_stops_all_workers_and_leaves_no_half_file(here: Path) -> None:
+    tasks = inputs(4)
+
+    def interrupt_once_all_write() -> None:
+        while len(list(Path("out").glob(".cvtimg-*"))) < 2:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    watcher = threading.Thread(target=interrupt_once_all_write)
+    watcher.start()
+    with pytest.raises(KeyboardInterrupt):
+        run(tasks, [], works.half_a_copy, report(), out_dir=Path("out"), running=Running(2))
+    watcher.join()
+    assert not Path("out").exists()
+    assert not multiprocessing.active_children()
+
+
+@posix
+def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
+    for number in range(40):
+        picture(f"in/{number}.png", 150)
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "cvtimg",
+        "quantize",
+        "in",
+        "-k",
+        "64",
+        "--effort",
+        "best",
+        "--jobs",
+        "2",
+    ]
+    process = subprocess.Popen(
+        [*command, "--out-dir", "out"], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while not list(Path("out").glob("*.png")) and process.poll() is None:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: all processes hear it
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "cvtimg: interrupted\n")
+    assert not list(Path("out").glob(".*"))
+    assert 0 < len(list(Path("out").iterdir())) < 40
+
+
+# Going on, and telling
+
+
+def test_skip_existing_goes_on_where_a_run_was_stopped(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = inputs(5)
+    go = partial(run, out_dir=Path("out"), running=Running(skip_existing=True))
+    assert go(tasks[:2], [], works.copy, report()) == 0
+    Path("out/1").write_text("mine")
+    capsys.readouterr()
+    assert go(tasks, [], works.copy, report()) == 0
+    assert [row["input"] for row in rows(capsys) if row.get("skipped")] == ["in/0", "in/1"]
+    assert Path("out/1").read_text() == "mine"
+    assert len(list(Path("out").iterdir())) == 5
+
+
+def test_an_input_with_some_of_its_outputs_is_done_again(here: Path) -> None:
+    Path("in").write_text("content")
+    Path("one").write_text("of a run that was killed before it wrote the other")
+    task = Task(Path("in"), {"one": Path("one"), "two": Path("two")})
+    assert run([task], [], works.copy, report(), running=Running(skip_existing=True)) == 0
+    assert Path("one").read_text() == Path("two").read_text() == "content"
+
+
+def test_the_report_has_a_row_for_every_input(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture("a/1.png")
+    picture("a/2.png")
+    Path("a/bad.png").write_text("no picture")
+    arguments = ["quantize", "a", "missing.png", "-k", "4", "--out-dir", "out"]
+    assert cli.main(["quantize", "a/1.png", "-k", "4", "--out-dir", "out"]) == 0
+    for name in ("r.csv", "r.jsonl"):
+        Path("out/2.png").unlink(missing_ok=True)
+        capsys.readouterr()
+        assert cli.main([*arguments, "--skip-existing", "--report", name]) == 1
+        assert capsys.readouterr().err.splitlines()[-1] == "1 done, 1 skipped, 2 failed"
+    with Path("r.csv").open(newline="") as file:
+        table = {row["input"]: row for row in csv.DictReader(file)}
+    lines = {row["input"]: row for row in map(json.loads, Path("r.jsonl").read_text().splitlines())}
+    status = {"missing.png": "failed", "a/1.png": "skipped", "a/2.png": "done", "a/bad.png": "failed"}
+    assert {name: row["status"] for name, row in table.items()} == status
+    assert {name: row["status"] for name, row in lines.items()} == status
+    assert float(table["a/2.png"]["energy"]) == lines["a/2.png"]["energy"]
+    assert float(table["a/2.png"]["seconds_read"]) > 0
+    assert "not a picture" in table["a/bad.png"]["error"]
+
+
+def test_a_report_replaces_no_file_unasked_and_says_so_before_any_work(here: Path) -> None:
+    picture("1.png")
+    Path("r.csv").write_text("mine")
+    options = ["quantize", "1.png", "-k", "4", "-o", "out.png", "--report"]
+    assert cli.main([*options, "r.csv"]) == 1
+    assert cli.main([*options, "r.txt"]) == 2
+    assert Path("r.csv").read_text() == "mine"
+    assert not Path("out.png").exists()
+    assert cli.main([*options, "r.csv", "--overwrite"]) == 0
+
+
+# Faults
+
+
+def test_leftovers_of_killed_runs_go_and_those_of_live_ones_stay(here: Path) -> None:
+    tasks = inputs(1)
+    Path("out").mkdir()
+    Path("out/.cvtimg-0123.part").write_text("half")
+    with whole_file("out/other") as file:
+        assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 0
+        file.write(b"whole")
+    assert {path.name for path in Path("out").iterdir()} == {"0", "other"}
+    assert Path("out/other").read_text() == "whole"
+
+
+@posix
+def test_a_full_disk_fails_what_does_not_fit_and_nothing_else(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = inputs(3)
+    tasks[1].source.write_bytes(bytes(100_000))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    try:
+        assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert [row.get("error") for row in rows(capsys)] == [None, "out/1: cannot be written (file too large)", None]
+    assert {path.name for path in Path("out").iterdir()} == {"0", "2"}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
+def test_no_space_left_is_said_in_one_line(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture("a.png", 200)
+    # The file that is written is on a disk that is full.
+    begin = Path.open
+    monkeypatch.setattr(Path, "open", lambda path, mode="r": begin(Path("/dev/full") if mode == "w+b" else path, mode))
+    done = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", done)
+    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "out.png"]) == 1
+    assert "no space left on device" in done.getvalue()
+    assert done.getvalue().count("\n") == 1
+    assert sorted(path.name for path in here.iterdir()) == ["a.png"]
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root writes everywhere")
+def test_a_folder_that_is_read_only_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture("a.png")
+    Path("out").mkdir(mode=0o500)
+    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "out/a.png"]) == 1
+    assert "permission denied" in capsys.readouterr().err
+
+
+def test_an_input_that_vanishes_fails_alone(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = inputs(3)
+    tasks[1].source.unlink()
+    assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 1
+    assert [row.get("error") for row in rows(capsys)] == [None, "no such file or directory", None]
+
+
+def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
+    tasks = inputs(2)
+    Path("out").symlink_to("in")
+    with pytest.raises(WrongUsageError, match="is an input"):
+        run(tasks, [], works.copy, report(), overwrite=True, running=Running(2))
+    assert Path("in/0").read_text() == "content 0"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["quantize", "-k", "3"], ["segment", "-k", "2"], ["palette"], ["info"]],
+    ids=lambda command: command[0],
+)
+def test_every_command_works_in_processes(here: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
+    for number in range(3):
+        picture(f"in/{number}.png")
+    output = ["--out-dir", "out"] if command[0] in ("quantize", "segment") else []
+    assert cli.main([*command, "in", *output, "--jobs", "2", "--report", "r.jsonl"]) == 0
+    rows = [json.loads(line) for line in Path("r.jsonl").read_text().splitlines()]
+    assert [row["input"] for row in rows] == [f"in/{number}.png" for number in range(3)]
+    assert capsys.readouterr().err == "3 done, 0 skipped, 0 failed\n"

@@ -1,0 +1,840 @@
+"""The command line does what it says, names what fails in one line, and leaves with the right status."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import reference
+from numpy.typing import NDArray
+from PIL import Image
+
+import cvtimg
+from cvtimg import read_image, write_image
+from cvtimg.cli import app as cli
+from cvtimg.cli import options as _options
+from cvtimg.pictures import files as io
+from cvtimg.pictures import image_info
+from cvtimg.quantization import remapping
+from cvtimg.tables.files import read_table
+
+ROOT = Path(__file__).parents[2]
+RNG = np.random.default_rng(3)
+RGB = RNG.integers(0, 256, (24, 32, 3), np.uint8)
+GREY = RNG.integers(0, 256, (24, 32), np.uint8)
+RGBA = RNG.integers(0, 256, (24, 32, 4), np.uint8)
+DEEP = RNG.integers(0, 65536, (24, 32), np.uint16)
+#: Seven colors, fewer than are asked for below.
+FEW = RGB.reshape(-1, 3)[RNG.integers(0, 7, (24, 32))]
+
+KEYS = ["input", "output", "width", "height", "channels", "distinct_colors", "k", "elbow"]
+KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "seconds"]
+
+
+@dataclass
+class Outcome:
+    """What a run of the command line left behind."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in self.out.splitlines()]
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command line in this process."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        status = cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return Outcome(status, out, err)
+
+    return run
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Work in an empty folder with pictures in pictures/."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    for name, image in {"rgb": RGB, "grey": GREY, "rgba": RGBA, "deep": DEEP, "few": FEW}.items():
+        write_image(tmp_path / f"pictures/{name}.png", image)
+    return tmp_path
+
+
+def process(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own."""
+    command = [sys.executable, "-P", "-m", "cvtimg", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, **options)
+
+
+def listing(folder: Path) -> dict[str, bytes | None]:
+    """Everything below a folder, with what is in it."""
+    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def assert_one_line(err: str, *parts: str) -> None:
+    assert re.fullmatch(r"cvtimg: [^\n]+\n", err), err
+    for part in parts:
+        assert part in err
+
+
+# What comes out
+
+
+@pytest.mark.parametrize("n_colors", [2, 4, 16, 256])
+@pytest.mark.parametrize("name", ["rgb", "grey", "rgba", "deep", "few"])
+def test_figures_agree_with_the_files(run: Run, here: Path, name: str, n_colors: int) -> None:
+    source = Path(f"pictures/{name}.png")
+    outcome = run("quantize", source, "-k", str(n_colors), "-o", "out.png", "--json")
+    assert (outcome.status, outcome.err) == (0, "")
+    (row,) = outcome.rows
+    before, after = read_image(source), read_image("out.png")
+    if before.ndim == 2 and after.ndim == 3:
+        after = after[..., 0]
+    energy = reference.seen_energy(before, after)
+    assert row["energy"] == pytest.approx(energy)
+    assert row["mse"] == pytest.approx(energy / before[..., :3].size if before.ndim == 3 else energy / before.size)
+    if row["energy"]:
+        assert row["psnr"] == pytest.approx(10 * np.log10(float(np.iinfo(before.dtype).max) ** 2 / row["mse"]))
+    else:
+        assert row["psnr"] is None
+    assert row["k"] == n_distinct(after) <= n_colors
+    assert row["distinct_colors"] == n_distinct(before)
+    assert (row["height"], row["width"]) == before.shape[:2]
+    assert row["channels"] == (before.shape[2] if before.ndim == 3 else 1)
+
+
+def n_distinct(image: NDArray[Any]) -> int:
+    return len(np.unique(image.reshape(image.shape[0] * image.shape[1], -1), axis=0))
+
+
+def test_json_has_the_keys_that_are_documented_in_order(run: Run, here: Path) -> None:
+    (row,) = run("quantize", "pictures/rgb.png", "-k", "4", "--json").rows
+    assert list(row) == KEYS
+    assert list(row["seconds"]) == ["read", "cluster", "write"]
+    assert all(seconds > 0 for seconds in row["seconds"].values())
+    assert (row["input"], row["output"]) == ("pictures/rgb.png", "pictures/rgb-quantized.png")
+    assert row["converged"] is True
+    assert row["n_iter"] > 0
+
+
+@pytest.mark.parametrize(("n_colors", "bits"), [(2, 1), (3, 2), (4, 2), (16, 4), (17, 8), (256, 8)])
+@pytest.mark.parametrize("name", ["rgb", "grey", "rgba"])
+def test_output_is_an_indexed_png_of_the_fewest_bits(run: Run, here: Path, name: str, n_colors: int, bits: int) -> None:
+    assert run("quantize", f"pictures/{name}.png", "-k", str(n_colors), "-o", "out.png").status == 0
+    header = image_info("out.png")
+    assert (header.format, header.mode, header.bits) == ("PNG", "P", bits)
+
+
+def test_more_than_256_colors_are_written_as_plain_rgb(run: Run, here: Path) -> None:
+    (row,) = run("quantize", "pictures/rgb.png", "-k", "300", "-o", "out.png", "--json").rows
+    assert row["k"] == n_distinct(read_image("out.png")) == 300
+    assert image_info("out.png").mode == "RGB"
+
+
+def test_deep_grey_stays_deep(run: Run, here: Path) -> None:
+    assert run("quantize", "pictures/deep.png", "-k", "5", "-o", "out.png").status == 0
+    assert read_image("out.png").dtype == np.uint16
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "webp", "gif", "bmp", "ppm"])
+def test_a_picture_of_few_colors_comes_back_exactly(run: Run, here: Path, suffix: str) -> None:
+    (row,) = run("quantize", "pictures/few.png", "-k", "7", "-o", f"out.{suffix}", "--json").rows
+    np.testing.assert_array_equal(read_image(f"out.{suffix}"), FEW)
+    assert (row["k"], row["energy"], row["psnr"], row["n_iter"], row["converged"]) == (7, 0, None, 0, True)
+
+
+def test_names_of_outputs(run: Run, here: Path) -> None:
+    before = set(listing(here))
+    assert run("quantize", "pictures/rgb.png", "-k", "4").status == 0
+    assert run("quantize", "pictures/rgb.png", "pictures/grey.png", "-k", "4", "--out-dir", "a/b").status == 0
+    assert run("quantize", "pictures/rgb.png", "-k", "4", "--out-dir", "a").status == 0
+    assert set(listing(here)) - before == {
+        "pictures/rgb-quantized.png",
+        *("a", "a/b", "a/b/rgb.png", "a/b/grey.png", "a/rgb.png"),
+    }
+
+
+def test_folders_and_patterns_stand_for_their_pictures(run: Run, here: Path) -> None:
+    outcome = run("quantize", "pictures/rgb*.png", "pictures", "-k", "4", "--out-dir", "out", "--json")
+    names = [Path(row["input"]).stem for row in outcome.rows]
+    assert names == ["rgb", "rgba", "deep", "few", "grey"]
+
+
+def test_a_second_run_does_not_take_the_output_of_the_first_for_input(run: Run, here: Path) -> None:
+    arguments = ["quantize", "pictures", "-k", "4", "--out-dir", "pictures/out", "--overwrite", "--json"]
+    first, second = run(*arguments), run(*arguments)
+    assert first.status == second.status == 0
+    assert [row["input"] for row in first.rows] == [row["input"] for row in second.rows]
+
+
+@pytest.mark.parametrize("init", cvtimg.engine.SEEDINGS)
+@pytest.mark.parametrize("effort", cvtimg.engine.EFFORTS)
+def test_the_same_seed_gives_the_same_bytes(run: Run, here: Path, init: str, effort: str) -> None:
+    for name in ("a", "b"):
+        files = ["-o", f"{name}.png", "--save-palette", f"{name}.gpl"]
+        options = ["--init", init, "--effort", effort, "--seed", "7"]
+        assert run("quantize", "pictures/rgb.png", "-k", "9", *files, *options).status == 0
+    assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
+    assert Path("a.gpl").read_text() == Path("b.gpl").read_text().replace("Name: b", "Name: a")
+
+
+def test_another_seed_gives_another_file(run: Run, here: Path) -> None:
+    for seed in ("1", "2"):
+        run("quantize", "pictures/rgb.png", "-k", "9", "-o", f"{seed}.png", "--init", "random", "--seed", seed)
+    assert Path("1.png").read_bytes() != Path("2.png").read_bytes()
+
+
+def test_more_effort_gives_less_energy(run: Run, here: Path, photograph: NDArray[Any]) -> None:
+    write_image("photograph.png", photograph)
+    energies = []
+    for effort in ("fast", "balanced", "best"):
+        options = ["-k", "32", "--effort", effort, "-o", f"{effort}.png", "--json"]
+        energies += [row["energy"] for row in run("quantize", "photograph.png", *options).rows]
+    assert energies[0] > energies[1] > energies[2]
+
+
+def test_the_saved_palette_is_that_of_the_output(run: Run, here: Path) -> None:
+    assert run("quantize", "pictures/rgba.png", "-k", "5", "-o", "out.png", "--save-palette", "p.json").status == 0
+    colors = json.loads(Path("p.json").read_text())["colors"]
+    pixels = [tuple(pixel) for pixel in read_image("out.png").reshape(-1, 4).tolist()]
+    assert {(*color["rgb"], color["alpha"]): color["share"] for color in colors} == {
+        pixel: pixels.count(pixel) / len(pixels) for pixel in set(pixels)
+    }
+
+
+def test_a_person_reads_a_table(run: Run, here: Path) -> None:
+    outcome = run("quantize", "pictures/rgb.png", "pictures/few.png", "-k", "7", "--out-dir", "out")
+    head, first, second = (line.split() for line in outcome.out.splitlines())
+    assert head == ["input", "colors", "k", "energy", "psnr", "seconds", "output"]
+    assert (first[0], first[2], first[-1]) == ("pictures/rgb.png", "7", "out/rgb.png")
+    assert second[:5] == ["pictures/few.png", "7", "7", "0", "exact"]
+
+
+def test_brackets_in_names_are_not_markup(run: Run, here: Path) -> None:
+    write_image("[red]a[0].png", FEW)
+    assert "[red]a[0].png" in run("info", "[red]a[0].png").out
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_a_name_that_is_no_text_is_no_obstacle(here: Path, options: list[str]) -> None:
+    Path("pictures/few.png").rename(os.fsdecode(b"a\xff.png"))
+    done = process("info", os.fsdecode(b"a\xff.png"), *options, env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert " 7 " in done.stdout if not options else json.loads(done.stdout)["input"] == "a\udcff.png"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX shell")
+def test_without_stdout_the_work_is_done_all_the_same(here: Path) -> None:
+    command = '"$0" -m cvtimg quantize pictures -k 4 --out-dir out >&- 2>&-'
+    subprocess.run(["sh", "-c", command, sys.executable], cwd=here, check=True, timeout=60)
+    assert len(list(Path("out").iterdir())) == 5
+
+
+def test_quiet_prints_nothing_but_errors(run: Run, here: Path) -> None:
+    outcome = run("quantize", "pictures/rgb.png", "missing.png", "-k", "4", "--out-dir", "out", "--quiet")
+    assert (outcome.status, outcome.out) == (1, "")
+    assert_one_line(outcome.err, "missing.png")
+
+
+def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
+    rows = {Path(row["input"]).stem: row for row in run("info", "pictures", "--json").rows}
+    assert rows["rgba"] == {
+        "input": "pictures/rgba.png",
+        "width": 32,
+        "height": 24,
+        "format": "PNG",
+        "mode": "RGBA",
+        "bands": ["R", "G", "B", "A"],
+        "bits": 8,
+        "frames": 1,
+        "icc": None,
+        "geo_transform": None,
+        "epsg": None,
+        "nodata": None,
+        "alpha": True,
+        "distinct_colors": n_distinct(RGBA),
+    }
+    assert (rows["deep"]["bits"], rows["deep"]["bands"]) == (16, ["I"])
+    assert rows["few"]["distinct_colors"] == 7
+
+
+def test_info_as_a_table(run: Run, here: Path) -> None:
+    outcome = run("info", "pictures/grey.png", "pictures/rgba.png")
+    head, grey, rgba = (line.split() for line in outcome.out.splitlines())
+    assert head == ["input", "width", "height", "mode", "bands", "bits", "alpha", "colors", "icc"]
+    assert grey == ["pictures/grey.png", "32", "24", "L", "L", "8", "no", str(n_distinct(GREY)), "-"]
+    assert rgba[3:7] == ["RGBA", "R,G,B,A", "8", "yes"]
+
+
+# Bad files
+
+
+def damage(path: Path, kind: str) -> None:
+    """Put something there that is no picture."""
+    if kind == "text":
+        path.write_text("This is no picture.\n")
+    elif kind == "empty":
+        path.touch()
+    elif kind == "directory":
+        path.mkdir()
+    elif kind == "truncated":
+        Image.fromarray(np.tile(RGB, (9, 9, 1))).save(path, "JPEG")
+        path.write_bytes(path.read_bytes()[:-2000])
+    else:
+        assert kind == "missing"
+
+
+BAD = {
+    "missing": "no such file",
+    "directory": "no picture in this folder",
+    "text": "is not a picture that Pillow can read",
+    "empty": "is empty",
+    "truncated": "is truncated",
+}
+
+
+@pytest.mark.parametrize("command", [["info"], ["quantize", "-k", "4"], ["quantize", "-k", "4", "--out-dir", "out"]])
+@pytest.mark.parametrize(("kind", "reason"), BAD.items())
+def test_a_bad_file_is_named_in_one_line_and_nothing_is_written(
+    run: Run, here: Path, kind: str, reason: str, command: list[str]
+) -> None:
+    damage(here / "bad.png", kind)
+    before = listing(here)
+    outcome = run(*command, "bad.png")
+    assert (outcome.status, outcome.out) == (1, "")
+    assert_one_line(outcome.err, reason)
+    assert outcome.err.count("bad.png") == 1
+    assert listing(here) == before
+
+
+def test_one_bad_picture_does_not_stop_the_others(run: Run, here: Path) -> None:
+    for kind in BAD:
+        damage(here / f"pictures/{kind}.jpg", kind)
+    inputs = sorted(Path("pictures").iterdir())
+    outcome = run("quantize", *inputs, "pictures/missing.jpg", "-k", "4", "--out-dir", "out", "--json")
+    assert outcome.status == 1
+    assert sorted(path.name for path in Path("out").iterdir()) == [
+        f"{name}.png" for name in ("deep", "few", "grey", "rgb", "rgba")
+    ]
+    failed = {Path(row["input"]).stem: row["error"] for row in outcome.rows if "error" in row}
+    assert set(failed) == set(BAD)
+    assert all(BAD[kind] in reason for kind, reason in failed.items())
+    assert len(outcome.err.splitlines()) == len(BAD)
+    assert len(outcome.rows) == len(BAD) + 5
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (RuntimeError("two\nlines"), "RuntimeError: two"),
+        (MemoryError(), "needs more memory than there is"),
+        (KeyError(), "KeyError"),
+        (RecursionError("too deep"), "RecursionError: too deep"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_the_unexpected_is_one_line_too(
+    run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(cvtimg, "quantize", fail)
+    outcome = run("quantize", "pictures/rgb.png", "-k", "4")
+    assert outcome.status == 1
+    assert outcome.err == f"cvtimg: pictures/rgb.png: {reason}\n"
+
+
+def test_floating_point_pictures_are_refused_with_the_way_out(run: Run, here: Path) -> None:
+    Image.fromarray(GREY.astype(np.float32)).save("float.tif")
+    before = listing(here)
+    outcome = run("quantize", "float.tif", "-k", "4")
+    assert outcome.status == 1
+    assert_one_line(outcome.err, ".png cannot hold floating point samples", "use one of .tif")
+    assert listing(here) == before
+
+
+# Outputs that cannot be
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["-o", "file/out.png"], "file/out.png"),
+        (["-o", "nowhere/out.png"], "nowhere/out.png"),
+        (["-o", "exists.png"], "exists.png: exists already"),
+        (["--out-dir", "file"], "cvtimg: file: "),
+        (["--out-dir", "file/below"], "cvtimg: file/below: "),
+        (["-o", "fine.png", "--save-palette", "exists.gpl"], "exists.gpl: exists already"),
+        (["-o", "fine.png", "--save-palette", "file/a.gpl"], "file/a.gpl"),
+    ],
+)
+def test_an_output_that_cannot_be_is_told_before_any_work(
+    run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], named: str
+) -> None:
+    for name in ("file", "exists.png", "exists.gpl"):
+        Path(name).write_text("mine")
+    before = listing(here)
+    monkeypatch.setattr(cvtimg, "quantize", lambda *_, **__: pytest.fail("worked in vain"))
+    outcome = run("quantize", "pictures/rgb.png", "-k", "4", *options)
+    assert (outcome.status, outcome.out) == (1, "")
+    assert_one_line(outcome.err, named)
+    assert listing(here) == before
+
+
+def test_overwrite_replaces_what_exists(run: Run, here: Path) -> None:
+    for name in ("out.png", "out.gpl"):
+        Path(name).write_text("old")
+    options = ["-o", "out.png", "--save-palette", "out.gpl", "--overwrite"]
+    assert run("quantize", "pictures/few.png", "-k", "7", *options).status == 0
+    np.testing.assert_array_equal(read_image("out.png"), FEW)
+    assert Path("out.gpl").read_text().startswith("GIMP Palette")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["a.png", "-o", "a.png"],
+        ["a.png", "-o", "./pictures/../a.png"],
+        ["a.png", "-o", "link.png"],
+        ["a.png", "--out-dir", "."],
+        ["a.png", "pictures/rgb.png", "--out-dir", "pictures/.."],
+    ],
+)
+def test_an_input_is_never_replaced(run: Run, here: Path, arguments: list[str]) -> None:
+    write_image("a.png", RGB)
+    Path("link.png").symlink_to("a.png")
+    before = listing(here)
+    outcome = run("quantize", *arguments, "-k", "4", "--overwrite")
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "is an input, which is never replaced")
+    assert listing(here) == before
+
+
+def test_inputs_that_would_become_one_file_are_told_before_any_work(run: Run, here: Path) -> None:
+    write_image("rgb.tif", RGB)
+    before = listing(here)
+    outcome = run("quantize", "rgb.tif", "pictures/rgb.png", "-k", "4", "--out-dir", "out", "--overwrite")
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "rgb.tif and pictures/rgb.png would both become out/rgb.png")
+    assert listing(here) == before
+
+
+# Wrong usage
+
+PICTURE = "pictures/rgb.png"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ([PICTURE], ["one of -k, --psnr, --max-bytes and --palette must be given"]),
+        ([PICTURE, "--palette", "p.gpl", "-k", "4"], ["--palette and -k exclude each other"]),
+        ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
+        ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
+        ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
+        ([PICTURE, "--max-bytes", "0"], ["'0' must be a whole number in 1.."]),
+        ([PICTURE, "-k", "4", "--lock", "white"], ["'white' must be a color as '#rrggbb' or '#rrggbbaa'"]),
+        ([PICTURE, "-k", "4", "--space", "hsv"], ["--space: 'hsv' must be one of rgb, linear, lab, oklab"]),
+        ([PICTURE, "-k", "4", "--dither", "bayer"], ["--dither: 'bayer' must be one of none, floyd-steinberg"]),
+        ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
+        ([PICTURE, "-k", "4", "--dither", "blue-noise", "--dither-strength", "2"], ["'2' must be a number in 0..1"]),
+        ([PICTURE, "-k", "4", "--depth", "12"], ["--depth: '12' must be one of 8, 16"]),
+        (["-k", "4"], ["INPUT"]),
+        ([PICTURE, "-k", "abc"], ["-k", "'abc' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "0"], ["-k", "'0' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "-3"], ["-k", "'-3' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "1000000000"], ["-k", "'1000000000' must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "9" * 5000], ["-k", "must be auto or a whole number in 1..65536"]),
+        ([PICTURE, "-k", "2.5"], ["-k", "'2.5' must be auto or a whole number"]),
+        ([PICTURE, "-k", "4", "--seed", "-1"], ["--seed", "'-1' must be a whole number in 0.."]),
+        ([PICTURE, "-k", "4", "--init", "luck"], ["--init: 'luck' must be one of split, k-means++, maximin, random"]),
+        ([PICTURE, "-k", "4", "--effort", "heroic"], ["--effort: 'heroic' must be one of fast, balanced, best"]),
+        ([PICTURE, "-k", "4", "-o", "out.xyz"], ["-o: '.xyz' must be one of .png,"]),
+        ([PICTURE, "-k", "4", "-o", "out"], ["-o: '' must be one of .png,"]),
+        ([PICTURE, "-k", "4", "-o", "out.jpg"], ["-o: '.jpg' must be one of .png,"]),
+        ([PICTURE, "-k", "4", "--save-palette", "p.txt"], ["--save-palette: '.txt' must be one of .gpl, .json"]),
+        ([PICTURE, "-k", "4", "-o", "out.png", "--out-dir", "out"], ["-o and --out-dir exclude each other"]),
+        ([PICTURE, "-k", "4", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
+        (["pictures", "-k", "4"], ["5 inputs need --out-dir DIR"]),
+        (["pictures", "-k", "4", "-o", "out.png"], ["-o is for one input, and these are 5"]),
+        ([PICTURE, "missing.png", "-k", "4", "-o", "out.png"], ["-o is for one input, and these are 2"]),
+        (["pictures", "-k", "4", "--out-dir", "out", "--save-palette", "p.gpl"], ["--save-palette is for one input"]),
+        ([PICTURE, "-k", "4", "--colour", "red"], ["No such option: --colour"]),
+    ],
+)
+def test_wrong_usage_is_one_line_and_writes_nothing(
+    run: Run, here: Path, arguments: list[str], parts: list[str]
+) -> None:
+    before = listing(here)
+    outcome = run("quantize", *arguments)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert_one_line(outcome.err, *parts, "(see cvtimg quantize --help)")
+    assert listing(here) == before
+
+
+def test_an_unknown_command_is_wrong_usage(run: Run) -> None:
+    outcome = run("quantise")
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "No such command 'quantise'")
+
+
+# Help
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["--help"], ["quantize", "--help"], ["cluster", "--help"], ["info", "--help"]]
+)
+@pytest.mark.parametrize("width", [80, 120])
+def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], width: int) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    outcome = run(*arguments)
+    assert (outcome.status, outcome.err) == (0, "")
+    assert max(map(len, outcome.out.splitlines())) <= width
+
+
+@pytest.mark.parametrize("command", ["quantize", "cluster"])
+def test_help_says_what_the_registries_hold(run: Run, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = " ".join(run(command, "--help").out.split())
+    registries = (
+        ("--init", cvtimg.engine.SEEDINGS),
+        ("--effort", cvtimg.engine.EFFORTS),
+        ("--method", cvtimg.engine.METHODS),
+    )
+    for option, registry in registries:
+        listed = text.split(f"{option} NAME")[1].split(": ", 1)[1].split(".")[0]
+        assert re.split(r", | or ", listed) == list(registry)
+
+
+def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = " ".join(run("quantize", "--help").out.split())
+    assert _options.MAX_COLORS == remapping.MAX_COLORS
+    assert f"at most {_options.MAX_COLORS}" in text
+    suffixes = re.findall(r"\.[a-z]+", text.split("can also end in")[1].split("The same seed")[0])
+    assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())
+
+
+def test_version_is_that_of_the_package(run: Run) -> None:
+    outcome = run("--version")
+    assert outcome.status == 0
+    assert re.fullmatch(r"cvtimg \d+\.\d+\.\d+\S*\n", outcome.out)
+
+
+# The process
+
+HEAVY = {"numpy", "PIL", "rich", "cvtimg.pictures.files", "cvtimg.engine.tessellation"}
+
+
+def modules_of(*arguments: str, cwd: Path) -> set[str]:
+    """Return the modules that are imported once a command line is done."""
+    script = (
+        "import sys; from cvtimg.cli.app import main; status = main(sys.argv[1:]); "
+        "print(*sys.modules, file=sys.stderr); sys.exit(status)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", script, *arguments], cwd=cwd, capture_output=True, text=True, check=True
+    )
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["quantize", "--help"], ["cluster", "--help"], ["info", "--help"], ["--version"]]
+)
+def test_help_imports_nothing_heavy(here: Path, arguments: list[str]) -> None:
+    assert not modules_of(*arguments, cwd=here) & HEAVY
+
+
+def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
+    modules = modules_of("quantize", PICTURE, "-k", "4", "--quiet", cwd=here)
+    assert "numpy" in modules
+    assert not modules & {
+        "rich.table",
+        "rich.progress",
+        "scipy",
+        "sklearn",
+        "skimage",
+        "cvtimg.plotting.sheets",
+        "matplotlib",
+    }
+
+
+def test_exit_codes_of_the_process(here: Path) -> None:
+    assert process("quantize", PICTURE, "-k", "4", "-o", "out.png", cwd=here).returncode == 0
+    failed = process("quantize", "missing.png", "-k", "4", "-o", "out2.png", cwd=here)
+    assert failed.returncode == 1
+    assert_one_line(failed.stderr, "missing.png: no such file")
+    wrong = process("quantize", PICTURE, "-k", "0", cwd=here)
+    assert wrong.returncode == 2
+    assert_one_line(wrong.stderr, "1..65536")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
+@pytest.mark.parametrize("arguments", [["info", "pictures", "--json"], ["info", "pictures"], ["quantize", "--help"]])
+def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, arguments: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-P", "-m", "cvtimg", *arguments]
+    with os.fdopen(writer, "w") as out:
+        done = subprocess.run(command, cwd=here, stdout=out, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+    assert done.stderr == ""
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("when", ["cvtimg.quantize", "PIL.Image.Image.save"])
+def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
+    run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, when: str
+) -> None:
+    def interrupt(*arguments: Any, **_: Any) -> None:
+        if when.endswith("save"):
+            arguments[1].write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(when, interrupt)
+    before = listing(here)
+    outcome = run("quantize", "pictures", "-k", "4", "--out-dir", "out", "--json")
+    assert (outcome.status, outcome.out, outcome.err) == (130, "", "cvtimg: interrupted\n")
+    assert listing(here) == before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX terminals")
+def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
+    import pty
+
+    terminal, stderr = pty.openpty()
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "cvtimg",
+        "quantize",
+        "pictures",
+        "-k",
+        "4",
+        "--out-dir",
+        "out",
+        "--json",
+    ]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
+    done = subprocess.run(
+        command, cwd=here, stdout=subprocess.PIPE, stderr=stderr, text=True, check=True, timeout=60, env=environment
+    )
+    os.close(stderr)
+    assert b"100%" in os.read(terminal, 1 << 16)
+    os.close(terminal)
+    assert [list(json.loads(line)) for line in done.stdout.splitlines()] == [KEYS] * 5
+
+
+# Tables
+
+TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "elbow", "energy", "explained", "n_iter"]
+TABLE_KEYS += ["converged", "seconds"]
+#: Three groups far from each other, in two columns of which one is a thousand times the other.
+ROWS = np.array([[0, 0], [0, 2000], [90, 0]])[RNG.integers(0, 3, 40)] + RNG.normal(size=(40, 2)) * [1, 20]
+COUNTS = RNG.integers(1, 5, 40)
+
+
+@pytest.fixture
+def table(here: Path) -> Path:
+    """Write a table with names, texts and counts; work in its folder."""
+    lines = [f"S{n},{x!r},{y!r},{count}" for n, ((x, y), count) in enumerate(zip(ROWS.tolist(), COUNTS, strict=True))]
+    Path("trees.csv").write_text("\n".join(["site,height,girth,count", *lines, ""]))
+    return Path("trees.csv")
+
+
+def labels_of(path: str | Path) -> list[int]:
+    head, *labels = Path(path).read_text().splitlines()
+    assert head == "label"
+    return [int(label) for label in labels]
+
+
+def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
+    options = ["--columns", "height,girth", "--weight", "count", "--generators", "means.csv", "--json"]
+    outcome = run("cluster", table, "-k", "3", *options)
+    assert (outcome.status, outcome.err) == (0, "")
+    (row,) = outcome.rows
+    assert list(row) == TABLE_KEYS
+    expected = cvtimg.tessellate(ROWS, 3, density=COUNTS)
+    assert labels_of("trees-labels.csv") == expected.labels.tolist()
+    means = read_table("means.csv")
+    assert means.names == ("height", "girth", "mass", "share")
+    shares = np.column_stack([expected.masses, expected.masses / COUNTS.sum()])
+    np.testing.assert_array_equal(means.rows, np.column_stack([expected.generators, shares]))
+    assert (row["input"], row["output"], row["columns"]) == ("trees.csv", "trees-labels.csv", ["height", "girth"])
+    assert (row["rows"], row["left_out"], row["k"], row["energy"]) == (40, 0, 3, expected.energy)
+    assert (row["n_iter"], row["converged"]) == (expected.n_iter, True)
+    total = cvtimg.tessellate(ROWS, 1, density=COUNTS).energy
+    assert row["explained"] == pytest.approx(1 - expected.energy / total)
+    assert list(row["seconds"]) == ["read", "cluster", "write"]
+
+
+def test_standardized_columns_count_alike_and_generators_keep_their_units(run: Run, table: Path) -> None:
+    options = ["-k", "3", "--columns", "height,girth", "--weight", "count", "--generators", "means.csv"]
+    assert run("cluster", table, *options, "--standardize").status == 0
+    labels, means = np.array(labels_of("trees-labels.csv")), read_table("means.csv").rows
+    groups = (ROWS[:, 0] > 45) * 2 + (ROWS[:, 1] > 1000)  # as they were made; without --standardize girth alone counts
+    assert len(set(zip(labels, groups, strict=True))) == 3
+    for label in range(3):
+        mean = np.average(ROWS[labels == label], axis=0, weights=COUNTS[labels == label])
+        np.testing.assert_allclose(means[label, :2], mean, rtol=1e-5, atol=1e-3)
+
+
+def test_arrays_are_clustered_and_labels_can_be_arrays(run: Run, here: Path) -> None:
+    np.save("a.npy", np.column_stack([ROWS, np.where(np.arange(40) == 7, np.nan, 1)]))
+    outcome = run("cluster", "a.npy", "-k", "3", "-o", "labels.npy", "--missing", "drop", "--json")
+    assert [(row["rows"], row["left_out"]) for row in outcome.rows] == [(39, 1)]
+    labels = np.load("labels.npy")
+    assert (labels.shape, labels.dtype, labels[7], labels.max()) == ((40,), np.int32, -1, 2)
+    assert np.count_nonzero(labels < 0) == 1
+
+
+def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
+    Path("tables").mkdir()
+    for name in ("a.csv", "b.csv"):
+        Path("tables", name).write_text("1,2\n3,4\n5,7\n")
+    Path("tables/bad.csv").write_text("1,2\n3,\n")
+    outcome = run("cluster", "tables", "missing.csv", "-k", "2", "--out-dir", "out")
+    assert outcome.status == 1
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a-labels.csv", "b-labels.csv"]
+    missing, bad, summary = outcome.err.splitlines()
+    assert summary == "2 done, 0 skipped, 2 failed"
+    assert missing == "cvtimg: missing.csv: no such file"
+    assert bad.startswith("cvtimg: tables/bad.csv: line 2, column 'col1': the value is missing")
+    head, *rows = (line.split() for line in outcome.out.splitlines())
+    assert head == ["input", "rows", "k", "energy", "explained", "seconds", "output"]
+    assert [(row[0], row[1], row[2], row[-1]) for row in rows] == [
+        (f"tables/{name}.csv", "3", "2", f"out/{name}-labels.csv") for name in ("a", "b")
+    ]
+
+
+def test_a_column_whose_name_has_a_comma_is_named_in_quotes(run: Run, here: Path) -> None:
+    Path("a.csv").write_text('"x, m",y\n1,2\n3,4\n')
+    (row,) = run("cluster", "a.csv", "-k", "1", "--columns", '"x, m"', "--json").rows
+    assert row["columns"] == ["x, m"]
+
+
+def test_equal_rows_are_all_explained_by_one_generator(run: Run, here: Path) -> None:
+    Path("a.csv").write_text("1,2\n1,2\n")
+    (row,) = run("cluster", "a.csv", "-k", "1", "--standardize", "--json").rows
+    assert (row["energy"], row["explained"]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ([], ["line 2, column 'site': 'S0' is not a number; choose columns of numbers (--columns height,girth,count)"]),
+        (["--columns", "height,age"], ["column 'age' must be one of site, height, girth, count"]),
+        (["--columns", "height", "--weight", "height"], ["column 'height' is the weight"]),
+        (["--columns", "height", "-k", "41"], ["n_generators=41 must be in 1..40, the number of samples"]),
+        (["--columns", "count", "-k", "5"], ["n_generators=5 must be in 1..4, the number of distinct samples"]),
+        (["--columns", "count", "-o", "exists.csv"], ["exists.csv: exists already"]),
+    ],
+)
+def test_a_table_that_fails_is_one_line_and_nothing_is_written(
+    run: Run, table: Path, options: list[str], parts: list[str]
+) -> None:
+    Path("exists.csv").write_text("mine")
+    before = listing(Path())
+    outcome = run("cluster", table, "-k", "3", *options)
+    assert (outcome.status, outcome.out) == (1, "")
+    assert_one_line(outcome.err, "cvtimg: trees.csv: ", *parts)
+    assert listing(Path()) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ([], ["Missing option '-k'"]),
+        (["-k", "0"], ["'0' must be auto or a whole number in 1.."]),
+        (["-k", "3", "--missing", "guess"], ["--missing: 'guess' must be one of error, drop"]),
+        (["-k", "3", "--effort", "heroic"], ["--effort: 'heroic' must be one of fast, balanced, best"]),
+        (["-k", "3", "--init", "luck"], ["--init: 'luck' must be one of split,"]),
+        (["-k", "3", "--columns", "a,,b"], ["--columns: 'a,,b' must be names with commas between them"]),
+        (["-k", "3", "--columns", ""], ["--columns: '' must be names"]),
+        (["-k", "3", "-o", "labels.txt"], ["-o: '.txt' must be one of .csv, .npy"]),
+        (["-k", "3", "--generators", "g.npy"], ["--generators: '.npy' must be one of .csv"]),
+        (["-k", "3", "-o", "x.csv", "--generators", "x.csv"], ["two outputs of trees.csv would both become x.csv"]),
+        (["-k", "3", "-o", "trees.csv", "--overwrite"], ["trees.csv is an input, which is never replaced"]),
+        (["-k", "3", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
+        (["pictures/rgb.png", "-k", "3"], ["2 inputs need --out-dir DIR"]),
+        (["a.csv", "-k", "3", "--generators", "g.csv", "--out-dir", "out"], ["--generators is for one input"]),
+    ],
+)
+def test_wrong_usage_of_cluster_is_one_line_and_writes_nothing(
+    run: Run, table: Path, options: list[str], parts: list[str]
+) -> None:
+    before = listing(Path())
+    outcome = run("cluster", table, *options)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert_one_line(outcome.err, *parts, "(see cvtimg cluster --help)")
+    assert listing(Path()) == before
+
+
+def test_cluster_imports_nothing_for_pictures(table: Path) -> None:
+    modules = modules_of("cluster", "trees.csv", "-k", "3", "--columns", "height", "--quiet", cwd=Path.cwd())
+    assert "numpy" in modules
+    assert not modules & {"PIL", "rich", "scipy", "sklearn", "pandas", "cvtimg.pictures.files"}
+
+
+# The launcher in a checkout
+
+
+@pytest.mark.skipif(not (ROOT / "cli.py").exists(), reason="not in a checkout")
+def test_the_launcher_uses_the_installed_package_from_anywhere(here: Path) -> None:
+    for folder in (here, ROOT):
+        command = [sys.executable, str(ROOT / "cli.py"), "--version"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith("cvtimg ")
+
+
+@pytest.mark.skipif(not (ROOT / "cli.py").exists(), reason="not in a checkout")
+def test_the_launcher_says_how_to_install_in_one_line(here: Path) -> None:
+    command = [sys.executable, "-S", str(ROOT / "cli.py"), "--version"]  # -S: no installed packages
+    done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert re.fullmatch(r"cli\.py: cvtimg is not installed .*pip install \.`\n", done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [(["--volume-power", "2"], {"volume_power": 2}), (["--method", "macqueen"], {"method": "macqueen"})],
+)
+def test_method_and_volume_power_reach_the_engine(
+    run: Run, here: Path, words: list[str], options: dict[str, Any], photograph: NDArray[Any]
+) -> None:
+    picture = photograph[::4, ::4]
+    write_image(here / "in.png", picture)
+    assert run("quantize", "in.png", "-k", 8, "-o", "out.png", *words).status == 0
+    expected = cvtimg.quantize(picture, 8, **options).image
+    np.testing.assert_array_equal(read_image(here / "out.png"), expected)
+    assert (expected != cvtimg.quantize(picture, 8).image).any()
+
+
+@pytest.mark.parametrize("words", [["--volume-power", "-1"], ["--volume-power", "nan"], ["--method", "magic"]])
+@pytest.mark.parametrize("command", ["quantize", "cluster"])
+def test_a_wrong_method_or_power_is_wrong_usage(run: Run, here: Path, command: str, words: list[str]) -> None:
+    outcome = run(command, "pictures/rgb.png", "-k", 2, *words)
+    assert outcome.status == 2
+    assert words[1] in outcome.err
+    assert len(outcome.err.splitlines()) == 1

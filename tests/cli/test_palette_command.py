@@ -1,0 +1,107 @@
+"""``cvtimg palette`` prints the colors that a picture has, with their shares."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg import quantize, read_palette, write_image
+from cvtimg.cli.app import main
+
+FLAG = np.array([[0, 0, 255], [0, 0, 255], [255, 255, 0], [200, 16, 46]], np.uint8)[np.newaxis]
+
+
+def palette_of(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> list[tuple[str, float]]:
+    assert main(["palette", *map(str, arguments), "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    return [(color["hex"], color["share"]) for color in row["colors"]]
+
+
+def test_few_colors_are_told_as_they_are_the_most_frequent_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_image(tmp_path / "a.png", FLAG)
+    assert palette_of(capsys, tmp_path / "a.png") == [("#0000ff", 0.5), ("#c8102e", 0.25), ("#ffff00", 0.25)]
+    assert len(palette_of(capsys, tmp_path / "a.png", "-k", 2)) == 2
+
+
+def test_many_colors_are_reduced_as_quantize_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], photograph: NDArray[np.uint8]
+) -> None:
+    write_image(tmp_path / "a.png", photograph)
+    for options, n_colors in (((), 16), (("-k", 5), 5)):
+        found = palette_of(capsys, tmp_path / "a.png", *map(str, options))
+        result = quantize(photograph, n_colors)
+        assert {code for code, _ in found} == {f"#{color.tobytes().hex()}" for color in result.palette}
+        shares = [share for _, share in found]
+        assert shares == sorted(shares, reverse=True)
+        assert sum(shares) == pytest.approx(1)
+
+
+def test_grey_transparency_and_16_bits_are_told_in_8_bits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image(tmp_path / "grey.png", np.array([[7]], np.uint8))
+    write_image(tmp_path / "clear.png", np.array([[[1, 2, 3, 128]]], np.uint8))
+    write_image(tmp_path / "deep.png", np.array([[[257, 514, 65535]]], np.uint16))
+    assert palette_of(capsys, tmp_path / "grey.png") == [("#070707", 1.0)]
+    assert palette_of(capsys, tmp_path / "clear.png") == [("#01020380", 1.0)]
+    assert palette_of(capsys, tmp_path / "deep.png") == [("#0102ff", 1.0)]
+
+
+def test_a_pipe_gets_plain_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image(tmp_path / "a.png", FLAG)
+    assert main(["palette", str(tmp_path / "a.png")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{tmp_path / 'a.png'}: 3 of 3 colors"
+    assert [line.split("\t") for line in lines[1:]] == [
+        ["#0000ff", "0.500000", "2"],
+        ["#c8102e", "0.250000", "1"],
+        ["#ffff00", "0.250000", "1"],
+    ]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a terminal")
+def test_a_terminal_gets_blocks_of_the_color(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png", FLAG)
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor", "COLUMNS": "80"}
+    environment.pop("NO_COLOR", None)
+    command = [sys.executable, "-P", "-m", "cvtimg", "palette", str(tmp_path / "a.png")]
+    subprocess.run(command, stdout=theirs, env=environment, check=True)
+    os.close(theirs)
+    text = os.read(ours, 1 << 16).decode()
+    os.close(ours)
+    assert "\x1b[48;2;0;0;255m" in text
+    assert "50.00%" in text
+    assert "#c8102e" in text
+
+
+def test_colors_are_saved_with_their_shares(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png", FLAG)
+    assert main(["palette", str(tmp_path / "a.png"), "--save-palette", str(tmp_path / "a.json")]) == 0
+    assert read_palette(tmp_path / "a.json").tolist() == [[0, 0, 255], [200, 16, 46], [255, 255, 0]]
+    assert json.loads((tmp_path / "a.json").read_text())["colors"][0]["share"] == 0.5
+
+
+def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image(tmp_path / "a.png", FLAG)
+    write_image(tmp_path / "bands.tif", np.zeros((2, 2, 6), np.uint8))
+    cases = [
+        (["a.png", "b.png", "--save-palette", "c.hex"], 2, "--save-palette is for one input, and these are 2"),
+        (["a.png", "--save-palette", "c.xyz"], 2, "'.xyz' must be one of .gpl"),
+        (["b.png"], 1, "b.png: no such file"),
+        (["bands.tif"], 1, "has 6 bands, which are no colors"),
+    ]
+    for arguments, status, reason in cases:
+        given = [argument if argument[0] == "-" else str(tmp_path / argument) for argument in arguments]
+        assert main(["palette", *given]) == status
+        error = capsys.readouterr().err
+        assert reason in error
+        assert len(error.splitlines()) == 1

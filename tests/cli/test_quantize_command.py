@@ -1,0 +1,186 @@
+"""``cvtimg quantize``: targets, palettes, locked colors, spaces, dithering, weights and depth on files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from cvtimg import quantize, read_image, write_image
+from cvtimg.cli import app as cli
+
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run the command line in an empty folder; return its JSON, or what it complains of under "error"."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> dict[str, Any]:
+        status = cli.main(["quantize", *arguments, "-o", "out.png", "--overwrite", "--json"])
+        out, err = capsys.readouterr()
+        assert (status == 0) == (err == "")
+        return dict(json.loads(out)) if out else {"error": err, "status": status}
+
+    return run
+
+
+@pytest.fixture
+def picture(photograph: NDArray[Any], run: Run) -> NDArray[Any]:
+    """Write in.png."""
+    small = np.ascontiguousarray(photograph[::4, ::4])
+    write_image("in.png", small)
+    return small
+
+
+def colors_of(path: str) -> set[tuple[int, ...]]:
+    image = read_image(path)
+    return set(map(tuple, image.reshape(-1, image.shape[2]).tolist()))
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        (["-k", "9", "--space", "oklab"], {"n_colors": 9, "space": "oklab"}),
+        (["-k", "9", "--dither", "floyd-steinberg"], {"n_colors": 9, "dither": "floyd-steinberg"}),
+        (
+            ["-k", "9", "--dither", "blue-noise", "--dither-strength", "0.5"],
+            {"n_colors": 9, "dither": "blue-noise", "dither_strength": 0.5},
+        ),
+        (["--psnr", "27"], {"psnr": 27}),
+        (["-k", "60", "--psnr", "20"], {"n_colors": 60, "psnr": 20}),
+    ],
+)
+def test_options_are_those_of_the_function(
+    words: list[str], options: dict[str, Any], run: Run, picture: NDArray[Any]
+) -> None:
+    row = run("in.png", *words)
+    expected = quantize(picture, **options)
+    np.testing.assert_array_equal(read_image("out.png"), expected.image)
+    assert (row["k"], row["psnr"]) == (len(expected.palette), pytest.approx(expected.psnr))
+    assert (expected.image != quantize(picture, 9).image).any()
+
+
+def test_locked_colors_are_in_the_file(run: Run, picture: NDArray[Any]) -> None:
+    assert run("in.png", "-k", "6", "--lock", "#ff0000", "--lock", "00ff7f")["k"] == 6
+    with Image.open("out.png") as image:
+        entries = np.array(image.getpalette()).reshape(-1, 3).tolist()
+    assert [255, 0, 0] in entries
+    assert [0, 255, 127] in entries
+
+
+def test_a_locked_color_reaches_pictures_of_every_kind(run: Run, picture: NDArray[Any]) -> None:
+    alpha = np.dstack([picture, np.where(picture[..., 0] > 40, 255, 90)]).astype(np.uint8)
+    deep, floating = picture.astype(np.uint16) * 257, (picture / 255).astype(np.float32)
+    for image in (alpha, picture[..., 0], deep):
+        image[:8, :8] = [128, 0, 255, 255][: image.shape[2]] if image.ndim == 3 else 128
+        if image.dtype == np.uint16:
+            image[:8, :8] = np.uint16(257) * np.array([128, 0, 255], np.uint16)
+        write_image("in.png", image, overwrite=True)
+        run("in.png", "-k", "6", "--lock", "#8000ff")
+        after = read_image("out.png")
+        expected = [128, 0, 255] if image.dtype == np.uint8 else [128 * 257, 0, 65535]
+        if image.ndim == 3:
+            np.testing.assert_array_equal(after[:8, :8, :3], np.broadcast_to(expected, (8, 8, 3)))
+    write_image("in.tif", floating)
+    assert cli.main(["quantize", "in.tif", "-k", "4", "--lock", "#ff0000", "-o", "out.tif"]) == 0
+    assert read_image("out.tif").dtype == np.float32
+
+
+@pytest.mark.parametrize("n_bytes", [300, 900, 2500])
+def test_the_file_has_no_more_bytes_than_asked(n_bytes: int, run: Run, picture: NDArray[Any]) -> None:
+    n_colors = run("in.png", "--max-bytes", str(n_bytes))["k"]
+    assert Path("out.png").stat().st_size <= n_bytes
+    run("in.png", "-k", str(n_colors + 1))
+    assert Path("out.png").stat().st_size > n_bytes
+
+
+def test_targets_out_of_reach_are_named(run: Run, picture: NDArray[Any]) -> None:
+    assert "max_bytes=9 must be at least" in run("in.png", "--max-bytes", "9")["error"]
+    assert "psnr=70.0 is not reached by 8 colors" in run("in.png", "--psnr", "70", "-k", "8")["error"]
+    assert not Path("out.png").exists()
+
+
+def test_a_palette_file_is_taken_as_it_is(run: Run, picture: NDArray[Any]) -> None:
+    Path("p.hex").write_text("081820\n346856\n88c070\ne0f8d0\n")
+    assert run("in.png", "--palette", "p.hex")["k"] == 4
+    assert colors_of("out.png") <= {(8, 24, 32), (52, 104, 86), (136, 192, 112), (224, 248, 208)}
+    deep = picture.astype(np.uint16) * 257
+    write_image("deep.png", deep)
+    run("deep.png", "--palette", "p.hex")
+    assert (8 * 257, 24 * 257, 32 * 257) in colors_of("out.png")
+
+
+def test_a_picture_serves_as_palette(run: Run, picture: NDArray[Any]) -> None:
+    write_image("few.png", quantize(picture, 5).image)
+    run("in.png", "--palette", "few.png")
+    assert colors_of("out.png") == colors_of("few.png")
+
+
+@pytest.mark.parametrize("option", ["--palette", "--weight-map"])
+def test_files_that_all_inputs_need_are_named(option: str, run: Run, picture: NDArray[Any]) -> None:
+    Path("p.gpl").write_text("hello")
+    words = [] if option == "--palette" else ["-k", "4"]
+    for name in ("p.gpl", "missing.gpl"):
+        error = run("in.png", *words, option, name)
+        assert error["status"] == 2
+        assert error["error"].startswith(f"cvtimg: {option}: {name}: ")
+        assert error["error"].count("\n") == 1
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_weight_map_tells_what_counts(channels: int, run: Run, picture: NDArray[Any]) -> None:
+    weights = np.zeros(picture.shape[:2], np.uint8)
+    weights[20:30, 20:30] = 200
+    write_image("w.png", weights if channels == 1 else np.dstack([weights] * 3))
+    run("in.png", "-k", "8", "--weight-map", "w.png")
+    np.testing.assert_array_equal(read_image("out.png"), quantize(picture, 8, weights=weights).image)
+
+
+def test_weight_maps_that_do_not_fit_are_refused(run: Run, picture: NDArray[Any]) -> None:
+    write_image("w.png", np.ones((3, 5), np.uint8))
+    assert "weights of shape (3, 5) must be (64, 64)" in run("in.png", "-k", "8", "--weight-map", "w.png")["error"]
+    error = run("in.png", "-k", "8", "--weight-map", "in.png")
+    assert "--weight-map: in.png: must be a grey picture" in error["error"]
+    assert error["status"] == 2
+
+
+def test_depth_stays_or_becomes_what_is_asked(run: Run, picture: NDArray[Any]) -> None:
+    deep = picture.astype(np.uint16) * 257 + np.arange(64, dtype=np.uint16)[:, None]
+    write_image("deep.png", deep)
+    run("deep.png", "-k", "7")
+    after = read_image("out.png")
+    np.testing.assert_array_equal(after, quantize(deep, 7).image)
+    assert after.dtype == np.uint16
+    run("deep.png", "-k", "7", "--depth", "8")
+    rounded = np.rint(deep / 257).astype(np.uint8)
+    np.testing.assert_array_equal(read_image("out.png"), quantize(rounded, 7).image)
+    run("in.png", "-k", "7", "--depth", "16")
+    np.testing.assert_array_equal(read_image("out.png"), quantize(picture.astype(np.uint16) * 257, 7).image)
+    write_image("float.tif", (picture[..., 0] / 255).astype(np.float32))
+    run("float.tif", "-k", "7", "--depth", "8")
+    np.testing.assert_array_equal(
+        read_image("out.png"), quantize(picture[..., 0], 7).image.repeat(3).reshape(64, 64, 3)
+    )
+
+
+def test_transparency_stays_in_the_file(run: Run, picture: NDArray[Any]) -> None:
+    y, x = np.mgrid[:64, :64]
+    alpha = np.clip(4 * (30 - np.hypot(x - 32, y - 32)) / 30, 0, 1) * 255
+    image = np.dstack([picture, np.rint(alpha)]).astype(np.uint8)
+    write_image("alpha.png", image)
+    run("alpha.png", "-k", "16")
+    after = read_image("out.png")
+    assert (after[image[..., 3] == 0] == 0).all()
+    assert (after[image[..., 3] == 255][:, 3] == 255).all()
+    with Image.open("out.png") as file:
+        assert file.mode == "P"
+        alphas = file.info["transparency"]
+    assert b"\xff" not in alphas.rstrip(b"\xff")  # so that a file need not tell of the opaque ones

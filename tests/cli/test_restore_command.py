@@ -1,0 +1,145 @@
+"""``cvtimg restore``: what it writes, reports and refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaging import card, damage, psnr
+
+from cvtimg import read_image, restore, write_image
+from cvtimg.cli import app as cli
+from cvtimg.segmentation import Averaging
+
+Run = Callable[..., tuple[int, str, str]]
+CLEAN = card(64)[0]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command in a folder with three damaged versions and their masks."""
+    versions, known = damage.damaged_versions(CLEAN, 3, damage.Damage(noise=0.1, holes=0.2, blocks=1), seed=0)
+    for number, (version, mask) in enumerate(zip(versions, known, strict=True), start=1):
+        damage.save(tmp_path / f"v_{number}.png", version, mask)
+        write_image(tmp_path / f"rgb_{number}.png", read_image(tmp_path / f"v_{number}.png")[:, :, :3].copy())
+        write_image(tmp_path / f"mask_{number}.png", mask)
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        status = cli.main(["restore", *arguments])
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def test_it_writes_what_the_function_returns(run: Run) -> None:
+    assert run("v_*.png", "-k", "4", "-o", "whole.png", "--labels", "labels.png")[0] == 0
+    result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], 4)
+    np.testing.assert_array_equal(read_image("whole.png"), result.image)
+    np.testing.assert_array_equal(read_image("labels.png"), result.labels)
+    assert psnr(result.image / 255, CLEAN) > 28
+
+
+def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:
+    run("v_1.png", "v_2.png", "v_3.png", "-k", "4", "-o", "alpha.png")
+    masks = [word for number in (1, 2, 3) for word in ("--mask", f"mask_{number}.png")]
+    assert run("rgb_1.png", "rgb_2.png", "rgb_3.png", *masks, "-k", "4", "-o", "masks.png")[0] == 0
+    np.testing.assert_array_equal(read_image("masks.png"), read_image("alpha.png"))
+    assert run("rgb_1.png", "rgb_2.png", "rgb_3.png", "--nodata", "0", "-k", "4", "-o", "nodata.png")[0] == 0
+    np.testing.assert_array_equal(read_image("nodata.png"), read_image("alpha.png"))
+
+
+def test_options_reach_the_function(run: Run) -> None:
+    versions = [read_image(f"v_{number}.png") for number in (1, 2, 3)]
+    for words, options in (
+        (
+            "--edge-weight 30 --renormalize median --weights 1,2,3",
+            {"edge_weight": 30, "renormalize": "median", "weights": [1, 2, 3]},
+        ),
+        ("--detail --seed 5 --effort fast", {"detail": True, "rng": 5, "effort": "fast"}),
+        ("--align --space lab --volume-power 1", {"align": True, "space": "lab", "volume_power": 1}),
+        ("--averaging before --radius 1", {"averaging": Averaging("before", radius=1)}),
+        ("--channels --edge-weight 0", {"channels": True, "edge_weight": 0}),
+    ):
+        assert run("v_*.png", "-k", "5", "-o", "out.png", "--overwrite", *words.split())[0] == 0
+        np.testing.assert_array_equal(read_image("out.png"), restore(versions, 5, **options).image)
+
+
+def test_auto_is_found_by_the_command_too(run: Run) -> None:
+    assert run("v_*.png", "-k", "auto", "-o", "auto.png")[0] == 0
+    result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], "auto")
+    np.testing.assert_array_equal(read_image("auto.png"), result.image)
+
+
+def test_json_tells_of_every_version(run: Run) -> None:
+    status, out, _ = run("v_*.png", "-k", "4", "-o", "whole.png", "--json")
+    row = json.loads(out)
+    assert status == 0
+    assert [Path(name).name for name in row["inputs"]] == ["v_1.png", "v_2.png", "v_3.png"]
+    assert row["versions"] == len(row["noise"]) == len(row["weights"]) == len(row["shifts"]) == 3
+    assert row["k"] == 4
+    assert 0 < row["unknown"] < 0.1
+    assert set(row["seconds"]) == {"read", "cluster", "write"}
+    assert run("v_*.png", "-k", "4", "-o", "more.png", "--quiet") == (0, "", "")
+
+
+def test_the_sheet_has_the_versions_on_top_and_the_restored_picture_below(run: Run) -> None:
+    assert run("v_*.png", "-k", "4", "-o", "whole.png", "--sheet", "sheet.png")[0] == 0
+    sheet, whole = read_image("sheet.png"), read_image("whole.png")
+    enlarged = whole.repeat(4, axis=0).repeat(4, axis=1)
+    lower = sheet[sheet.shape[0] // 2 :]
+    tops = np.flatnonzero((lower[:, :300] == enlarged[0, 0]).all(axis=2).any(axis=1))
+    left = np.flatnonzero((lower[tops[0]] == enlarged[0, 0]).all(axis=1))[0]
+    np.testing.assert_array_equal(lower[tops[0] :, left:][:256, :256], enlarged)
+    assert sheet.shape[1] > 3 * 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        ("v_1.png small.png -k 2 -o out.png", 1, "small.png has size (5, 6) and v_1.png has (64, 64)"),
+        ("v_1.png gone.png -k 2 -o out.png", 1, "gone.png: no such file"),
+        ("v_1.png broken.png -k 2 -o out.png", 1, "broken.png: "),
+        ("v_1.png v_2.png --mask mask_1.png -k 2 -o out.png", 2, "--mask is given 1 times, for 2 versions"),
+        ("v_1.png v_2.png --mask mask_1.png --mask small.png -k 2 -o out.png", 1, "small.png of shape (5, 6)"),
+        ("v_1.png v_2.png -k 2 -o v_2.png --overwrite", 2, "v_2.png is an input"),
+        ("v_1.png v_2.png -k 2 -o out.png --labels out.png", 2, "would both become out.png"),
+        ("v_1.png v_2.png -k 2 -o mask_1.png", 1, "mask_1.png: exists already"),
+        ("v_1.png v_2.png -k 0 -o out.png", 2, "'0' must be auto or a whole number in 1..65535"),
+        ("v_1.png v_2.png -k 2 -o out.jpg", 2, "-o: '.jpg' must be one of"),
+        ("v_1.png v_2.png -k 2 -o out.png --edge-weight x", 2, "'x' must be auto or a number >= 0"),
+        ("v_1.png v_2.png -k 2 -o out.png --weights 1,-2", 2, "'1,-2' must be numbers > 0"),
+        ("v_1.png v_2.png -k 2 -o out.png --weights 1", 1, "weights of shape (1,) must be (2,)"),
+        ("v_1.png v_2.png -k 2 -o out.png --renormalize max", 2, "must be one of range, median, none"),
+        ("v_1.png v_2.png -k 2 -o out.png --nodata x", 2, "'x' must be a number"),
+        ("v_1.png v_2.png -k 2 -o out.png --averaging twice", 2, "must be one of none, before, after"),
+        ("v_1.png v_2.png -k 2 -o out.png --radius 0", 2, "'0' must be a number > 0"),
+        ("clear.png clear.png -k 2 -o out.png", 1, "no version knows any pixel"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(run: Run, arguments: str, status: int, message: str) -> None:
+    write_image("small.png", np.zeros((5, 6), np.uint8))
+    write_image("clear.png", np.zeros((5, 6, 4), np.uint8))
+    Path("broken.png").write_bytes(Path("v_1.png").read_bytes()[:500])
+    before = {path: path.read_bytes() for path in Path().iterdir()}
+    code, out, err = run(*arguments.split())
+    assert (code, out) == (status, "")
+    assert message in err
+    assert err.count("\n") == 1
+    assert {path: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
+    how = ["v_1.png", "v_2.png", "-k", "4", "-o", "out.png", "--report", "rows.jsonl"]
+    status, _, err = run(*how, "--max-pixels", "99")
+    assert (status, err.count("has over 99 pixels")) == (1, 2)
+    assert [json.loads(line)["status"] for line in Path("rows.jsonl").read_text().splitlines()] == ["failed"] * 2
+    assert run(*how, "--overwrite", "--json")[0] == 0
+    (row,) = [json.loads(line) for line in Path("rows.jsonl").read_text().splitlines()]
+    assert (row["status"], row["inputs"]) == ("done", ["v_1.png", "v_2.png"])
+    before = Path("v_2.png").read_bytes()
+    assert run("v_1.csv", "v_2.png", "-k", "4", "-o", "out.png", "--report", "v_2.png", "--overwrite")[0] == 2
+    assert Path("v_2.png").read_bytes() == before

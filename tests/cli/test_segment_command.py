@@ -1,0 +1,290 @@
+"""Claims about ``cvtimg segment``: what is asked for is written, agrees with the labels, and is named."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import tifffile
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from cvtimg import find_contours, find_edges, read_image, write_image
+from cvtimg.cli import app as cli
+from cvtimg.cli.segment_outputs import KINDS
+from cvtimg.elbow.curves import auto_count
+from cvtimg.labels import region_table
+from cvtimg.labels.figures import run_lengths
+from cvtimg.plotting.sheets import draw_edges
+
+RNG = np.random.default_rng(6)
+#: Soft blots of three colors.
+FIELDS = gaussian_filter(RNG.normal(size=(40, 50, 3)), (4, 4, 0))
+RGB = np.rint(255 * (FIELDS - FIELDS.min()) / np.ptp(FIELDS)).astype(np.uint8)
+
+KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "elbow"]
+KEYS += ["edge_weight", "energy", "n_iter", "converged", "seconds"]
+
+
+class Outcome(NamedTuple):
+    """What a run left behind."""
+
+    status: int
+    rows: list[dict[str, Any]]
+    err: str
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run ``cvtimg segment`` in an empty folder but for rgb.png."""
+    monkeypatch.chdir(tmp_path)
+    write_image("rgb.png", RGB)
+
+    def run(*arguments: str | Path) -> Outcome:
+        status = cli.main(["segment", *map(str, arguments), "--json"])
+        out, err = capsys.readouterr()
+        return Outcome(status, [json.loads(line) for line in out.splitlines()], err)
+
+    return run
+
+
+def listing() -> set[str]:
+    return {str(path) for path in Path().rglob("*") if path.is_file()}
+
+
+def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
+    (row,) = run("rgb.png", "-k", "3").rows
+    assert listing() == {"rgb.png", "rgb-labels.png"}
+    assert list(row) == KEYS
+    assert (row["output"], row["k"], row["edge_weight"], row["left_out"]) == ("rgb-labels.png", 3, 0, 0)
+    assert (row["width"], row["height"], row["channels"]) == (50, 40, 3)
+    labels = read_image("rgb-labels.png")
+    assert np.unique(labels).tolist() == [1, 2, 3]
+    brightness = [RGB[labels == label].mean() for label in (1, 2, 3)]
+    assert brightness == sorted(brightness)
+
+
+def test_only_what_is_named_is_written(run: Run) -> None:
+    assert run("rgb.png", "-k", "2", "--table", "t.csv", "--edges", "e.png").status == 0
+    assert listing() == {"rgb.png", "t.csv", "e.png"}
+
+
+def test_every_output_agrees_with_the_labels(run: Run) -> None:
+    files = ["-o", "l.npy", "--mean", "m.png", "--edges", "e.png", "--overlay", "o.png", "--table", "t.csv"]
+    files += ["--coco", "c.json", "--contours", "v.svg", "--write", "contours.geojson"]
+    looks = ["--edge-mode", "thick", "--line-color", "#ff8000", "--line-width", "2"]
+    assert run("rgb.png", "-k", "3", *files, *looks).status == 0
+    labels = np.load("l.npy")
+    np.testing.assert_array_equal(read_image("e.png") > 0, find_edges(labels, mode="thick"))
+    np.testing.assert_array_equal(read_image("o.png"), draw_edges(RGB, labels, color=(255, 128, 0), thickness=2))
+    table = region_table(labels, RGB)
+    with Path("t.csv").open(newline="") as file:
+        names, *rows = csv.reader(file)
+    assert names == list(table)
+    np.testing.assert_allclose(np.array(rows, float).T, list(table.values()))
+    means = np.rint([RGB[labels == label].mean(axis=0) for label in (1, 2, 3)])
+    np.testing.assert_array_equal(read_image("m.png"), means[labels - 1])
+    coco = json.loads(Path("c.json").read_text())
+    assert {one["id"]: one["segmentation"]["counts"] for one in coco["annotations"]} == run_lengths(labels)
+    assert coco["images"][0]["file_name"] == "rgb.png"
+    features = json.loads(Path("rgb-contours.geojson").read_text())["features"]
+    assert [one["properties"]["area"] for one in features] == table["area"].tolist()
+    assert [one["properties"]["mean"][1] for one in features] == pytest.approx(table["mean_2"].tolist())
+    assert Path("v.svg").read_text().count("<path") == 3
+
+
+def places(file: str) -> list[Any]:
+    """List the first ring of each polygon."""
+    shapes = [one["geometry"] for one in json.loads(Path(file).read_text())["features"]]
+    return [
+        polygon[0]
+        for shape in shapes
+        for polygon in (shape["coordinates"] if shape["type"] == "MultiPolygon" else [shape["coordinates"]])
+    ]
+
+
+def test_contours_are_exact_or_between_pixels_or_simple(run: Run) -> None:
+    lengths = []
+    for more in ([], ["--subpixel"], ["--simplify", "2"], ["--subpixel", "--simplify", "2"]):
+        assert run("rgb.png", "-k", "2", "--contours", "a.geojson", "-o", "l.npy", *more, "--overwrite").status == 0
+        options = {"tolerance": 2 if "2" in more else 0}
+        contours = find_contours(np.load("l.npy"), RGB if "--subpixel" in more else None, **options)
+        wanted = [polygon.rings[0] for polygon in contours.polygons]
+        for found, ring in zip(places("a.geojson"), wanted, strict=True):
+            np.testing.assert_allclose(found, ring, atol=1e-4)
+        lengths.append(sum(map(len, wanted)))
+    assert lengths[2] < lengths[0]
+    assert lengths[3] < lengths[1]
+
+
+def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
+    write_image("grey.png", RGB[:, :, 0])
+    kinds = [kind + suffix for kind, suffixes in KINDS.items() for suffix in suffixes[:2]]
+    assert run("rgb.png", "grey.png", "-k", "2", "--out-dir", "out", "--write", ",".join(kinds)).status == 0
+    made = {f"out/{name}-{kind}" for name in ("rgb", "grey") for kind in kinds}
+    assert listing() == {"rgb.png", "grey.png", *made}
+    assert run("rgb.png", "grey.png", "-k", "2", "--out-dir", "more").status == 0
+    assert {name for name in listing() if name.startswith("more/")} == {"more/rgb-labels.png", "more/grey-labels.png"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--write", "labels,borders"], "--write: 'borders' must be one of labels, mean, edges, overlay, contours"),
+        (["--write", "table.xls"], "--write table: '.xls' must be one of .csv"),
+        (["--contours", "a.dxf"], "--contours: '.dxf' must be one of .svg, .geojson"),
+        (["-o", "a.jpg"], "-o: '.jpg' must be one of .png, .tif, .tiff, .npy"),
+        (["--line-color", "loud"], "'loud' must be a color as '#rrggbb'"),
+        (["--edge-mode", "thin"], "--edge-mode: 'thin' must be one of inner, outer, thick"),
+        (["--averaging", "never"], "--averaging: 'never' must be one of none, before, after"),
+        (["--kernel", "round"], "--kernel: 'round' must be one of gaussian, box"),
+        (["--space", "hsv"], "--space: 'hsv' must be one of rgb, linear, lab, oklab"),
+        (["--averaging", "after", "--radius", "0"], "--radius: radius=0.0 must be > 0"),
+        (["-k", "auto", "--superpixels"], "-k auto and --superpixels exclude each other"),
+        (["--effort", "much"], "--effort: 'much' must be one of fast, balanced, best"),
+        (["--edge-weight", "some"], "'some' must be"),
+        (["--min-size", "-1"], "'-1' must be a whole number in 0.."),
+        (["--out-dir", "out", "-o", "a.png"], "-o and --out-dir exclude each other"),
+        (["rgb.png", "other.png", "--overlay", "a.png"], "--overlay is for one input"),
+    ],
+)
+def test_wrong_usage_is_named_and_nothing_is_written(run: Run, arguments: list[str], message: str) -> None:
+    outcome = run("rgb.png", "-k", "2", *arguments)
+    assert outcome.status == 2
+    assert message in outcome.err
+    assert listing() == {"rgb.png"}
+
+
+def test_outputs_are_replaced_only_when_asked_and_inputs_never(run: Run) -> None:
+    assert run("rgb.png", "-k", "2", "--table", "t.csv").status == 0
+    outcome = run("rgb.png", "-k", "3", "--table", "t.csv", "--edges", "e.png")
+    assert outcome.status == 1
+    assert "t.csv: exists already" in outcome.err
+    assert "e.png" not in listing()
+    assert run("rgb.png", "-k", "3", "--table", "t.csv", "--overwrite").status == 0
+    assert len(Path("t.csv").read_text().splitlines()) == 4
+    assert run("rgb.png", "-k", "3", "--overlay", "rgb.png", "--overwrite").status == 2
+
+
+# What is left out
+
+
+def labels_of(run: Run, *arguments: str) -> NDArray[Any]:
+    outcome = run(*arguments, "-k", "2", "-o", "l.npy", "--overwrite")
+    assert outcome.status == 0, outcome.err
+    labels: NDArray[Any] = np.load("l.npy")
+    assert outcome.rows[0]["left_out"] == (labels == 0).sum()
+    return labels
+
+
+def test_masked_transparent_unknown_and_nodata_pixels_are_left_out(run: Run) -> None:
+    left_out = np.zeros(RGB.shape[:2], bool)
+    left_out[5:20, 8:30] = True
+    write_image("mask.png", ~left_out)
+    np.testing.assert_array_equal(labels_of(run, "rgb.png", "--mask", "mask.png") == 0, left_out)
+    write_image("rgba.png", np.dstack([RGB, np.where(left_out, 0, 255).astype(np.uint8)]))
+    np.testing.assert_array_equal(labels_of(run, "rgba.png") == 0, left_out)
+    for name, value in (("nan.npy", np.nan), ("nodata.npy", -9999.0)):
+        np.save(name, np.where(left_out, value, FIELDS[:, :, 0]))
+    np.testing.assert_array_equal(labels_of(run, "nan.npy") == 0, left_out)
+    np.testing.assert_array_equal(labels_of(run, "nodata.npy", "--nodata", "-9999") == 0, left_out)
+
+
+def test_the_border_of_what_is_left_out_is_no_edge_and_has_no_color(run: Run) -> None:
+    left_out = np.zeros(RGB.shape[:2], bool)
+    left_out[5:20, 8:30] = True
+    write_image("mask.png", ~left_out)
+    files = ["--edges", "e.png", "--mean", "m.png", "--contours", "a.geojson"]
+    assert run("rgb.png", "-k", "1", "--mask", "mask.png", *files).status == 0
+    assert not read_image("e.png").any()
+    assert not read_image("m.png")[left_out].any()
+    (feature,) = json.loads(Path("a.geojson").read_text())["features"]
+    assert len(feature["geometry"]["coordinates"]) == 2
+
+
+def test_a_mask_of_another_size_fails_its_input_alone(run: Run) -> None:
+    write_image("small.png", RGB[:30])
+    write_image("mask.png", np.ones(RGB.shape[:2], bool))
+    outcome = run("small.png", "rgb.png", "-k", "2", "--mask", "mask.png", "--out-dir", "out")
+    assert outcome.status == 1
+    assert "small.png: has 50 x 30 pixels, but the mask mask.png has 50 x 40" in outcome.err
+    assert {name for name in listing() if name.startswith("out/")} == {"out/rgb-labels.png"}
+
+
+def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out(run: Run) -> None:
+    image = np.zeros((6, 8), np.uint16)
+    image[:, 4:] = 900
+    image[0] = 7
+    keys = (1, 1, 0, 1, 3072, 0, 1, 32633)
+    tags = [
+        (33550, "d", 3, (10.0, 10.0, 0.0)),
+        (33922, "d", 6, (0.0, 0.0, 0.0, 500_000.0, 4_600_000.0, 0.0)),
+        (34735, "H", len(keys), keys),
+        (42113, "s", 0, "7"),
+    ]
+    tifffile.imwrite("geo.tif", image, extratags=tags)
+    (row,) = run("geo.tif", "-k", "2", "--contours", "a.geojson").rows
+    assert row["left_out"] == 8
+    whole = json.loads(Path("a.geojson").read_text())
+    assert whole["crs"]["properties"]["name"].endswith("EPSG::32633")
+    left, right = places("a.geojson")
+    for ring, west in ((left, 500_000), (right, 500_040)):
+        x, y = np.array(ring).T
+        assert (x.min(), x.max(), y.min(), y.max()) == (west, west + 40, 4_599_940, 4_599_990)
+
+
+# How it is segmented
+
+
+def test_options_reach_the_segmentation(run: Run) -> None:
+    noisy = np.clip(RGB + RNG.normal(0, 40, RGB.shape), 0, 255).astype(np.uint8)
+    write_image("noisy.png", noisy)
+
+    def n_pieces(*arguments: str) -> int:
+        (row,) = run("noisy.png", "-k", "3", "-o", "l.npy", "--overwrite", "--components", *arguments).rows
+        assert row["k"] == np.load("l.npy").max()
+        return int(row["k"])
+
+    plain = n_pieces()
+    for calmer in (
+        ["--averaging", "before"],
+        ["--averaging", "after", "--kernel", "box", "--radius", "2"],
+        ["--edge-weight", "auto"],
+        ["--edge-weight", "1000", "--edge-radius", "2"],
+        ["--min-size", "10"],
+    ):
+        assert n_pieces(*calmer) < 0.5 * plain
+    assert np.bincount(np.load("l.npy").ravel())[1:].min() >= 10
+
+
+def test_auto_takes_the_number_of_segments_at_the_elbow_of_what_is_known(run: Run) -> None:
+    known = np.arange(50) < 30
+    write_image("mask.png", np.tile(known, (40, 1)))
+    (row,) = run("rgb.png", "-k", "auto", "--mask", "mask.png", "-o", "l.npy").rows
+    number, curve = auto_count(RGB[:, known])
+    assert row["k"] == number == np.load("l.npy").max()
+    assert row["elbow"] == curve.elbows()
+
+
+def test_superpixels_are_connected_and_about_as_many_as_asked(run: Run) -> None:
+    (row,) = run("rgb.png", "-k", "40", "--superpixels", "-o", "l.npy", "--contours", "a.geojson").rows
+    assert 20 <= row["k"] <= 60
+    assert len(places("a.geojson")) == row["k"]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--superpixels", "--averaging", "before"], ["--superpixels", "--components"], ["--compactness", "1"]]
+)
+def test_options_that_would_do_nothing_are_refused(run: Run, arguments: list[str]) -> None:
+    outcome = run("rgb.png", "-k", "9", *arguments)
+    assert outcome.status == 2
+    assert "--superpixels" in outcome.err
+    assert listing() == {"rgb.png"}

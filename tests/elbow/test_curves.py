@@ -1,0 +1,211 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import kmeans1d
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from reference import energy
+
+from cvtimg import energy_curve, segment, tessellate
+from cvtimg.colors import color_samples
+from cvtimg.elbow import RULES
+from cvtimg.elbow.curves import EnergyCurve, auto_count
+from cvtimg.elbow.rules import Scale
+from cvtimg.segmentation import segment_curve
+
+
+def curve_of(energies: list[float], peak: float | None = None) -> EnergyCurve:
+    return EnergyCurve(np.array(energies), (), Scale(100.0, peak))
+
+
+def flat_picture(n_colors: int, sigma: float, seed: int) -> NDArray[np.uint8]:
+    """Draw bands of unequal height, in colors on a lattice, with noise."""
+    rng = np.random.default_rng(seed)
+    lattice = np.stack(np.meshgrid(*[[30, 90, 160, 225]] * 3), axis=-1).reshape(-1, 3)
+    colors = rng.permutation(lattice)[:n_colors]
+    heights = 4 + rng.multinomial(96, rng.dirichlet(np.ones(n_colors)))
+    bands = colors.repeat(heights, axis=0)[:, None].repeat(64, axis=1)
+    return np.clip(np.rint(bands + sigma * rng.standard_normal(bands.shape)), 0, 255).astype(np.uint8)
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 2**32), st.integers(1, 40), st.integers(2, 5))
+def test_the_curve_never_rises_and_is_the_energy_of_its_generators(seed: int, n_rows: int, n_dims: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, density = rng.integers(0, 9, (n_rows, n_dims)).astype(float), rng.random(n_rows) + 0.1
+    curve = energy_curve(rows, 12, density=density)
+    assert (np.diff(curve.energies) <= 0).all()
+    for k, generators in enumerate(curve.generators, 1):
+        assert generators.shape == (k, n_dims)
+        assert curve.energies[k - 1] == pytest.approx(energy(rows, density, generators), rel=1e-4, abs=1e-6)
+
+
+def test_a_photograph_s_curve_falls_all_the_way_and_is_the_energy_of_its_generators(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    curve = energy_curve(samples, 24)
+    assert (np.diff(curve.energies) < 0).all()
+    for k in (1, 2, 7, 24):
+        measured = energy(samples.colors, samples.density, curve.generators[k - 1])
+        assert curve.energies[k - 1] == pytest.approx(measured, rel=1e-6)
+
+
+def test_the_energies_of_a_photograph_are_about_those_of_single_tessellations(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    curve = energy_curve(samples, 24)
+    for k in (1, 2, 3, 5, 8, 13, 24):
+        assert curve.energies[k - 1] <= 1.03 * tessellate(samples, k).energy
+
+
+def test_with_effort_no_energy_is_above_that_of_a_single_tessellation(photograph: NDArray[Any]) -> None:
+    curve = energy_curve(photograph, 24, effort="balanced")
+    samples = color_samples(photograph)
+    alone = np.array([tessellate(samples, k).energy for k in range(1, 25)])
+    assert (curve.energies <= alone * (1 + 1e-9)).all()
+    assert (np.diff(curve.energies) <= 0).all()
+    assert (curve.energies <= energy_curve(photograph, 24).energies).all()
+
+
+def test_a_grey_curve_is_the_optimum_at_every_k() -> None:
+    levels = np.random.default_rng(3).normal(120, 40, (30, 30)).clip(0, 255).astype(np.uint8)
+    curve = energy_curve(levels, 20)
+    values = levels.ravel().astype(float)
+    for k in range(1, 21):
+        clustered = kmeans1d.cluster(values, k)
+        best = ((values - np.array(clustered.centroids)[clustered.clusters]) ** 2).sum()
+        assert curve.energies[k - 1] == pytest.approx(best, rel=1e-9)
+
+
+def test_the_curve_ends_with_nothing_left_at_the_number_of_distinct_colors() -> None:
+    picture = flat_picture(7, 0, 0)
+    curve = energy_curve(picture, 64)
+    assert curve.n_max == 7
+    assert curve.energies[-1] == 0
+    assert sorted(curve.generators[-1].tolist()) == np.unique(picture.reshape(-1, 3), axis=0).tolist()
+
+
+def test_a_weighted_curve_never_rises() -> None:
+    rows = np.random.default_rng(0).lognormal(0, 1, (300, 2))
+    for power in (1, 2):
+        curve = energy_curve(rows, 12, volume_power=power)
+        assert (np.diff(curve.energies) < 0).all()
+        assert curve.energies[5] <= 1.1 * tessellate(rows, 6, volume_power=power).weighted_energy
+
+
+@pytest.mark.parametrize("n_colors", [1, 2, 3, 6, 12])
+def test_an_exact_number_of_colors_is_found(n_colors: int) -> None:
+    assert energy_curve(flat_picture(n_colors, 0, n_colors)).elbow() == n_colors
+
+
+def test_the_default_rule_finds_the_colors_under_noise() -> None:
+    cases = [(n_colors, sigma, seed) for seed, n_colors in enumerate(range(2, 13)) for sigma in (2, 8)]
+    found = [auto_count(flat_picture(*case))[0] == case[0] for case in cases]
+    assert np.mean(found) >= 0.95
+
+
+def test_the_elbow_does_not_depend_on_how_far_the_curve_goes_beyond_32() -> None:
+    picture = flat_picture(5, 4, 1)
+    assert energy_curve(picture, 64).elbow() == auto_count(picture)[0] == 5
+
+
+def test_the_same_picture_has_the_same_elbow_whatever_its_type() -> None:
+    picture = flat_picture(4, 3, 2)
+    deep = picture.astype(np.uint16) * 257
+    assert auto_count(picture)[0] == auto_count(deep)[0] == auto_count(picture / np.float32(255))[0] == 4
+
+
+def test_the_colors_can_lie_in_other_spaces_and_have_alpha() -> None:
+    picture = flat_picture(5, 2, 3)
+    assert auto_count(picture, space="lab")[0] == 5
+    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
+    assert auto_count(opaque)[0] == 5
+
+
+def test_rules_on_curves_made_by_hand() -> None:
+    bent = [1000.0, 400, 100, 95, 92, 90, 88, 87]
+    assert curve_of(bent).elbows() == {"chord": 3, "chord-linear": 3, "kneedle": 3, "variance": 8}
+    assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance") == 4
+    assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance", 0.5) == 2
+    assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 40.0) == 2
+    assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 90.0) == 3
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_rule_copes_with_the_shortest_curves(rule: str) -> None:
+    for energies in ([0.0], [5.0], [5.0, 0.0], [5.0, 2.0], [5.0, 5.0, 5.0], [3.0, 2.0, 1.0], [4.0, 1.0, 0.0]):
+        assert 1 <= curve_of(energies, 255.0).elbow(rule) <= len(energies)
+    assert curve_of([0.0], 255.0).elbow(rule) == 1
+
+
+def test_two_colors_are_two() -> None:
+    assert auto_count(np.array([[0, 255]], np.uint8))[0] == 2
+
+
+def test_what_rules_do_not_know_is_refused() -> None:
+    curve = curve_of([5.0, 2.0, 1.0])
+    with pytest.raises(ValueError, match="rule='knee' must be one of chord"):
+        curve.elbow("knee")
+    with pytest.raises(ValueError, match="rule='chord' takes no target"):
+        curve.elbow("chord", 3)
+    with pytest.raises(ValueError, match="needs colors"):
+        curve.elbow("psnr")
+    with pytest.raises(ValueError, match="n_max=0"):
+        energy_curve([[1.0]], 0)
+
+
+def test_a_callback_ends_the_curve() -> None:
+    rows = np.random.default_rng(0).random((500, 3))
+    curve = energy_curve(rows, 20, callback=lambda step, energy: step > 30)
+    assert 1 <= curve.n_max < 20
+
+
+def test_the_curve_is_the_same_again(photograph: NDArray[Any]) -> None:
+    assert (energy_curve(photograph, 16).energies == energy_curve(photograph, 16).energies).all()
+
+
+def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
+    code = (
+        "import sys, cvtimg; cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3).elbow(); assert 'kneed' not in sys.modules"
+    )
+
+    subprocess.run([sys.executable, "-P", "-c", code], check=True)
+
+
+def blocks(sigma: float) -> NDArray[np.uint8]:
+    """Draw four squares of 24 x 24 pixels with noise."""
+    means = np.array([[30, 90], [150, 210]]).repeat(24, axis=0).repeat(24, axis=1)
+    noise = sigma * np.random.default_rng(0).standard_normal(means.shape)
+    return np.clip(np.rint(means + noise), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    "options", [{"averaging": "before"}, {"averaging": "after"}, {"edge_weight": "auto"}, {"edge_weight": 20.0}]
+)
+def test_curves_of_segments_never_rise(options: dict[str, Any]) -> None:
+    curve = segment_curve(blocks(10), 12, **options)
+    assert (np.diff(curve.energies) <= 0).all()
+    assert [len(generators) <= k for k, generators in enumerate(curve.generators, 1)] == [True] * 12
+
+
+def test_edge_weight_finds_the_number_that_noise_hides() -> None:
+    noisy = blocks(40)
+    assert auto_count(noisy)[0] != 4
+    result = segment(noisy, "auto", edge_weight="auto")
+    assert result.curve is not None
+    assert result.n_segments == result.curve.elbow() == 4
+
+
+def test_the_energy_of_one_averaged_segment_is_its_spread() -> None:
+    picture = blocks(10)
+    curve = segment_curve(picture, 1, averaging="after")
+    assert curve.energies[0] == pytest.approx(picture.size * picture.var(), rel=1e-4)
+
+
+def test_segments_without_options_are_plain_cells() -> None:
+    result = segment(flat_picture(5, 2, 4), "auto")
+    assert result.n_segments == 5

@@ -1,0 +1,372 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import reference
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from cvtimg import tessellate
+from cvtimg.colors import color_samples
+from cvtimg.engine import EFFORTS, SEEDINGS, Tessellation
+from cvtimg.engine.methods import Stopping
+from cvtimg.engine.search import Effort
+
+#: Methods for any dimension that draw nothing; tests/test_methods.py has the others.
+DESCENTS = ["lloyd", "transfer"]
+ONE_MOVE = Effort(1, (0, 0), Stopping(tolerance=0, max_iterations=1))
+TO_THE_END = Effort(2, (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
+
+
+@pytest.fixture
+def blobs() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return 300 points of 5 dimensions around 6 centers, and their weights."""
+    rng = np.random.default_rng(11)
+    rows = rng.normal(size=(300, 5)) + 20 * rng.normal(size=(6, 5))[rng.integers(0, 6, 300)]
+    return rows, rng.random(300)
+
+
+def test_four_points_make_two_pairs() -> None:
+    result = tessellate([[0, 0], [0, 2], [9, 0], [9, 2]], 2)
+    np.testing.assert_array_equal(result.generators, [[0, 1], [9, 1]])
+    np.testing.assert_array_equal(result.labels, [0, 0, 1, 1])
+    np.testing.assert_array_equal(result.masses, [2, 2])
+    assert result.energy == 4
+    assert result.converged
+
+
+@pytest.mark.parametrize("n_dims", [1, 2, 3, 4, 5, 16, 64])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_one_move_agrees_with_the_oracle(n_dims: int, dtype: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(EFFORTS, "fast", ONE_MOVE)
+    rng = np.random.default_rng(n_dims)
+    rows, density = rng.integers(0, 200, (999, n_dims)).astype(dtype), rng.random(999)
+    initial = np.unique(rows, axis=0)[::13][:7].astype(float)
+    result = tessellate(rows, 7, density=density, init=initial, effort="fast")
+    expected = reference.lloyd_step(rows, density, initial)
+    np.testing.assert_allclose(result.generators, expected, rtol=1e-5)
+    np.testing.assert_array_equal(result.labels, reference.squared_distances(rows, result.generators).argmin(axis=1))
+    np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", DESCENTS)
+@pytest.mark.parametrize("init", SEEDINGS)
+def test_the_energy_never_rises(method: str, init: str, photograph: NDArray[Any]) -> None:
+    energies = np.array(tessellate(color_samples(photograph), 40, method=method, init=init, effort="balanced").energies)
+    assert (np.diff(energies) <= 1e-7 * energies[:-1]).all()
+
+
+@pytest.mark.parametrize("method", DESCENTS)
+def test_the_end_is_a_centroidal_voronoi_tessellation(
+    method: str, blobs: tuple[NDArray[Any], NDArray[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(EFFORTS, "best", TO_THE_END)
+    rows, density = blobs
+    result = tessellate(rows, 9, density=density, method=method, effort="best")
+    means = reference.lloyd_step(rows, density, result.generators)
+    np.testing.assert_allclose(result.generators, means, atol=1e-4)
+    np.testing.assert_array_equal(result.labels, reference.squared_distances(rows, result.generators).argmin(axis=1))
+    np.testing.assert_allclose(result.masses, np.bincount(result.labels, density))
+    np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-7)
+
+
+@pytest.mark.parametrize("method", DESCENTS)
+def test_weights_count_as_repetitions(method: str) -> None:
+    rng = np.random.default_rng(8)
+    rows, density = rng.normal(size=(200, 3)), rng.integers(0, 4, 200)
+    weighted = tessellate(rows, 5, density=density, method=method)
+    repeated = tessellate(np.repeat(rows, density, axis=0), 5, method=method)
+    np.testing.assert_allclose(weighted.generators, repeated.generators, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(weighted.energy, repeated.energy, rtol=1e-6)
+
+
+def test_a_picture_and_its_pixels_give_the_same_generators(photograph: NDArray[Any]) -> None:
+    initial = photograph.reshape(-1, 3)[::5000][:12]
+    by_color = tessellate(color_samples(photograph), 12, init=initial)
+    by_pixel = tessellate(photograph.reshape(-1, 3), 12, init=initial)
+    np.testing.assert_allclose(by_color.generators, by_pixel.generators, atol=0.5)
+    np.testing.assert_allclose(by_color.energy, by_pixel.energy, rtol=1e-3)
+
+
+def test_types_of_the_same_values_agree(photograph: NDArray[Any]) -> None:
+    rows = photograph.reshape(-1, 3)[::7]
+    expected = tessellate(rows, 10)
+    for dtype in (np.uint16, np.int64, np.float32, np.float64):
+        result = tessellate(rows.astype(dtype), 10)
+        np.testing.assert_array_equal(result.labels, expected.labels)
+        np.testing.assert_allclose(result.generators, expected.generators, rtol=1e-6)
+
+
+def test_a_far_origin_changes_nothing(blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
+    rows, density = blobs
+    near, far = (tessellate(data, 6, density=density) for data in (rows, rows + 1e6))
+    np.testing.assert_array_equal(near.labels, far.labels)
+    np.testing.assert_allclose(near.energy, far.energy, rtol=1e-6)
+
+
+def test_as_many_generators_as_colors_leave_no_energy(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph[:20, :20])
+    result = tessellate(samples, samples.n_colors)
+    assert result.energy == pytest.approx(0, abs=1e-6)
+    assert len(np.unique(result.labels)) == samples.n_colors
+
+
+def test_one_generator_is_the_mean(photograph: NDArray[Any]) -> None:
+    result = tessellate(photograph.reshape(-1, 3), 1)
+    np.testing.assert_allclose(result.generators[0], photograph.reshape(-1, 3).mean(axis=0), rtol=1e-6)
+
+
+def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
+    rows = np.array([[0.0], [1.0], [100.0], [101.0], [200.0], [204.0]])
+    result = tessellate(rows, 4, init=[[0.5], [1e4], [100.5], [202]])
+    np.testing.assert_allclose(np.sort(result.generators[:, 0]), [0.5, 100.5, 200, 204])
+
+
+def test_it_stops_when_the_energy_rests_and_says_so(photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    samples = color_samples(photograph)
+    initial = samples.colors[::400][:32]
+    for effort, tolerance in (("balanced", 1e-4), ("best", 1e-6)):
+        result = tessellate(samples, 32, effort=effort, init=initial)
+        *_, before, last = result.energies
+        assert result.converged
+        assert result.n_iter == len(result.energies) - 1 < 1000
+        assert before - last <= tolerance * before
+    assert tessellate(samples, 32, effort="fast", init=initial).n_iter == 4
+    monkeypatch.setitem(EFFORTS, "fast", ONE_MOVE)
+    assert not tessellate(samples, 32, effort="fast", init=initial).converged
+
+
+def test_more_effort_finds_less_energy(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    for n_generators in (8, 32, 128):
+        fast, balanced, best = (tessellate(samples, n_generators, effort=effort).energy for effort in EFFORTS)
+        assert fast > balanced > best
+
+
+@pytest.mark.parametrize("init", SEEDINGS)
+def test_the_same_seed_gives_the_same_bits(init: str, photograph: NDArray[Any]) -> None:
+    one, two = (tessellate(color_samples(photograph), 20, init=init, rng=4) for _ in range(2))
+    assert one.generators.tobytes() == two.generators.tobytes()
+    assert one.energies == two.energies
+
+
+PRINT_BITS = """
+import hashlib, numpy as np
+from cvtimg import tessellate
+rows = np.random.default_rng(0).integers(0, 256, (3_000_000, 3)).astype(np.uint8)
+print(hashlib.sha256(tessellate(rows, 50, effort="fast").generators.tobytes()).hexdigest())
+"""
+
+
+def run(code: str, **environment: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-P", "-c", code], env=os.environ | environment, capture_output=True, text=True, check=True
+    ).stdout
+
+
+def test_the_number_of_threads_changes_no_bit() -> None:
+    assert len({run(PRINT_BITS, CVTIMG_THREADS=str(n)) for n in (1, 2, 3)}) == 1
+
+
+def test_instruction_sets_agree() -> None:
+    code = """
+import numpy as np
+from cvtimg import tessellate
+from cvtimg.engine import _kernels
+rng = np.random.default_rng(0)
+print(_kernels.simd, *(tessellate(rng.random((5000, d)), 30, effort="fast").energy for d in (1, 2, 3, 4, 5, 9)))
+"""
+    runs = [run(code, CVTIMG_SIMD=level).split() for level in ("baseline", "avx2", "avx512")]
+    assert runs[0][0] == "baseline"
+    for _, *energies in runs:
+        np.testing.assert_allclose([float(e) for e in energies], [float(e) for e in runs[0][1:]], rtol=1e-4)
+
+
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    code = """
+import os, numpy as np
+from cvtimg import tessellate
+rows = np.random.default_rng(0).integers(0, 256, (2_000_000, 3)).astype(np.uint8)
+energy = tessellate(rows, 5, effort="fast").energy
+child = os.fork()
+if child == 0:
+    os._exit(0 if tessellate(rows, 5, effort="fast").energy == energy else 1)
+print(os.waitpid(child, 0)[1])
+"""
+    assert run(code, CVTIMG_THREADS="2").strip() == "0"
+
+
+def test_a_wrong_number_of_threads_is_named() -> None:
+    with pytest.raises(subprocess.CalledProcessError) as error:
+        run("from cvtimg._shared.threads import n_threads; n_threads()", CVTIMG_THREADS="many")
+    assert "CVTIMG_THREADS='many' must be a whole number >= 1" in error.value.stderr
+
+
+def test_an_unknown_instruction_set_is_refused() -> None:
+    with pytest.raises(subprocess.CalledProcessError) as error:
+        run("import cvtimg.engine._kernels", CVTIMG_SIMD="mmx")
+    assert "CVTIMG_SIMD='mmx' must be one of baseline, avx2, avx512" in error.value.stderr
+
+
+def test_inputs_stay_as_they_were(blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
+    rows, density = blobs
+    initial = rows[:4].copy()
+    copies = [array.copy() for array in (rows, density, initial)]
+    tessellate(rows, 4, density=density, init=initial)
+    for array, copy in zip((rows, density, initial), copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+tables = hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2, max_side=80), elements=st.integers(-3, 3))
+
+
+@given(tables, st.integers(1, 80), st.sampled_from(sorted(SEEDINGS)))
+def test_any_table_gives_a_tessellation_or_a_clear_error(rows: NDArray[Any], n_generators: int, init: str) -> None:
+    n_distinct = len(np.unique(rows, axis=0))
+    try:
+        result: Tessellation = tessellate(rows, n_generators, init=init)
+    except ValueError as error:
+        assert n_generators > n_distinct or "n_generators" not in str(error)  # noqa: PT017
+        assert "n_generators" in str(error)  # noqa: PT017
+        return
+    assert np.isfinite(result.generators).all()
+    assert result.masses.sum() == len(rows)
+    distances = reference.squared_distances(rows, result.generators)
+    chosen = distances[np.arange(len(rows)), result.labels]
+    np.testing.assert_allclose(chosen, distances.min(axis=1), atol=1e-4)
+    np.testing.assert_allclose(result.energy, chosen.sum(), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"n_generators": 0}, ValueError, r"n_generators=0 must be in 1\.\.5, the number of samples"),
+        ({"n_generators": 6}, ValueError, r"n_generators=6 must be in 1\.\.5"),
+        ({"n_generators": 2.0}, TypeError, r"n_generators=2\.0 must be an integer"),
+        ({"n_generators": True}, TypeError, "n_generators=True must be an integer"),
+        ({"samples": np.zeros((5, 0))}, ValueError, r"samples of shape \(5, 0\) must be \(N, D\)"),
+        ({"samples": np.zeros(5)}, ValueError, r"samples of shape \(5,\)"),
+        ({"samples": [[np.nan, 1], [0, 1]]}, ValueError, "samples must be finite"),
+        ({"samples": [["a"]]}, TypeError, "samples of type <U1"),
+        ({"density": np.ones(4)}, ValueError, r"density of shape \(4,\) must be \(5,\)"),
+        ({"density": [1, 1, 1, 1, -1]}, ValueError, "density must be finite and >= 0"),
+        ({"density": [1, 1, 1, 1, np.inf]}, ValueError, "density must be finite and >= 0"),
+        ({"density": np.zeros(5)}, ValueError, "not all 0"),
+        ({"method": "magic"}, ValueError, "method='magic' must be one of lloyd, transfer"),
+        ({"init": "magic"}, ValueError, "init='magic' must be one of split, k-means"),
+        ({"init": [[0, 0]]}, ValueError, r"init of shape \(1, 2\) must be \(2, 2\)"),
+        ({"init": [[0, 0], [np.nan, 0]]}, ValueError, "init must be finite"),
+        ({"effort": "heroic"}, ValueError, "effort='heroic' must be one of fast, balanced, best"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, Any], error: type[Exception], message: str) -> None:
+    defaults: dict[str, Any] = {"samples": np.arange(10.0).reshape(5, 2), "n_generators": 2}
+    with pytest.raises(error, match=message):
+        tessellate(**(defaults | arguments))
+
+
+def test_color_samples_bring_their_own_density_and_bound() -> None:
+    samples = color_samples(np.array([[1, 2, 2]], np.uint8))
+    with pytest.raises(ValueError, match="density must not be given"):
+        tessellate(samples, 1, density=[1, 1])
+    with pytest.raises(ValueError, match=r"n_generators=3 must be in 1\.\.2, the number of distinct samples"):
+        tessellate(samples, 3)
+
+
+@pytest.mark.parametrize("init", ["split", "k-means++", "given"])
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str, photograph: NDArray[Any]) -> None:
+    locked = np.array([[0, 255, 0], [120.5, 100, 100]])
+    samples = color_samples(photograph)
+    start: Any = samples.colors[::4000][:8] if init == "given" else init
+    result = tessellate(samples, 10, init=start, effort=effort, locked=locked)
+    np.testing.assert_allclose(result.generators[:2], locked)
+    assert len(result.generators) == 10
+    assert result.energy < 1.5 * tessellate(samples, 8, effort="fast").energy
+    assert (result.masses[2:] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ([[1, 2, 3], [4, 5, 6]], r"locked has 2 generators and must have fewer than n_generators=2"),
+        ([[1, 2]], r"locked of shape \(1, 2\) must be \(1, 3\)"),
+        ([[1, 2, np.inf]], "locked must be finite"),
+    ],
+)
+def test_wrong_locked_generators_are_named(locked: Any, message: str, photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match=message):
+        tessellate(color_samples(photograph), 2, locked=locked)
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_a_callback_sees_every_step_and_can_stop(effort: str, photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    steps: list[tuple[int, float]] = []
+    tessellate(samples, 20, effort=effort, callback=lambda *step: steps.append(step))
+    assert [number for number, _ in steps] == list(range(len(steps)))
+    assert all(energy >= 0 for _, energy in steps)
+
+    seen = []
+
+    def stop_at_once(number: int, energy: float) -> bool:
+        seen.append(number)
+        return True
+
+    result = tessellate(samples, 20, effort=effort, callback=stop_at_once)
+    assert seen == [0]
+    assert not result.converged
+    assert len(result.generators) == 20
+
+
+def test_an_interrupt_ends_at_once_and_leaves_no_thread_working() -> None:
+    code = """
+import os, signal, threading, time, numpy as np
+from cvtimg import tessellate
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+rows = np.random.default_rng(0).random((400_000, 3))
+try:
+    while True:
+        tessellate(rows, 200, effort="best")
+except KeyboardInterrupt:
+    time.sleep(0.3)
+    before = time.process_time()
+    time.sleep(0.5)
+    print("idle" if time.process_time() - before < 0.2 else "working")
+"""
+    assert run(code).strip() == "idle"
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-20, 1e20, 1e100])
+def test_the_size_of_the_numbers_changes_nothing(size: float, blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
+    rows, density = blobs
+    expected = tessellate(rows, 6, density=density)
+    result = tessellate(rows * size, 6, density=density)
+    np.testing.assert_array_equal(result.labels, expected.labels)
+    np.testing.assert_allclose(result.generators, expected.generators * size, rtol=1e-5)
+    np.testing.assert_allclose(np.sqrt(result.energy), np.sqrt(expected.energy) * size, rtol=1e-5)
+
+
+def test_rare_samples_among_many_equal_ones_are_found() -> None:
+    rows = np.concatenate([np.zeros((300_000, 3)), np.eye(3), 5 * np.eye(3)])
+    result = tessellate(rows, 7)
+    assert result.energy == pytest.approx(0, abs=1e-9)
+    assert sorted(result.masses.tolist()) == [1, 1, 1, 1, 1, 1, 300_000]
+
+
+@pytest.mark.parametrize("n_dims", [1, 2, 3, 4])
+@pytest.mark.parametrize("method", DESCENTS)
+def test_labels_of_many_generators_are_in_the_order_of_the_rows(n_dims: int, method: str) -> None:
+    rows = np.random.default_rng(n_dims).normal(size=(3000, n_dims))
+    result = tessellate(rows, 50, method=method, init=rows[:50], effort="fast")
+    distances = reference.squared_distances(rows, result.generators)
+    chosen = distances[np.arange(len(rows)), result.labels]
+    assert (chosen <= 1.5 * distances.min(axis=1) + 1e-3).mean() > 0.95
+    np.testing.assert_allclose(chosen.sum(), result.energy, rtol=1e-5)

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg import tessellate
+from cvtimg.colors import color_samples
+
+POWERS = [0, 0.5, 1, 2, 3]
+
+
+@pytest.fixture
+def skewed() -> NDArray[np.float64]:
+    """Return 460 points, most of them in one heavy cluster, on which Lloyd's method with frozen weights fails."""
+    rng = np.random.default_rng(4)
+    sizes, centers = (400, 40, 15, 5), ((0, 0), (60, 0), (0, 90), (150, 150))
+    return np.concatenate([rng.normal(center, 12, (n, 2)) for n, center in zip(sizes, centers, strict=True)])
+
+
+def weighted_energy(rows: NDArray[Any], labels: NDArray[Any], n_cells: int, power: float) -> float:
+    cells = [rows[labels == k] for k in range(n_cells)]
+    return sum((len(c) / len(rows)) ** power * ((c - c.mean(axis=0)) ** 2).sum() for c in cells if len(c))
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_the_weighted_energy_falls_at_every_step(power: float, skewed: NDArray[Any]) -> None:
+    result = tessellate(skewed, 6, volume_power=power, init=skewed[:6], effort="best")
+    assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
+    assert result.energies[-1] < result.energies[0]
+    assert result.converged
+
+
+def test_frozen_weights_raise_the_energy_where_transfers_lower_it(skewed: NDArray[Any]) -> None:
+    # Assigning by weighted distance and moving to the mean, with the weights of the step before.
+    generators, weights, energies = skewed[:4].copy(), np.full(4, 1 / 16), []
+    for _ in range(8):
+        distances = weights * ((skewed[:, None] - generators) ** 2).sum(axis=2)
+        labels = distances.argmin(axis=1)
+        energies.append(weighted_energy(skewed, labels, 4, 2))
+        weights = np.bincount(labels, minlength=4) ** 2 / len(skewed) ** 2
+        generators = np.array(
+            [skewed[labels == k].mean(axis=0) if (labels == k).any() else [1e9, 1e9] for k in range(4)]
+        )
+    assert max(np.diff(energies)) > 0
+    assert tessellate(skewed, 4, volume_power=2, init=skewed[:4]).weighted_energy < min(energies)
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_figures_are_those_of_the_labels(power: float, skewed: NDArray[Any]) -> None:
+    result = tessellate(skewed, 5, volume_power=power)
+    means = np.array([skewed[result.labels == k].mean(axis=0) for k in range(5)])
+    np.testing.assert_allclose(result.generators, means, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(result.weighted_energy, weighted_energy(skewed, result.labels, 5, power), rtol=1e-5)
+    np.testing.assert_allclose(result.energy, weighted_energy(skewed, result.labels, 5, 0), rtol=1e-5)
+    np.testing.assert_array_equal(result.masses, np.bincount(result.labels))
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_no_single_transfer_lowers_the_energy_at_the_end(power: float, skewed: NDArray[Any]) -> None:
+    rows = skewed[::4]
+    result = tessellate(rows, 4, method="transfer", volume_power=power, effort="best", init=rows[:4])
+    for point, cell in product(range(len(rows)), range(4)):
+        labels = result.labels.copy()
+        labels[point] = cell
+        if np.bincount(labels, minlength=4).all():
+            moved = weighted_energy(rows, labels, 4, power)
+            assert moved >= result.weighted_energy * (1 - 1e-5)
+
+
+def test_without_power_it_is_not_worse_than_lloyd_from_where_that_ends(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph[::2, ::2])
+    lloyd = tessellate(samples, 24, method="lloyd", init=samples.colors[::300][:24], effort="best")
+    result = tessellate(samples, 24, method="transfer", init=lloyd.generators, effort="best")
+    assert result.energy <= lloyd.energy * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("power", [0, 0.5, 1, 2])
+def test_the_best_partition_is_found_where_all_can_be_tried(power: float) -> None:
+    rows = np.random.default_rng(int(10 * power)).normal(size=(9, 2))
+    partitions = (np.array(labels) for labels in product(range(3), repeat=9))
+    least = min(
+        weighted_energy(rows, labels, 3, power) for labels in partitions if np.bincount(labels, minlength=3).all()
+    )
+    result = tessellate(rows, 3, method="transfer", volume_power=power, effort="best")
+    assert result.weighted_energy == pytest.approx(least, rel=1e-5)
+
+
+def test_frequent_colors_gain_generators_with_the_power() -> None:
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([rng.normal(0, 5, (900, 3)), rng.normal(90, 15, (100, 3))])
+    shares = [
+        (tessellate(rows, 12, volume_power=p, effort="best").generators.mean(axis=1) < 40).sum() for p in (0, 1, 2)
+    ]
+    assert shares[0] <= shares[1] <= shares[2]
+    assert shares[0] < shares[2]
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_locked_generators_stay_and_the_energy_still_falls(power: float, skewed: NDArray[Any]) -> None:
+    result = tessellate(skewed, 5, volume_power=power, locked=[[70, 70]], method="transfer")
+    np.testing.assert_allclose(result.generators[0], [70, 70], rtol=1e-6)
+    assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"volume_power": -1}, "volume_power=-1 must be a finite number >= 0"),
+        ({"volume_power": np.nan}, "volume_power=nan must be"),
+        ({"volume_power": 1, "method": "lloyd"}, r"volume_power=1\.0 needs method='transfer', not 'lloyd'"),
+    ],
+)
+def test_a_wrong_power_is_named(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        tessellate([[0.0], [1.0], [3.0]], 2, **arguments)

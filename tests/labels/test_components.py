@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
+
+
+def drawn(seed: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Pieces of random labels with a hole in the mask, and values."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 16, 2))
+    labels = rng.integers(1, 4, shape).astype(np.int32)
+    labels[rng.random(shape) < 0.1] = 0
+    return connected_pieces(labels), rng.normal(size=(*shape, 2)).astype(np.float32)
+
+
+def energy(regions: NDArray[Any], values: NDArray[Any], length_price: float) -> float:
+    """Squared distances to the means, and the length of the borders between regions."""
+    total = 0.0
+    for region in np.unique(regions[regions > 0]):
+        inside = values[regions == region].astype(float)
+        total += ((inside - inside.mean(axis=0)) ** 2).sum()
+    for one, two in ((regions[1:], regions[:-1]), (regions[:, 1:], regions[:, :-1])):
+        total += length_price * np.count_nonzero((one != two) & (one > 0) & (two > 0))
+    return total
+
+
+def neighbors(regions: NDArray[Any]) -> set[tuple[int, int]]:
+    found = set()
+    for one, two in ((regions[1:], regions[:-1]), (regions[:, 1:], regions[:, :-1])):
+        apart = (one != two) & (one > 0) & (two > 0)
+        found |= {(min(a, b), max(a, b)) for a, b in zip(one[apart].tolist(), two[apart].tolist(), strict=True)}
+    return found
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 1 << 20), min_size=st.integers(2, 60), price=st.sampled_from([0.0, 0.5]))
+def test_only_pieces_without_a_neighbor_stay_small(seed: int, min_size: int, price: float) -> None:
+    pieces, values = drawn(seed)
+    if not pieces.any():
+        return
+    kept = absorb_small(pieces, values, min_size, price)
+    np.testing.assert_array_equal(kept > 0, pieces > 0)
+    sizes = np.bincount(kept.ravel())
+    beside = set(itertools.chain.from_iterable(neighbors(kept)))
+    assert all(sizes[region] >= min_size or region not in beside for region in np.unique(kept[kept > 0]))
+    for region in np.unique(kept[kept > 0]):
+        assert ndimage.label(kept == region)[1] == 1
+
+
+def test_a_small_piece_goes_to_the_neighbor_that_costs_least() -> None:
+    levels = np.array([[0, 0, 0, 6, 10, 10, 10]])
+    kept = absorb_small(np.array([[1, 1, 1, 2, 3, 3, 3]], np.int32), levels[..., None].astype(np.float32), 2)
+    np.testing.assert_array_equal(kept, [[1, 1, 1, 3, 3, 3, 3]])
+
+
+def test_the_smallest_goes_first() -> None:
+    # 2 (one pixel) goes to 3, nearest to it; with it 3 is large enough to stay.
+    levels = np.array([[0, 0, 0, 0, 5, 7, 7, 20, 20, 20, 20]])
+    pieces = np.array([[1, 1, 1, 1, 2, 3, 3, 4, 4, 4, 4]], np.int32)
+    kept = absorb_small(pieces, levels[..., None].astype(np.float32), 3)
+    np.testing.assert_array_equal(kept, [[1, 1, 1, 1, 3, 3, 3, 4, 4, 4, 4]])
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 1 << 20), price=st.sampled_from([0.05, 0.5, 3.0]))
+def test_regions_are_joined_until_no_pair_would_lower_the_energy(seed: int, price: float) -> None:
+    pieces, values = drawn(seed)
+    if not pieces.any():
+        return
+    joined = join_regions(pieces, values, price)
+    end = energy(joined, values, price)
+    for one, two in neighbors(joined):
+        assert energy(np.where(joined == one, two, joined), values, price) >= end - 1e-4
+    for region in np.unique(joined[joined > 0]):
+        assert ndimage.label(joined == region)[1] == 1
+
+
+def test_shades_are_joined_and_steps_are_not() -> None:
+    columns = np.arange(80)
+    bands = (columns // 20 + 1).astype(np.int32)[None].repeat(30, axis=0)
+    shade = np.broadcast_to(columns.astype(np.float32), (30, 80))[..., None]
+    price = 20 * 15 * 12.0**2 / 30  # of a step of 12 between two bands; the means of shaded ones are 20 apart
+    assert len(np.unique(join_regions(bands, shade, price))) == 1
+    steps = (20 * bands).astype(np.float32)[..., None]
+    np.testing.assert_array_equal(join_regions(bands, steps, price * 0.5), bands)
+
+
+@pytest.mark.parametrize("min_size", [10, 10**9])
+def test_the_whole_picture_may_be_small(min_size: int) -> None:
+    pieces = np.ones((2, 3), np.int32)
+    np.testing.assert_array_equal(absorb_small(pieces, np.zeros((2, 3, 1), np.float32), min_size), pieces)

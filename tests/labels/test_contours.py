@@ -1,0 +1,281 @@
+"""Claims about borders as lines and polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from matplotlib.path import Path
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+from skimage import measure
+
+from cvtimg import find_contours
+from cvtimg.labels import Contours
+from cvtimg.labels.contours import CLEARANCE
+
+LABELS = arrays(np.int32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(0, 3))
+RNG = np.random.default_rng(5)
+
+
+def smooth_fields(n_fields: int, side: int, sigma: float) -> NDArray[np.float64]:
+    noise = np.random.default_rng(n_fields).normal(size=(side, side, n_fields))
+    return ndimage.gaussian_filter(noise, (sigma, sigma, 0))
+
+
+def pieces(labels: NDArray[Any]) -> list[tuple[int, NDArray[np.bool_]]]:
+    """List the connected pieces of every label but 0: pixels that share a side."""
+    found = []
+    for label in np.unique(labels[labels > 0]):
+        numbers, n_pieces = ndimage.label(labels == label)
+        found += [(int(label), numbers == number) for number in range(1, n_pieces + 1)]
+    return found
+
+
+def fill(rings: tuple[NDArray[np.float64], ...], shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Tell which centers of pixels are in a polygon, by the rule of even and odd."""
+    centers = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1).reshape(-1, 2)
+    inside = np.zeros(len(centers), bool)
+    for ring in rings:
+        inside ^= Path(ring).contains_points(centers)
+    return inside.reshape(shape)
+
+
+def assert_rings_are_simple(contours: Contours) -> None:
+    for polygon in contours.polygons:
+        signs = [np.sign(measure_area(ring)) for ring in polygon.rings]
+        assert signs == [1] + [-1] * (len(signs) - 1)
+        for ring in polygon.rings:
+            assert (ring[0] == ring[-1]).all()
+            assert len(np.unique(ring[:-1], axis=0)) == len(ring) - 1, "a place twice"
+
+
+def measure_area(ring: NDArray[np.float64]) -> float:
+    x, y = ring.T
+    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2)
+
+
+@given(LABELS)
+@settings(max_examples=100)
+def test_a_polygon_covers_the_pixels_of_one_piece_and_no_others(labels: NDArray[Any]) -> None:
+    contours = find_contours(labels)
+    assert_rings_are_simple(contours)
+    wanted = sorted((label, piece.tobytes()) for label, piece in pieces(labels))
+    found = [(polygon.label, fill(polygon.rings, labels.shape)) for polygon in contours.polygons]
+    assert sorted((label, piece.tobytes()) for label, piece in found) == wanted
+    for polygon, (_, piece) in zip(contours.polygons, found, strict=True):
+        assert polygon.area == piece.sum()
+
+
+def test_areas_are_counts_of_pixels_and_fill_the_picture() -> None:
+    labels = smooth_fields(5, 200, 2.0).argmax(axis=2) + 1
+    areas = np.zeros(6)
+    for polygon in find_contours(labels).polygons:
+        areas[polygon.label] += polygon.area
+    np.testing.assert_array_equal(areas, np.bincount(labels.ravel()))
+
+
+def test_holes_and_islands_in_holes() -> None:
+    labels = np.ones((9, 9), np.uint8)
+    labels[2:7, 2:7] = 2
+    labels[4, 4] = 1
+    outer, island, ring = find_contours(labels).polygons
+    assert [outer.label, island.label, ring.label] == [1, 1, 2]
+    assert [len(polygon.rings) for polygon in (outer, island, ring)] == [2, 1, 2]
+    assert [outer.area, island.area, ring.area] == [56, 1, 24]
+
+
+def test_regions_that_touch_across_a_corner_are_apart_and_close_no_hole() -> None:
+    (first, second) = find_contours([[1, 0], [0, 1]]).polygons
+    assert (first.area, second.area) == (1, 1)
+    (loop,) = (p for p in find_contours([[1, 1, 1], [1, 2, 1], [1, 1, 2]]).polygons if p.label == 1)
+    assert [len(ring) - 1 for ring in loop.rings] == [6, 4]
+
+
+@given(LABELS)
+@settings(max_examples=40)
+def test_neighbours_share_every_place_of_their_border(labels: NDArray[Any]) -> None:
+    contours = find_contours(labels + 1)
+    walked: dict[tuple[float, ...], int] = {}
+    for polygon in contours.polygons:
+        for ring in polygon.rings:
+            for start, end in zip(ring[:-1].tolist(), ring[1:].tolist(), strict=True):
+                walked[(*start, *end)] = walked.get((*start, *end), 0) + 1
+    assert set(walked.values()) == {1}
+    height, width = labels.shape
+    for x0, y0, x1, y1 in walked:
+        on_frame = (x0 == x1 and x0 in (0, width)) or (y0 == y1 and y0 in (0, height))
+        assert on_frame != ((x1, y1, x0, y0) in walked)
+
+
+def test_each_border_is_one_line_with_its_labels_to_the_right_and_left() -> None:
+    labels = np.array([[1, 1, 2], [1, 1, 2], [3, 3, 3]])
+    contours = find_contours(labels)
+    lengths = [np.abs(np.diff(line, axis=0)).sum() for line in contours.lines]
+    borders = {
+        tuple(sorted(pair)): length
+        for pair, length in zip(contours.sides.tolist(), lengths, strict=True)
+        if -1 not in pair
+    }
+    assert borders == {(1, 2): 2, (1, 3): 2, (2, 3): 1}
+    for line, (right, left) in zip(contours.lines, contours.sides.tolist(), strict=True):
+        (x, y), (dx, dy) = (line[0] + line[1]) / 2, np.sign(line[1] - line[0])
+        for label, side in ((right, 0.25), (left, -0.25)):
+            row, column = int(np.floor(y + side * dx)), int(np.floor(x - side * dy))
+            inside = 0 <= row < 3 and 0 <= column < 3
+            assert label == (labels[row, column] if inside else -1)
+
+
+def middles(lines: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Give the middle of every step of lines."""
+    return np.concatenate([(line[:-1] + line[1:]) / 2 for line in lines])
+
+
+def test_borders_between_centers_are_the_level_lines_of_scikit_image() -> None:
+    field = smooth_fields(1, 60, 3.0)[:, :, 0]
+    level = 0.0
+    for _ in range(20):  # until the segments are the cells of their own means
+        level = (field[field < level].mean() + field[field > level].mean()) / 2
+    expected = middles(line[:, ::-1] + 0.5 for line in measure.find_contours(field, level))
+    contours = find_contours(1 + (field > level), field)
+    inner = contours.sides.min(axis=1) > 0
+    found = middles(line for line, is_inner in zip(contours.lines, inner, strict=True) if is_inner)
+    assert len(expected) > 200
+    assert cKDTree(found).query(expected)[0].max() < CLEARANCE
+    # Those of scikit-image end at the centers of the outermost pixels.
+    within = ((found > 0.5) & (found < 59.5)).all(axis=1)
+    assert cKDTree(expected).query(found[within])[0].max() < CLEARANCE
+
+
+def test_a_soft_disc_is_outlined_far_better_than_by_pixels() -> None:
+    row, column = np.mgrid[:64, :64] + 0.5
+    distance = np.hypot(row - 32.3, column - 31.6)
+    image = np.clip(20.25 - distance + 0.5, 0, 1)
+    labels = 1 + (image > 0.5)
+    (disc,) = (polygon for polygon in find_contours(labels, image).polygons if polygon.label == 2)
+    radii = np.hypot(*(disc.rings[0] - (31.6, 32.3)).T)
+    assert abs(radii - 20.25).max() < 0.1
+    (steps,) = (polygon for polygon in find_contours(labels).polygons if polygon.label == 2)
+    assert abs(np.hypot(*(steps.rings[0] - (31.6, 32.3)).T) - 20.25).max() > 0.5
+
+
+@given(LABELS, st.integers(0, 2**32 - 1))
+@settings(max_examples=60)
+def test_borders_between_centers_fill_the_picture_and_keep_every_region(labels: NDArray[Any], seed: int) -> None:
+    image = np.random.default_rng(seed).normal(size=(*labels.shape, 2))
+    contours = find_contours(labels, image)
+    assert_rings_are_simple(contours)
+    wanted = sorted((label, piece.tobytes()) for label, piece in pieces(labels))
+    found = [(polygon.label, fill(polygon.rings, labels.shape).tobytes()) for polygon in contours.polygons]
+    assert sorted(found) == wanted  # a border passes between the centers of pixels
+    if labels.min() > 0:
+        assert sum(polygon.area for polygon in contours.polygons) == pytest.approx(labels.size)
+
+
+def test_masked_pixels_may_be_nan() -> None:
+    labels = np.array([[0, 1, 1, 2], [0, 1, 1, 2]])
+    image = np.where(labels == 0, np.nan, labels)
+    polygons = find_contours(labels, image).polygons
+    assert [polygon.area for polygon in polygons] == pytest.approx([2 * 2, 2])
+    with pytest.raises(ValueError, match="finite"):
+        find_contours(labels + 1, image)
+
+
+def test_simplified_neighbours_still_share_their_border_and_stay_near_it() -> None:
+    labels = smooth_fields(4, 150, 4.0).argmax(axis=2) + 1
+    exact, simple = find_contours(labels), find_contours(labels, tolerance=1.5)
+    assert sum(map(len, simple.lines)) < 0.5 * sum(map(len, exact.lines))
+    assert len(simple.polygons) == len(exact.polygons)
+    assert sum(polygon.area for polygon in simple.polygons) == pytest.approx(labels.size)
+    assert_rings_are_simple(simple)
+    for line, whole in zip(simple.lines, exact.lines, strict=True):
+        assert {*map(tuple, line.tolist())} <= {*map(tuple, whole.tolist())}
+        for place in whole:
+            start, step = line[:-1], np.diff(line, axis=0)
+            along = np.clip(((place - start) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-9), 0, 1)
+            assert np.hypot(*(start + along[:, None] * step - place).T).min() <= 1.5 + 1e-9
+
+
+def crossings(contours: Contours) -> list[Any]:
+    """List pairs of steps that meet elsewhere than at a place of both."""
+    steps = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in contours.lines])
+    found = []
+    for number, (start, end) in enumerate(steps):
+        others = steps[number + 1 :]
+
+        def turn(a: Any, b: Any, c: Any) -> Any:
+            cross = (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
+            return np.sign(np.where(abs(cross) < 1e-9, 0, cross))
+
+        apart = (np.max(others, axis=1) < np.minimum(start, end)).any(axis=1)
+        apart |= (np.min(others, axis=1) > np.maximum(start, end)).any(axis=1)
+        share = (others == start).all(axis=2).any(axis=1) | (others == end).all(axis=2).any(axis=1)
+        meets = turn(start, end, others[:, 0]) * turn(start, end, others[:, 1]) <= 0
+        meets &= turn(others[:, 0], others[:, 1], start) * turn(others[:, 0], others[:, 1], end) <= 0
+        found += [(steps[number].tolist(), other.tolist()) for other in others[meets & ~apart & ~share]]
+    return found
+
+
+@pytest.mark.parametrize("tolerance", [0.7, 1.5, 5, 100])
+@pytest.mark.parametrize("between_centers", [False, True])
+def test_simplified_borders_cross_no_other_and_nothing_comes_to_lie_beyond_them(
+    tolerance: float, between_centers: bool
+) -> None:
+    fields = smooth_fields(3, 50, 1.2)
+    labels = fields.argmax(axis=2) + 1
+    contours = find_contours(labels, fields if between_centers else None, tolerance=tolerance)
+    assert crossings(contours) == []
+    assert_rings_are_simple(contours)
+    for polygon in contours.polygons:
+        for hole in polygon.rings[1:]:
+            assert Path(polygon.rings[0]).contains_points(hole[:-1], radius=1e-9).mean() > 0.5
+    assert sum(polygon.area for polygon in contours.polygons) == pytest.approx(labels.size)
+
+
+def test_a_simplified_border_does_not_pass_over_an_island() -> None:
+    labels = np.ones((12, 20), int)
+    labels[4:, :] = 2
+    labels[3, 8:12] = 2  # without this bump the border would pass over the island in it
+    labels[2:4, 7:13] = 2
+    labels[3, 10] = 3
+    polygons = find_contours(labels, tolerance=3).polygons
+    island = next(polygon for polygon in polygons if polygon.label == 3)
+    around = next(polygon for polygon in polygons if polygon.label == 2)
+    assert Path(around.rings[0]).contains_points(island.rings[0].mean(axis=0)[None]).all()
+    assert len(around.rings) == 2
+
+
+def test_no_region_vanishes_however_great_the_tolerance() -> None:
+    labels = RNG.integers(1, 4, (12, 12))
+    exact, simple = find_contours(labels), find_contours(labels, tolerance=100)
+    assert [polygon.label for polygon in simple.polygons] == [polygon.label for polygon in exact.polygons]
+    assert all(measure_area(polygon.rings[0]) > 0 for polygon in simple.polygons)
+    assert sum(polygon.area for polygon in simple.polygons) == pytest.approx(labels.size)
+
+
+def test_nothing_to_outline() -> None:
+    assert find_contours(np.zeros((3, 4), int)).polygons == ()
+    (all_of_it,) = find_contours(np.ones((3, 4), int), np.zeros((3, 4))).polygons
+    assert all_of_it.rings[0].tolist() == [[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]
+
+
+def test_results_are_read_only_and_inputs_unchanged() -> None:
+    labels = RNG.integers(0, 3, (6, 6))
+    copy = labels.copy()
+    contours = find_contours(labels)
+    np.testing.assert_array_equal(labels, copy)
+    for array in (contours.sides, contours.lines[0], contours.polygons[0].rings[0]):
+        assert not array.flags.writeable
+
+
+def test_arguments_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"image of shape \(2, 3\) must be \(2, 2\)"):
+        find_contours([[1, 2], [1, 2]], np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="tolerance=-1 must be a finite number >= 0"):
+        find_contours([[1, 2]], tolerance=-1)

@@ -1,0 +1,226 @@
+"""Claims about files of segments."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import tifffile
+from matplotlib.path import Path as Outline
+from numpy.typing import NDArray
+
+from cvtimg import find_contours, read_image
+from cvtimg.labels import region_table
+from cvtimg.labels.contours import Polygon
+from cvtimg.labels.files import write_coco, write_geojson, write_labels, write_svg, write_table
+
+RNG = np.random.default_rng(4)
+LABELS = np.kron(RNG.integers(0, 5, (5, 7)), np.ones((3, 2), int))
+IMAGE = RNG.integers(0, 256, (*LABELS.shape, 3), np.uint8)
+
+
+def fill(rings: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Tell which centers of pixels are inside, by the rule of even and odd."""
+    centers = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1).reshape(-1, 2)
+    inside = np.zeros(len(centers), bool)
+    for ring in rings:
+        inside ^= Outline(ring).contains_points(centers)
+    return inside.reshape(shape)
+
+
+# Labels
+
+
+@pytest.mark.parametrize(
+    ("name", "highest", "dtype"),
+    [
+        ("a.png", 255, np.uint8),
+        ("a.png", 256, np.uint16),
+        ("a.tif", 255, np.uint8),
+        ("a.tiff", 65535, np.uint16),
+        ("a.tif", 65536, np.uint32),
+        ("a.npy", 7, np.int32),
+        ("a.npy", 70000, np.int32),
+    ],
+)
+def test_labels_come_back_from_the_least_depth_that_holds_them(
+    tmp_path: Path, name: str, highest: int, dtype: type
+) -> None:
+    labels = np.array([[0, 1, 2], [highest, 3, 1]])
+    write_labels(tmp_path / name, labels)
+    if name.endswith(".npy"):
+        back = np.load(tmp_path / name)
+    else:
+        back = tifffile.imread(tmp_path / name) if ".tif" in name else read_image(tmp_path / name)
+    assert back.dtype == dtype
+    np.testing.assert_array_equal(back, labels)
+
+
+def test_labels_that_a_file_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"labels up to 65536, and \.png holds 65535; use \.tif or \.npy"):
+        write_labels(tmp_path / "a.png", [[65536]])
+    with pytest.raises(ValueError, match=r"suffix='\.jpg' must be one of \.png, \.tif, \.tiff, \.npy"):
+        write_labels(tmp_path / "a.jpg", [[1]])
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_existing_file_is_replaced_only_when_asked(tmp_path: Path) -> None:
+    table = region_table(LABELS, IMAGE)
+    for write in (
+        lambda path, **how: write_table(path, table, **how),
+        lambda path, **how: write_coco(path, LABELS, "a.png", **how),
+        lambda path, **how: write_svg(path, [], IMAGE[0], size=(2, 2), **how),
+        lambda path, **how: write_geojson(path, [], {}, **how),
+        lambda path, **how: write_labels(path.with_suffix(".npy"), LABELS, **how),
+    ):
+        write(tmp_path / "file")
+        with pytest.raises(FileExistsError):
+            write(tmp_path / "file")
+        write(tmp_path / "file", overwrite=True)
+        (tmp_path / "file").unlink(missing_ok=True)
+
+
+# Tables
+
+
+def test_a_table_reads_back_exactly(tmp_path: Path) -> None:
+    table = region_table(LABELS, IMAGE)
+    write_table(tmp_path / "a.csv", table)
+    with (tmp_path / "a.csv").open(newline="") as file:
+        names, *rows = csv.reader(file)
+    assert names == list(table)
+    assert names[:9] == ["label", "area", "perimeter", "x", "y", "left", "top", "right", "bottom"]
+    np.testing.assert_array_equal(np.array(rows, float).T, list(table.values()))
+    assert rows[0][:2] == ["1", str(int((LABELS == 1).sum()))]
+
+
+# COCO
+
+
+def test_coco_masks_boxes_and_areas_are_those_of_the_labels(tmp_path: Path) -> None:
+    write_coco(tmp_path / "a.json", LABELS, "photo.png")
+    whole = json.loads((tmp_path / "a.json").read_text())
+    assert whole["images"] == [{"id": 1, "file_name": "photo.png", "width": 14, "height": 15}]
+    assert [one["id"] for one in whole["annotations"]] == [1, 2, 3, 4]
+    for one in whole["annotations"]:
+        counts = one["segmentation"]["counts"]
+        mask = np.repeat(np.arange(len(counts)) % 2 == 1, counts).reshape(one["segmentation"]["size"], order="F")
+        np.testing.assert_array_equal(mask, one["id"] == LABELS)
+        rows, columns = np.nonzero(mask)
+        assert one["area"] == len(rows)
+        size = np.ptp(columns) + 1, np.ptp(rows) + 1
+        assert one["bbox"] == [columns.min(), rows.min(), *size]
+        assert one["category_id"] in [category["id"] for category in whole["categories"]]
+
+
+@pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # its own, with NumPy 2
+def test_pycocotools_reads_coco_files(tmp_path: Path) -> None:
+    coco = pytest.importorskip("pycocotools.coco")
+    write_coco(tmp_path / "a.json", LABELS, "photo.png")
+    data = coco.COCO(tmp_path / "a.json")
+    for number, annotation in data.anns.items():
+        np.testing.assert_array_equal(data.annToMask(annotation), number == LABELS)
+
+
+# Contours
+
+
+@pytest.mark.parametrize("image", [None, IMAGE])
+def test_svg_paths_cover_the_segments_in_their_colors(tmp_path: Path, image: Any) -> None:
+    colors = RNG.integers(0, 256, (5, 3), np.uint8)
+    write_svg(tmp_path / "a.svg", find_contours(LABELS, image).polygons, colors, size=LABELS.shape)
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("14", "15", "0 0 14 15")
+    (group,) = root
+    assert group.get("fill-rule") == "evenodd"
+    assert [path.get("id") for path in group] == [f"segment-{label}" for label in (1, 2, 3, 4)]
+    for label, path in enumerate(group, 1):
+        assert path.get("fill") == "#{:02x}{:02x}{:02x}".format(*colors[label])
+        drawing = path.get("d", "")
+        assert re.fullmatch(r"(M-?[\d.]+,[\d.]+( [\d.]+,[\d.]+)+Z)+", drawing)
+        rings = [
+            np.array([*places, places[0]], float)
+            for ring in drawing.removesuffix("Z").split("Z")
+            for places in [[place.split(",") for place in ring.removeprefix("M").split(" ")]]
+        ]
+        np.testing.assert_array_equal(fill(rings, LABELS.shape), label == LABELS)
+
+
+def features(path: Path) -> dict[int, list[list[NDArray[np.float64]]]]:
+    """Read the polygons of each label."""
+    whole = json.loads(path.read_text())
+    assert whole["type"] == "FeatureCollection"
+    found = {}
+    for feature in whole["features"]:
+        shape = feature["geometry"]
+        pieces = [shape["coordinates"]] if shape["type"] == "Polygon" else shape["coordinates"]
+        assert (len(pieces) > 1) == (shape["type"] == "MultiPolygon")
+        found[feature["properties"]["label"]] = [[np.array(ring) for ring in piece] for piece in pieces]
+    return found
+
+
+def area(ring: NDArray[np.float64]) -> float:
+    x, y = ring.T
+    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2)
+
+
+def test_geojson_polygons_cover_the_segments(tmp_path: Path) -> None:
+    properties = {label: {"area": label * 10} for label in range(1, 5)}
+    write_geojson(tmp_path / "a.geojson", find_contours(LABELS).polygons, properties)
+    whole = json.loads((tmp_path / "a.geojson").read_text())
+    assert [one["properties"] for one in whole["features"]] == [{"label": n, "area": 10 * n} for n in range(1, 5)]
+    assert "crs" not in whole
+    for label, pieces in features(tmp_path / "a.geojson").items():
+        np.testing.assert_array_equal(fill([ring for piece in pieces for ring in piece], LABELS.shape), label == LABELS)
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        None,
+        [[30, 0, 500_000], [0, -30, 4_600_000]],  # north up: mirrored
+        [[1e-5, 0, 12.5], [0, -1e-5, 47.25]],
+        [[0, 2, 0], [2, 0, 0]],  # mirrored
+        [[0, -2, 0], [2, 0, 0]],  # turned
+    ],
+)
+def test_outer_rings_run_counterclockwise_and_places_are_where_the_transform_leads(
+    tmp_path: Path, transform: Any
+) -> None:
+    labels = np.ones((9, 9), int)
+    labels[3:6, 2:5] = 2
+    polygons = find_contours(labels).polygons
+    write_geojson(tmp_path / "a.geojson", polygons, {1: {}, 2: {}}, transform=transform, epsg=32633)
+    found = features(tmp_path / "a.geojson")
+    matrix = np.eye(2, 3) if transform is None else np.array(transform, float)
+    pixel = abs(np.linalg.det(matrix[:, :2]))
+    assert [area(ring) / pixel for ring in found[1][0]] == pytest.approx([81, -9], rel=1e-3)
+    assert [area(ring) / pixel for ring in found[2][0]] == pytest.approx([9], rel=1e-3)
+    wanted = {tuple(matrix @ (x, y, 1)) for x in (2, 5) for y in (3, 6)}
+    for place in found[2][0][0]:
+        assert min(np.hypot(*(np.array(place) - corner)) for corner in wanted) < 1e-4 * pixel**0.5
+    system = json.loads((tmp_path / "a.geojson").read_text())["crs"]
+    assert system["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
+
+
+def test_nothing_to_write_is_still_a_valid_file(tmp_path: Path) -> None:
+    write_geojson(tmp_path / "a.geojson", [], {})
+    assert features(tmp_path / "a.geojson") == {}
+    write_svg(tmp_path / "a.svg", [], np.zeros((1, 3), np.uint8), size=(3, 4))
+    assert len(ElementTree.parse(tmp_path / "a.svg").getroot()[0]) == 0
+    write_coco(tmp_path / "a.json", np.zeros((2, 2), int), "a.png")
+    assert json.loads((tmp_path / "a.json").read_text())["annotations"] == []
+
+
+def test_a_write_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:
+    polygons = [*find_contours(LABELS).polygons, Polygon(9, ())]
+    with pytest.raises(KeyError):
+        write_geojson(tmp_path / "a.geojson", polygons, {label: {} for label in range(5)})
+    assert not list(tmp_path.iterdir())

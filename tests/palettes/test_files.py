@@ -1,0 +1,380 @@
+"""A palette file says the colors that it was given, in the words of its format, and gives them back."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image, ImageCms
+
+from cvtimg.palettes.files import PALETTE_FORMATS, read_palette, write_palette
+from cvtimg.pictures.files import write_image
+
+RGB = np.array([[0, 0, 0], [200, 16, 46], [255, 255, 255]], np.uint8)
+RGBA = np.array([[0, 0, 0, 0], [200, 16, 46, 128]], np.uint8)
+
+
+def read_json(path: Path) -> NDArray[Any]:
+    colors = json.loads(path.read_text())["colors"]
+    assert [color["hex"][:7] for color in colors] == ["#{:02x}{:02x}{:02x}".format(*color["rgb"]) for color in colors]
+    return np.array([color["rgb"] + ([color["alpha"]] if "alpha" in color else []) for color in colors])
+
+
+def read_gpl(path: Path) -> NDArray[Any]:
+    lines = path.read_text().splitlines()
+    assert lines[0] == "GIMP Palette"
+    assert lines[1] == f"Name: {path.stem}"
+    rows = [line for line in lines[3:] if not line.startswith("#")]
+    return np.array([[int(value) for value in row.split("\t")[0].split()] for row in rows])
+
+
+def read_hex(path: Path) -> NDArray[Any]:
+    return np.array([list(bytes.fromhex(line)) for line in path.read_text().splitlines()])
+
+
+def read_css(path: Path) -> NDArray[Any]:
+    lines = path.read_text().splitlines()
+    assert (lines[0], lines[-1]) == (":root {", "}")
+    assert [line.split(":")[0] for line in lines[1:-1]] == [f"  --a-{number}" for number in range(1, len(lines) - 1)]
+    return np.array([list(bytes.fromhex(line.partition("#")[2].rstrip(";"))) for line in lines[1:-1]])
+
+
+def read_act(path: Path) -> NDArray[Any]:
+    content = path.read_bytes()
+    assert len(content) == 772
+    return np.frombuffer(content[:768], np.uint8).reshape(-1, 3)[: int.from_bytes(content[768:770], "big")]
+
+
+def read_ase(path: Path) -> NDArray[Any]:
+    """Read what we write: a group of RGB colors with names of seven characters."""
+    content = path.read_bytes()
+    assert content[:8] == b"ASEF\0\1\0\0"
+    colors, at = [], 12
+    while at < len(content):
+        kind, length = struct.unpack_from(">HI", content, at)
+        if kind == 1:
+            (n_letters,) = struct.unpack_from(">H", content, at + 6)
+            assert content[at + 8 + 2 * n_letters :][:4] == b"RGB "
+            colors.append(struct.unpack_from(">3f", content, at + 12 + 2 * n_letters))
+        at += 6 + length
+    assert len(colors) + 2 == int.from_bytes(content[8:12], "big")
+    return np.rint(np.array(colors) * 255)
+
+
+def read_png(path: Path) -> NDArray[Any]:
+    """Read the middle of each field."""
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB"))
+    side = 32 if pixels.shape[1] % 32 == 0 else 8
+    fields = pixels[side // 2 :: side, side // 2 :: side].reshape(-1, 3)
+    n_last = int((fields == fields[-1]).all(axis=1)[::-1].argmin()) or 1  # the last color fills the last row
+    return fields[: len(fields) - n_last + 1]
+
+
+Reader = Callable[[Path], NDArray[Any]]
+READERS: dict[str, Reader] = {
+    ".json": read_json,
+    ".gpl": read_gpl,
+    ".hex": read_hex,
+    ".css": read_css,
+    ".act": read_act,
+    ".ase": read_ase,
+    ".png": read_png,
+}
+
+
+def test_there_is_a_reader_here_for_each_format() -> None:
+    assert set(READERS) == set(PALETTE_FORMATS)
+
+
+@pytest.mark.parametrize("suffix", PALETTE_FORMATS)
+@pytest.mark.parametrize("n_colors", [1, 2, 17, 256, 300])
+def test_a_palette_parses_back(tmp_path: Path, suffix: str, n_colors: int) -> None:
+    if suffix == ".act" and n_colors > 256:
+        pytest.skip("holds 256 colors")
+    palette = np.random.default_rng(1).integers(0, 256, (n_colors, 3), np.uint8)
+    path = tmp_path / f"a{suffix}"
+    write_palette(path, palette)
+    np.testing.assert_array_equal(READERS[suffix](path), palette)
+    np.testing.assert_array_equal(read_palette(path), palette, strict=True)
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix in PALETTE_FORMATS if suffix != ".act"])
+@pytest.mark.parametrize("n_colors", [2, 300])
+def test_alpha_comes_back(tmp_path: Path, suffix: str, n_colors: int) -> None:
+    palette = np.random.default_rng(2).integers(0, 256, (n_colors, 4), np.uint8)
+    path = tmp_path / f"a{suffix}"
+    write_palette(path, palette)
+    np.testing.assert_array_equal(read_palette(path), palette, strict=True)
+
+
+def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
+    palette = np.array([[9, 9, 9, 255], [1, 2, 3, 0], [4, 5, 6, 255]], np.uint8)
+    write_palette(tmp_path / "a.act", palette)
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.act"), palette)
+    for alpha in (128, 0):
+        palette[2, 3] = alpha
+        with pytest.raises(ValueError, match="one clear color, and no half transparent"):
+            write_palette(tmp_path / "b.act", palette)
+    with pytest.raises(ValueError, match=r"\.act holds at most 256 colors, and these are 257"):
+        write_palette(tmp_path / "b.act", np.zeros((257, 3), np.uint8))
+
+
+# --- files of other programs
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "palette"),
+    [
+        ("a.gpl", b"GIMP Palette\r\n1 2 3 night\r\n\r\n# 9 9 9\r\n 255   0\t7\r\n", [[1, 2, 3], [255, 0, 7]]),
+        ("a.gpl", b"GIMP Palette\nChannels: RGBA\n1 2 3 4 night\n", [[1, 2, 3, 4]]),
+        ("a.gpl", b"GIMP Palette\nName: \xff\xfe\n1 2 3 #01020304\n9 9 9 grey\n", [[1, 2, 3], [9, 9, 9]]),
+        ("a.hex", b"\xef\xbb\xbf#0A0b0C\r\nffffff\r\n", [[10, 11, 12], [255, 255, 255]]),
+        ("a.hex", b"102030\n10203040\n", [[16, 32, 48, 255], [16, 32, 48, 64]]),
+        ("a.json", b'["#abc", [1, 2, 3]]', [[0xAA, 0xBB, 0xCC], [1, 2, 3]]),
+        ("a.json", b'{"colors": [{"rgb": [1, 2, 3], "alpha": 9}]}', [[1, 2, 3, 9]]),
+        (
+            "a.css",
+            b"#abc { --x : #112233 } /* --y: #000; */ :root{--z:#abc;--w: 3px; color: #999}",
+            [[17, 34, 51], [170, 187, 204]],
+        ),
+        ("a.act", bytes(range(256)) * 3, np.array([*range(256)] * 3).reshape(-1, 3)),
+        ("a.act", bytes(768) + b"\0\3\xff\xff", [[0, 0, 0]] * 3),
+    ],
+)
+def test_files_of_other_programs_are_read(tmp_path: Path, name: str, content: bytes, palette: Any) -> None:
+    (tmp_path / name).write_bytes(content)
+    np.testing.assert_array_equal(read_palette(tmp_path / name), palette)
+
+
+def ase(*colors: tuple[bytes, tuple[float, ...]]) -> bytes:
+    """Build a file with a group that has the first color, and the others outside."""
+    blocks = [struct.pack(">HIH4s", 0xC001, 6, 2, "ab".encode("utf-16-be"))]
+    for model, values in colors:
+        body = struct.pack(">H2s4s", 1, b"\0\0", model) + struct.pack(f">{len(values)}fH", *values, 0)
+        blocks.append(struct.pack(">HI", 1, len(body)) + body)
+    blocks.insert(2, struct.pack(">HI", 0xC002, 0))
+    return struct.pack(">4sHHI", b"ASEF", 1, 0, len(blocks)) + b"".join(blocks)
+
+
+def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
+    colors = [
+        (b"RGB ", (1.0, 0.5, 0.0)),
+        (b"CMYK", (1.0, 0.0, 0.5, 0.2)),
+        (b"Gray", (0.2,)),
+        (b"LAB ", (0.5, 20.0, -30.0)),
+        (b"LAB ", (1.0, 0.0, 0.0)),
+    ]
+    (tmp_path / "a.ase").write_bytes(ase(*colors))
+    palette = read_palette(tmp_path / "a.ase")
+    np.testing.assert_array_equal(palette[:3], [[255, 128, 0], [0, 204, 102], [51, 51, 51]])
+    # LittleCMS, through Pillow, works under D50, in whole steps of a and b.
+    lab = np.array([round(50 * 2.55), 20, -30 & 255], np.uint8)
+    profiles = [ImageCms.createProfile(name) for name in ("LAB", "sRGB")]
+    convert = ImageCms.buildTransform(profiles[0], profiles[1], "LAB", "RGB")
+    pixel = ImageCms.applyTransform(Image.frombytes("LAB", (1, 1), lab.tobytes()), convert)
+    assert np.abs(np.asarray(pixel)[0, 0] - palette[3].astype(int)).max() <= 2
+    assert palette[4].tolist() == [255, 255, 255]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("a.gpl", b"", "is no GIMP palette: its first line must be 'GIMP Palette'"),
+        ("a.gpl", b"GIMP Palette\nName: x\n", "has no colors"),
+        ("a.gpl", b"GIMP Palette\n1 2 x\n", "has a line '1 2 x', which must begin with 3 numbers"),
+        ("a.gpl", b"GIMP Palette\n1 2\n", r"has a color \(1, 2\), which must be three or four"),
+        ("a.gpl", b"GIMP Palette\n1 2 256\n", r"has a color \(1, 2, 256\)"),
+        ("a.hex", b"ffffff\n12345\n", "has a color '12345', which must be like #rrggbb"),
+        ("a.hex", b"", "has no colors"),
+        ("a.json", b"{", r"is truncated or damaged \(Expecting"),
+        ("a.json", b"{}", "must have a list of colors, or one called 'colors'"),
+        ("a.json", b"[[1.5, 2, 3]]", r"has a color \[1\.5, 2, 3\]"),
+        ("a.json", b"[{}]", r"has a color \(\)"),
+        ("a.act", bytes(767), "has 767 bytes; a color table has 768 or 772"),
+        ("a.act", bytes(768) + b"\1\1\0\0", "says that it has 257 colors"),
+        ("a.ase", b"", "is truncated or damaged"),
+        ("a.ase", b"GIMP Palette\n", "is no Adobe Swatch Exchange file"),
+        ("a.ase", ase((b"RGB ", (1.0, 0.5, 0.0)))[:-12], "is truncated or damaged"),
+        ("a.ase", ase((b"HSB ", (1.0, 0.5, 0.0))), "has a color of the model b'HSB '"),
+        ("a.ase", ase((b"Gray", (float("nan"),))), "has a color that is not finite"),
+        ("a.css", b"body { color: #123456 }", "has no colors"),
+        ("a.css", b"--x: #12345;", "has a color '#12345'"),
+        ("a.png", b"GIMP Palette", "is not a picture that Pillow can read"),
+        ("a.png", b"", "is empty"),
+        ("a.txt", b"#112233", "is not a picture that Pillow can read"),
+    ],
+)
+def test_a_file_that_is_no_palette_is_named_with_the_reason(
+    tmp_path: Path, name: str, content: bytes, reason: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(OSError, match=f"^{re.escape(str(tmp_path / name))}: {reason}"):
+        read_palette(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", PALETTE_FORMATS)
+def test_a_damaged_palette_is_read_or_is_an_os_error(tmp_path: Path, suffix: str) -> None:
+    write_palette(tmp_path / f"a{suffix}", RGB)
+    whole = (tmp_path / f"a{suffix}").read_bytes()
+    rng = np.random.default_rng(3)
+    n_failed = 0
+    for _ in range(40):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), 3):
+            damaged[place] = rng.integers(0, 256)
+        (tmp_path / f"a{suffix}").write_bytes(damaged[: rng.integers(1, len(whole) + 1)])
+        try:
+            read_palette(tmp_path / f"a{suffix}")
+        except OSError:
+            n_failed += 1
+    assert n_failed
+
+
+def test_a_missing_palette_is_said_so(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"a\.gpl: no such file"):
+        read_palette(tmp_path / "a.gpl")
+
+
+# --- pictures as palettes
+
+
+def test_the_palette_of_an_indexed_picture_is_taken_with_entries_that_no_pixel_has(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png", np.array([[2, 0]]), palette=RGB)
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.png"), RGB)
+    write_image(tmp_path / "b.png", np.array([[1, 0]]), palette=RGBA)
+    np.testing.assert_array_equal(read_palette(tmp_path / "b.png"), RGBA)
+
+
+def test_the_padding_of_a_gif_is_no_color(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.gif", np.array([[2, 0, 1]]), palette=RGB)
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.gif"), RGB)
+
+
+def test_distinct_colors_come_in_the_order_of_the_pixels(tmp_path: Path) -> None:
+    codes = np.random.default_rng(4).permutation(3000)
+    colors = np.stack([codes % 256, codes // 256, codes % 7], 1).astype(np.uint8)
+    picture = np.vstack([colors, colors[::-1]]).reshape(100, 60, 3)
+    for name in ("a.png", "a.tif", "a.npy"):
+        write_image(tmp_path / name, picture)
+        np.testing.assert_array_equal(read_palette(tmp_path / name), colors)
+
+
+def test_grey_and_16_bits_become_rgb_of_8(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png", np.array([[7, 0, 7]], np.uint8))
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.png"), [[7] * 3, [0] * 3])
+    write_image(tmp_path / "b.png", np.array([[[257, 514, 65535]]], np.uint16))
+    np.testing.assert_array_equal(read_palette(tmp_path / "b.png"), [[1, 2, 255]])
+
+
+def test_a_picture_of_too_many_colors_is_no_palette(tmp_path: Path) -> None:
+    codes = np.arange(65537 + 63).reshape(-1, 64)
+    write_image(tmp_path / "a.png", np.stack([codes % 256, codes // 256 % 256, codes // 65536], 2).astype(np.uint8))
+    with pytest.raises(OSError, match=r"a\.png: has 65600 colors, and a palette at most 65536; quantize it first"):
+        read_palette(tmp_path / "a.png")
+    write_image(tmp_path / "b.tif", np.zeros((2, 2), np.float32))
+    with pytest.raises(OSError, match=r"b\.tif: has floating point samples"):
+        read_palette(tmp_path / "b.tif")
+
+
+# --- writing
+
+
+def test_the_case_of_the_suffix_does_not_matter(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.JSON", RGB)
+    np.testing.assert_array_equal(read_json(tmp_path / "a.JSON"), RGB)
+
+
+def test_json_keeps_alpha_beside_rgb_and_in_the_hex_code(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.json", RGBA)
+    np.testing.assert_array_equal(read_json(tmp_path / "a.json"), RGBA)
+    assert json.loads((tmp_path / "a.json").read_text())["colors"][1]["hex"] == "#c8102e80"
+
+
+def test_gpl_keeps_alpha_in_the_name_of_the_color(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.gpl", RGBA)
+    np.testing.assert_array_equal(read_gpl(tmp_path / "a.gpl"), RGBA[:, :3])
+    assert (tmp_path / "a.gpl").read_text().endswith("200  16  46\t#c8102e80\n")
+
+
+def test_shares_are_those_of_the_pixels_and_sum_to_one(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.json", RGB, density=[1, 2, 5])
+    shares = [color["share"] for color in json.loads((tmp_path / "a.json").read_text())["colors"]]
+    assert shares == [1 / 8, 2 / 8, 5 / 8]
+
+
+def test_without_density_no_share_is_told(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.json", RGB)
+    assert "share" not in (tmp_path / "a.json").read_text()
+
+
+@pytest.mark.parametrize(
+    "palette",
+    [
+        np.array([0, 128, 255], np.uint8),
+        np.array([[0], [128], [255]], np.uint8),
+        np.array([0, 128 * 257 + 100, 65535], np.uint16),
+        np.array([[0], [128 / 255 + 0.001], [1]], np.float32),
+    ],
+    ids=["uint8", "uint8 column", "uint16", "float32"],
+)
+def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: NDArray[Any]) -> None:
+    write_palette(tmp_path / "a.json", palette)
+    np.testing.assert_array_equal(read_json(tmp_path / "a.json"), [[0] * 3, [128] * 3, [255] * 3])
+
+
+@pytest.mark.parametrize("offset", [-128, 0, 128])
+def test_16_bits_go_to_the_nearest_of_8(tmp_path: Path, offset: int) -> None:
+    levels = np.arange(256)
+    write_palette(tmp_path / "a.gpl", np.clip(levels * 257 + offset, 0, 65535).astype(np.uint16))
+    np.testing.assert_array_equal(read_gpl(tmp_path / "a.gpl")[:, 0], levels)
+
+
+@pytest.mark.parametrize(
+    ("palette", "error", "message"),
+    [
+        (np.zeros((0, 3), np.uint8), ValueError, r"palette of shape \(0, 3\) must be .*have colors"),
+        (np.zeros((4, 2), np.uint8), ValueError, r"palette of shape \(4, 2\) must be \(K,\), \(K, 1\)"),
+        (np.zeros((4, 3), np.int64), TypeError, "palette of type int64 must be uint8"),
+        (np.array([[0.0, 1.5, 0.0]]), ValueError, r"palette of type float64 must be in 0\.\.1"),
+        (np.array([[0.0, np.nan, 0.0]]), ValueError, r"must be in 0\.\.1"),
+    ],
+)
+def test_what_is_no_palette_is_refused_and_leaves_nothing(
+    tmp_path: Path, palette: NDArray[Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        write_palette(tmp_path / "a.gpl", palette)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_suffix_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"a\.xyz: suffix='\.xyz' must be one of \.gpl, \.json"):
+        write_palette(tmp_path / "a.xyz", RGB)
+
+
+def test_density_of_another_length_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"density of shape \(2,\) must be \(3,\)"):
+        write_palette(tmp_path / "a.json", RGB, density=[1, 2])
+
+
+def test_an_existing_file_stays_unless_asked(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpl"
+    path.write_text("mine")
+    with pytest.raises(FileExistsError, match="exists already"):
+        write_palette(path, RGB)
+    assert path.read_text() == "mine"
+    write_palette(path, RGB, overwrite=True)
+    np.testing.assert_array_equal(read_gpl(path), RGB)
+
+
+def test_the_palette_is_named_after_the_file_in_one_line(tmp_path: Path) -> None:
+    write_palette(tmp_path / "two\nlines.gpl", RGB)
+    assert (tmp_path / "two\nlines.gpl").read_text().splitlines()[1] == "Name: two lines"

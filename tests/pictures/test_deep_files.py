@@ -1,0 +1,384 @@
+"""Pictures beyond 8 bits, beyond four bands and beyond integers keep every sample, in and out."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import picture_files
+import pytest
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image, ImageCms
+
+from cvtimg.cli.app import main
+from cvtimg.pictures.files import image_info, read_image, write_image
+
+RNG = np.random.default_rng(7)
+GREY = RNG.integers(0, 65536, (5, 7), np.uint16)
+RGB = RNG.integers(0, 65536, (5, 7, 3), np.uint16)
+RGBA = RNG.integers(0, 65536, (5, 7, 4), np.uint16)
+FLOATS = RNG.normal(size=(5, 7, 6)).astype(np.float32)
+
+
+# --- 16-bit color
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
+@pytest.mark.parametrize("image", [GREY, RGB, RGBA], ids=["grey", "rgb", "rgba"])
+def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_image(path, image)
+    np.testing.assert_array_equal(read_image(path), image, strict=True)
+    info = image_info(path)
+    assert (info.height, info.width, info.bits) == (5, 7, 16)
+    assert info.has_alpha is (image is RGBA and suffix != ".npy")
+
+
+@pytest.mark.parametrize("image", [RGB, RGBA], ids=["rgb", "rgba"])
+def test_other_programs_read_our_16_bit_color(tmp_path: Path, image: NDArray[Any]) -> None:
+    write_image(tmp_path / "a.png", image)
+    write_image(tmp_path / "a.tif", image)
+    np.testing.assert_array_equal(imagecodecs.png_decode((tmp_path / "a.png").read_bytes()), image)
+    np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), image)
+    for name in ("a.png", "a.tif"):
+        with Image.open(tmp_path / name) as picture:
+            assert np.abs(np.asarray(picture).astype(int) - image // 257).max() <= 1
+
+
+def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(np.ascontiguousarray(RGBA[..., :2])))
+    options: dict[str, Any] = {"photometric": "minisblack", "extrasamples": ["unassalpha"]}
+    tifffile.imwrite(tmp_path / "a.tif", RGBA[..., :2], planarconfig="contig", **options)
+    for name in ("a.png", "a.tif"):
+        np.testing.assert_array_equal(read_image(tmp_path / name), RGBA[..., [0, 0, 0, 1]], strict=True)
+
+
+def test_the_first_of_two_pages_is_read(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", np.stack([RGB, RGB[::-1]]), photometric="rgb")
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), RGB)
+    assert image_info(tmp_path / "a.tif").frames == 2
+
+
+def test_premultiplied_alpha_is_divided_out(tmp_path: Path) -> None:
+    alpha = RNG.integers(1, 65536, (5, 7, 1))
+    stored = np.dstack([np.rint(RGB * (alpha / 65535)), alpha]).astype(np.uint16)
+    tifffile.imwrite(tmp_path / "a.tif", stored, photometric="rgb", extrasamples=["assocalpha"])
+    image = read_image(tmp_path / "a.tif")
+    np.testing.assert_array_equal(image[..., 3:], alpha)
+    assert (np.abs(image[..., :3].astype(float) - RGB) <= 0.5 + 0.5 * 65535 / alpha).all()
+
+
+def test_12_bit_color_spans_the_range_of_16(tmp_path: Path) -> None:
+    values = RNG.integers(0, 4096, (4, 8, 3)).astype(np.uint16)
+    values[0, 0], values[0, 1] = 0, 4095
+    tifffile.imwrite(tmp_path / "a.tif", values, photometric="rgb", bitspersample=12, compression=None)
+    image = read_image(tmp_path / "a.tif")
+    np.testing.assert_array_equal(image, np.rint(values * (65535 / 4095)))
+
+
+# --- upright, in sRGB
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_orientation_is_applied_at_16_bits(tmp_path: Path, suffix: str, orientation: int) -> None:
+    """Pillow turns the 8-bit twin of the picture."""
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".tif":
+        tag = (274, "H", 1, orientation, True)
+        tifffile.imwrite(path, RGB, photometric="rgb", extratags=[tag])
+    else:
+        exif = Image.Exif()
+        exif[0x0112] = orientation
+        at = 33  # behind IHDR
+        content = imagecodecs.png_encode(RGB)
+        path.write_bytes(content[:at] + picture_files.chunk(b"eXIf", exif.tobytes()[6:]) + content[at:])
+    twin = (RGB >> 8).astype(np.uint8)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    expected = read_image(picture_files.save(tmp_path / "b.png", twin, exif=exif))
+    image = read_image(path)
+    np.testing.assert_array_equal(image >> 8, expected)
+    assert image.flags.c_contiguous
+    assert (image_info(path).height, image_info(path).width) == expected.shape[:2]
+
+
+def deep_png(image: NDArray[np.uint16], name: bytes, data: bytes, *, behind: bool = False) -> bytes:
+    content = imagecodecs.png_encode(image)
+    at = len(content) - 12 if behind else 33
+    return content[:at] + picture_files.chunk(name, data) + content[at:]
+
+
+def test_orientation_behind_the_pixels_is_found(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    (tmp_path / "a.png").write_bytes(deep_png(RGB, b"eXIf", exif.tobytes()[6:], behind=True))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), RGB[::-1, ::-1])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("image", [RGB, RGBA], ids=["rgb", "rgba"])
+def test_a_profile_is_converted_at_16_bits(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_with_profile(path, image, picture_files.rgb_profile(value=1.0))
+    linear = image[..., :3] / 65535
+    expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    got = read_image(path)
+    assert got.dtype == np.uint16
+    assert np.abs(got[..., :3] / 65535 - expected).max() < 0.002
+    np.testing.assert_array_equal(got[..., 3:], image[..., 3:])
+    assert len(np.unique(got[..., :3])) > 90  # of 105: more than 8 bits could tell apart in so dark a corner
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize(
+    "icc", [picture_files.SRGB, b"rubbish", picture_files.grey_profile(1.0)], ids=["srgb", "rubbish", "grey"]
+)
+def test_an_srgb_profile_or_one_that_does_not_serve_changes_nothing(tmp_path: Path, suffix: str, icc: bytes) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_with_profile(path, RGB, icc)
+    np.testing.assert_array_equal(read_image(path), RGB)
+
+
+def write_with_profile(path: Path, image: NDArray[np.uint16], icc: bytes) -> None:
+    if path.suffix == ".png":
+        import zlib
+
+        path.write_bytes(deep_png(image, b"iCCP", b"x\0\0" + zlib.compress(icc)))
+    else:
+        extra = ["unassalpha"] if image.shape[2] == 4 else None
+        tifffile.imwrite(path, image, photometric="rgb", extrasamples=extra, iccprofile=icc)
+
+
+def test_the_profile_of_a_deep_picture_is_named(tmp_path: Path) -> None:
+    write_with_profile(tmp_path / "a.tif", RGB, picture_files.SRGB)
+    assert image_info(tmp_path / "a.tif").icc == ImageCms.getProfileDescription(ImageCms.createProfile("sRGB")).strip()
+
+
+# --- many bands, floating point
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("n_bands", [1, 2, 3, 4, 5, 224])
+@pytest.mark.parametrize("suffix", [".tif", ".npy"])
+def test_bands_of_any_number_and_type_come_back(tmp_path: Path, suffix: str, n_bands: int, dtype: type) -> None:
+    image = (RNG.random((6, 9, n_bands)) * 250).astype(dtype)
+    write_image(tmp_path / f"a{suffix}", image)
+    expected = image[..., 0] if n_bands == 1 else image
+    np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), expected, strict=True)
+
+
+@pytest.mark.parametrize("compression", [None, "zlib", "lzw", "zstd"])
+@pytest.mark.parametrize("planar", ["contig", "separate"])
+@pytest.mark.parametrize("tile", [None, (16, 16)])
+def test_bands_of_other_programs_are_read(tmp_path: Path, planar: str, compression: str | None, tile: Any) -> None:
+    stored = FLOATS if planar == "contig" else np.moveaxis(FLOATS, 2, 0)
+    options: dict[str, Any] = {"photometric": "minisblack", "planarconfig": planar, "tile": tile}
+    tifffile.imwrite(tmp_path / "a.tif", stored, compression=compression, **options)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), FLOATS, strict=True)
+    info = image_info(tmp_path / "a.tif")
+    assert (info.height, info.width, info.format, info.mode, info.bits) == (5, 7, "TIFF", "float32", 32)
+    assert (info.bands, info.has_alpha) == (("B1", "B2", "B3", "B4", "B5", "B6"), False)
+
+
+def test_a_band_beside_rgb_is_not_lost_and_not_called_alpha(tmp_path: Path) -> None:
+    image = RGBA.astype(np.uint8)
+    tifffile.imwrite(tmp_path / "a.tif", image, photometric="rgb", extrasamples=["unspecified"])
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
+    info = image_info(tmp_path / "a.tif")
+    assert (len(info.bands), info.has_alpha) == (4, False)
+
+
+@pytest.mark.parametrize(
+    ("stored", "expected"),
+    [
+        (GREY.astype(np.int64), GREY),
+        (GREY.astype(np.uint32), GREY),
+        (GREY.astype(np.int32) - 70000, GREY.astype(np.float32) - 70000),
+        (GREY.astype(np.int64) << 20, GREY.astype(np.float64) * 2**20),
+        (GREY > 9, (GREY > 9) * np.uint8(255)),
+        (np.arange(6).reshape(2, 3).astype(np.float16), np.arange(6, dtype=np.float32).reshape(2, 3)),
+        (FLOATS.astype(">f8"), FLOATS.astype(np.float64)),
+        (np.asfortranarray(GREY), GREY),
+    ],
+)
+def test_an_array_keeps_its_values_in_a_type_that_holds_them(
+    tmp_path: Path, stored: NDArray[Any], expected: NDArray[Any]
+) -> None:
+    np.save(tmp_path / "a.npy", stored)
+    image = read_image(tmp_path / "a.npy")
+    np.testing.assert_array_equal(image, expected, strict=True)
+    assert image.flags.c_contiguous
+    assert image.flags.writeable
+
+
+def test_32_bit_integers_beyond_half_keep_their_sign(tmp_path: Path) -> None:
+    stored = np.array([[3_000_000_000, 1]], np.uint32)
+    tifffile.imwrite(tmp_path / "a.tif", stored)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), stored.astype(np.float64))
+
+
+def test_nan_is_read_as_it_is(tmp_path: Path) -> None:
+    image = FLOATS.copy()
+    image[1, 2] = np.nan
+    write_image(tmp_path / "a.tif", image)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.uint32, np.int16])
+def test_labels_beyond_16_bits_are_written(tmp_path: Path, dtype: type) -> None:
+    labels = np.arange(35).reshape(5, 7).astype(dtype)
+    write_image(tmp_path / "a.tif", labels)
+    np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), labels, strict=True)
+    write_image(tmp_path / "a.npy", labels)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), labels, strict=True)
+
+
+# --- where on Earth
+
+
+def geotiff(path: Path, extra: list[tuple[Any, ...]], image: NDArray[Any] = FLOATS) -> Path:
+    tifffile.imwrite(path, image, photometric="minisblack", planarconfig="contig", extratags=extra)
+    return path
+
+
+SCALE = (33550, "d", 3, (10.0, 20.0, 0.0), True)
+TIE = (33922, "d", 6, (2.0, 1.0, 0.0, 500000.0, 4600000.0, 0.0), True)
+AREA = (34735, "H", 12, (1, 1, 0, 2, 1025, 0, 1, 1, 3072, 0, 1, 32633), True)
+POINT = (34735, "H", 12, (1, 1, 0, 2, 1025, 0, 1, 2, 2048, 0, 1, 4326), True)
+MATRIX = (34264, "d", 16, (0.0, 3.0, 0.0, 7.0, -2.0, 0.0, 0.0, 8.0, *[0.0] * 7, 1.0), True)
+
+
+@pytest.mark.parametrize(
+    ("extra", "transform", "epsg"),
+    [
+        ([SCALE, TIE, AREA], (10, 0, 499980, 0, -20, 4600020), 32633),
+        ([SCALE, TIE, POINT], (10, 0, 499975, 0, -20, 4600030), 4326),
+        ([MATRIX, AREA], (0, 3, 7, -2, 0, 8), 32633),
+        ([SCALE], None, None),
+        ([], None, None),
+        ([(33550, "d", 1, (10.0,), True), TIE], None, None),
+    ],
+    ids=["area", "point", "matrix", "no tie", "none", "damaged"],
+)
+def test_a_geotiff_tells_where_its_pixels_lie(tmp_path: Path, extra: Any, transform: Any, epsg: Any) -> None:
+    info = image_info(geotiff(tmp_path / "a.tif", extra))
+    assert info.geo_transform == transform
+    assert info.epsg == epsg
+    small = image_info(geotiff(tmp_path / "b.tif", extra, (FLOATS[..., 0] > 0).astype(np.uint8)))  # read by Pillow
+    assert (small.mode, small.geo_transform, small.epsg) == ("L", transform, epsg)
+
+
+@pytest.mark.parametrize(("text", "value"), [("-9999", -9999.0), ("nan ", float("nan")), ("1e-3", 1e-3), ("-", None)])
+def test_a_geotiff_tells_which_value_is_no_data(tmp_path: Path, text: str, value: float | None) -> None:
+    info = image_info(geotiff(tmp_path / "a.tif", [(42113, "s", 0, text, True)]))
+    assert info.nodata == pytest.approx(value, nan_ok=True)
+
+
+def test_info_counts_the_colors_of_pixels_that_are_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = np.zeros((5, 7, 6), np.float32)
+    image[0, 0], image[1, 1, 2] = 1, np.nan
+    geotiff(tmp_path / "a.tif", [SCALE, TIE, AREA, (42113, "s", 0, "nan", True)], image)
+    np.save(tmp_path / "b.npy", np.full((2, 2), np.nan))
+    assert main(["info", str(tmp_path / "a.tif"), str(tmp_path / "b.npy"), "--json"]) == 0
+    tiff, npy = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert (tiff["distinct_colors"], tiff["nodata"], tiff["epsg"]) == (2, "nan", 32633)
+    assert (npy["distinct_colors"], npy["format"], npy["bands"]) == (0, "NPY", ["B1"])
+    assert main(["info", str(tmp_path / "a.tif")]) == 0
+    assert "B1..B6" in capsys.readouterr().out
+
+
+# --- files that cannot be read
+
+
+def deep_files(folder: Path) -> list[Path]:
+    """Return one file for each way of reading, with pixels enough to be cut anywhere."""
+    image = RNG.integers(0, 65536, (60, 50, 3), np.uint16)
+    write_image(folder / "a.png", image)
+    write_image(folder / "a.tif", image)
+    write_image(folder / "a.npy", image)
+    tifffile.imwrite(folder / "plain.tif", image.astype(np.float32), photometric="rgb")
+    options: dict[str, Any] = {"photometric": "minisblack", "planarconfig": "contig"}
+    tifffile.imwrite(folder / "tiles.tif", np.dstack([image] * 2), tile=(16, 16), compression="lzw", **options)
+    return sorted(folder.iterdir())
+
+
+@pytest.mark.parametrize("fraction", [0.002, 0.02, 0.3, 0.6, 0.9, 0.99])
+def test_a_truncated_file_is_named_with_the_reason(
+    tmp_path: Path, fraction: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for path in deep_files(tmp_path):
+        path.write_bytes(path.read_bytes()[: int(path.stat().st_size * fraction)])
+        with pytest.raises(OSError, match=f"^{re.escape(str(path))}: is [^\n]+$"):
+            read_image(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_file_is_read_or_is_an_os_error_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(11)
+    for path in deep_files(tmp_path):
+        whole = np.frombuffer(path.read_bytes(), np.uint8)
+        for _ in range(25):
+            damaged = whole.copy()
+            places = rng.integers(0, min(len(whole), 400), 4)
+            damaged[places] = rng.integers(0, 256, 4)
+            path.write_bytes(damaged.tobytes())
+            for reader in (read_image, image_info):
+                with suppress(OSError):
+                    reader(path)
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("stored", "reason"),
+    [
+        (np.zeros(3), r"holds an array of shape \(3,\), and a picture is \(H, W\) or \(H, W, C\)"),
+        (np.zeros((2, 0)), r"holds an array of shape \(2, 0\)"),
+        (np.zeros((2, 2, 2, 2)), r"holds an array of shape \(2, 2, 2, 2\)"),
+        (np.zeros((2, 2), complex), "has samples of type complex128"),
+        (np.array([["a"]]), "has samples of type <U1"),
+    ],
+)
+def test_an_array_that_is_no_picture_is_named_with_the_reason(
+    tmp_path: Path, stored: NDArray[Any], reason: str
+) -> None:
+    np.save(tmp_path / "a.npy", stored)
+    with pytest.raises(OSError, match=rf"a\.npy: {reason}"):
+        read_image(tmp_path / "a.npy")
+
+
+def test_pickled_objects_are_not_opened(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([[{}]], object), allow_pickle=True)
+    with pytest.raises(OSError, match=r"a\.npy: is truncated or damaged \(Object arrays cannot be loaded"):
+        read_image(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("n_bands", [3, 6])
+def test_what_pillow_refuses_for_its_size_is_refused_at_every_depth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n_bands: int
+) -> None:
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
+    for name in ("a.tif", "a.npy"):
+        write_image(tmp_path / name, FLOATS[..., :n_bands])
+        with pytest.raises(OSError, match=r": has over 20 pixels, the limit for safety"):
+            read_image(tmp_path / name)
+
+
+def test_8_bit_pictures_are_read_without_the_libraries_for_deep_ones(tmp_path: Path) -> None:
+    for suffix in (".png", ".tif", ".jpg"):
+        write_image(tmp_path / f"a{suffix}", RGB.astype(np.uint8))
+    script = (
+        "import sys; from cvtimg import read_image; [read_image(path) for path in sys.argv[1:]];"
+        "assert not {'tifffile', 'imagecodecs'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-P", "-c", script, *tmp_path.iterdir()], check=True)

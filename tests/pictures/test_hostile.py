@@ -1,0 +1,85 @@
+"""Files that were damaged, or made to harm, end in a right result or in an error of one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import hostile
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from cvtimg import write_image
+from cvtimg.cli import app as cli
+
+SEEDS = dict(hostile.seeds())
+
+
+def test_a_part_of_the_corpus_ends_in_results_or_in_one_line(tmp_path: Path) -> None:
+    wrong = {}
+    for name, content in list(hostile.damaged(SEEDS.items(), n_cuts=1, n_flips=1))[::9]:
+        (tmp_path / name).write_bytes(content)
+        if (verdict := hostile.judge(tmp_path / name)) not in ("right", "error"):
+            wrong[name] = verdict
+    assert not wrong
+
+
+def test_files_that_lie_end_in_one_line(tmp_path: Path) -> None:
+    verdicts = {}
+    for name, content in hostile.made():
+        (tmp_path / name).write_bytes(content)
+        verdicts[name] = hostile.judge(tmp_path / name)
+    assert {name: verdict for name, verdict in verdicts.items() if verdict not in ("right", "error")} == {}
+    assert verdicts["tiny.tif"] == verdicts["loop.tif"] == verdicts["wrong-jpeg.png"] == "right"
+    assert verdicts["bomb.png"] == verdicts["empty.png"] == verdicts["pickle.npy"] == "error"
+
+
+def test_a_file_that_is_whole_is_right(tmp_path: Path) -> None:
+    for name in ("png-RGB.png", "bmp-P.bmp", "jpeg-CMYK.jfif", "tiff-I16.tif", "icc-garbage.png", "1x1.png"):
+        (tmp_path / name).write_bytes(SEEDS[name])
+        assert hostile.judge(tmp_path / name) == "right", name
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    name=st.sampled_from(sorted(SEEDS)),
+    cut=st.integers(0, 4000),
+    changes=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), max_size=6),
+)
+def test_any_damage_ends_in_a_result_or_in_one_line(
+    tmp_path: Path, name: str, cut: int, changes: list[tuple[int, int]]
+) -> None:
+    content = bytearray(SEEDS[name])
+    for at, value in changes:
+        content[at % len(content)] = value
+    path = tmp_path / name
+    path.write_bytes(content[: len(content) - cut % 50])
+    assert hostile.judge(path) in ("right", "error")
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.npy"])
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_max_pixels_guards_and_can_be_raised(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, jobs: str
+) -> None:
+    limit = Image.MAX_IMAGE_PIXELS
+    for stem in ("x", "y"):
+        write_image(tmp_path / f"{stem}{name}", np.zeros((30, 40, 3), np.float32 if name == "a.npy" else np.uint16))
+    command = ["info", str(tmp_path / f"x{name}"), str(tmp_path / f"y{name}"), "--jobs", jobs, "--max-pixels"]
+    assert cli.main([*command, "1199"]) == 1
+    assert "has over 1199 pixels, the limit for safety; --max-pixels raises it" in capsys.readouterr().err
+    assert cli.main([*command, "1200"]) == 0
+    assert limit == Image.MAX_IMAGE_PIXELS
+
+
+def test_libraries_do_not_talk_in_between(tmp_path: Path) -> None:
+    content = SEEDS["tiff-tiff_lzw.tif"]
+    (tmp_path / "bad.tif").write_bytes(content[:200] + bytes(60) + content[260:])
+    command = [sys.executable, "-P", "-m", "cvtimg", "info", "bad.tif"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("cvtimg: bad.tif: is truncated or damaged")

@@ -1,0 +1,284 @@
+"""Dithering: exact nearest entries, means that are kept, and nothing that depends on threads or on chance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, uniform_filter
+
+from cvtimg import quantize, read_image
+from cvtimg._shared import threads as _threads
+from cvtimg.colors import color_samples
+from cvtimg.quantization.dithering import DITHERS, dither, energy_of
+
+SAMPLES = Path(__file__).parents[2] / "sample_images"
+
+Entries = NDArray[np.int32]
+
+
+def nearest(places: NDArray[Any], palette: NDArray[Any]) -> NDArray[np.intp]:
+    distances = ((places[..., None, :].astype(np.float64) - palette) ** 2).sum(axis=-1)
+    return distances.argmin(axis=-1)
+
+
+def nearest_of(place: NDArray[np.float32], entries: NDArray[np.float32]) -> tuple[int, np.float32]:
+    """Find the nearest of some entries and its squared distance, rounded as the kernel rounds."""
+    steps = (place - entries) ** 2
+    distances = (steps[:, 0] + steps[:, 1]) + (steps[:, 2] + steps[:, 3])
+    return int(distances.argmin()), distances.min()
+
+
+def usual_step(palette: NDArray[np.float32]) -> np.float32:
+    """Root of the mean squared distance from an entry to the nearest other one."""
+    squares = ((palette[:, None].astype(np.float64) - palette) ** 2).sum(axis=2)
+    np.fill_diagonal(squares, np.inf)
+    return np.float32(np.sqrt(squares.min(axis=1).mean()) if len(palette) > 1 else 0)
+
+
+def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength: float) -> Entries:
+    """Floyd and Steinberg's method, pixel by pixel, in the float32 of the kernel."""
+    height, width, _ = image.shape
+    errors = np.zeros((height + 1, width + 2, 4), np.float32)
+    low = np.minimum(image.min(axis=(0, 1)), palette.min(axis=0)).astype(np.float64)
+    wide = np.zeros((height, width, 4), np.float32)
+    wide[..., : image.shape[2]] = image - low
+    entries = np.zeros((len(palette), 4), np.float32)
+    entries[:, : palette.shape[1]] = palette - low
+    labels = np.empty((height, width), np.int32)
+    most = usual_step(entries)
+    part = np.float32([7 / 16, 3 / 16, 5 / 16, 1 / 16])
+    for y in range(height):
+        step, ahead = (1 if y % 2 == 0 else -1), np.zeros(4, np.float32)
+        for x in range(width)[::step]:
+            place = (wide[y, x] + errors[y, x + 1]) + ahead
+            labels[y, x], squared = nearest_of(place, entries)
+            share = np.float32(strength) * (most / np.sqrt(squared) if squared > most * most else 1)
+            missed = (place - entries[labels[y, x]]) * share
+            ahead = missed * part[0]
+            errors[y + 1, x + 1 - step] += missed * part[1]
+            errors[y + 1, x + 1] += missed * part[2]
+            errors[y + 1, x + 1 + step] += missed * part[3]
+    return labels
+
+
+def of_image(image: NDArray[Any], palette: NDArray[Any], **options: Any) -> Entries:
+    """Dither an (H, W, D) image whose pixels are all distinct colors."""
+    inverse = np.arange(image.shape[0] * image.shape[1], dtype=np.int32).reshape(image.shape[:2])
+    return dither(image.reshape(-1, image.shape[2]), inverse, palette, **options)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    height=st.integers(1, 9),
+    width=st.integers(1, 9),
+    n_dims=st.sampled_from([1, 2, 3, 4]),
+    n_entries=st.integers(1, 40),
+    strength=st.sampled_from([0.0, 0.5, 0.9, 1.0]),
+)
+@settings(max_examples=60, deadline=None)
+def test_errors_go_where_floyd_and_steinberg_send_them(
+    seed: int, height: int, width: int, n_dims: int, n_entries: int, strength: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    image = rng.random((height, width, n_dims), np.float32)
+    palette = rng.random((n_entries, n_dims), np.float32)
+    assert np.array_equal(of_image(image, palette, strength=strength), diffused(image, palette, strength))
+
+
+@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("n_entries", [1, 2, 16, 256, 1000])
+@pytest.mark.parametrize("n_dims", [1, 3, 4])
+def test_at_strength_0_every_pixel_has_its_nearest_entry(method: str, n_entries: int, n_dims: int) -> None:
+    rng = np.random.default_rng(n_entries)
+    # Most entries crowd in a corner, where cells have many candidates.
+    palette = rng.random((n_entries, n_dims)).astype(np.float32) ** 3
+    image = rng.random((40, 31, n_dims), np.float32)
+    labels = of_image(image, palette, method=method, strength=0)
+    chosen = ((image - palette[labels]) ** 2).sum(axis=2, dtype=np.float64)
+    least = ((image - palette[nearest(image, palette)]) ** 2).sum(axis=2, dtype=np.float64)
+    np.testing.assert_allclose(chosen, least, rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_of_equal_entries_the_first_is_taken(method: str) -> None:
+    palette = np.array([[0.0], [1], [1], [0]])
+    assert set(of_image(np.linspace(0, 1, 64).reshape(8, 8, 1), palette, method=method).ravel()) == {0, 1}
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_a_ramp_in_black_and_white_keeps_its_local_mean(method: str) -> None:
+    ramp = np.tile(np.linspace(0, 1, 256), (64, 1))
+    labels = of_image(ramp[..., None], np.array([[0.0], [1.0]]), method=method, strength=1)
+    error = np.abs(gaussian_filter(labels.astype(float), 8) - gaussian_filter(ramp, 8))
+    # A mixture of blue noise has 16 entries: the mean is right to 1/32.
+    assert error.max() < (0.06 if method == "blue-noise" else 0.03)
+
+
+@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("n_colors", [8, 64])
+def test_seen_from_afar_a_dithered_photograph_is_nearer_to_the_original(method: str, n_colors: int) -> None:
+    image = read_image(SAMPLES / "chelsea.png")[:200, :200]
+    samples, plain = color_samples(image), quantize(image, n_colors, effort="fast")
+    labels = dither(samples.colors, samples.inverse, plain.palette, method=method)
+
+    def error(picture: NDArray[Any]) -> float:
+        return float(np.square(uniform_filter(picture.astype(float) - image, (8, 8, 0))).mean())
+
+    # What no mixture of the palette reaches stays as far away as it was.
+    assert error(plain.palette[labels]) < 0.95 * error(plain.image)
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -> None:
+    image = read_image(SAMPLES / "chelsea.png")[:128, :128].astype(np.float32)
+    palette = quantize(image, 16, effort="fast").palette
+    pictures = [palette[of_image(image, palette, method=method, strength=s)] for s in (0, 0.5, 1)]
+    grain = [np.square(picture - image).mean() for picture in pictures]
+    drift = [np.square(uniform_filter(picture - image, (16, 16, 0))).mean() for picture in pictures]
+    assert grain == sorted(grain)
+    assert drift == sorted(drift, reverse=True)
+
+
+@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 17), (17, 1), (2, 3), (65, 67)])
+def test_any_size_is_dithered(method: str, shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    palette = rng.random((5, 3))
+    labels = of_image(rng.random((*shape, 3)), palette, method=method)
+    assert labels.shape == shape
+    assert labels.dtype == np.int32
+    assert 0 <= labels.min() <= labels.max() < 5
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_a_picture_in_the_colors_of_the_palette_stays_as_it_is(method: str) -> None:
+    rng = np.random.default_rng(0)
+    palette = rng.integers(0, 256, (30, 3))
+    labels = rng.integers(0, 30, (20, 21)).astype(np.int32)
+    assert np.array_equal(palette[dither(palette, labels, palette, method=method)], palette[labels])
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_a_color_out_of_reach_of_the_palette_does_not_smear(method: str) -> None:
+    # The red of the left half cannot be mixed. What is missed there must not turn the right half red.
+    image = np.zeros((32, 64, 3))
+    image[:, :32] = [255, 0, 0]
+    image[:, 32:] = [100, 100, 100]
+    palette = np.array([[90.0, 90, 90], [110, 110, 110], [150, 90, 90]])
+    right = palette[of_image(image, palette, method=method)][:, 34:]
+    np.testing.assert_allclose(right.mean(axis=(0, 1)), [100, 100, 100], atol=6)
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_a_color_out_of_reach_has_no_spots_of_far_colors(method: str) -> None:
+    # Green that is not in the palette comes near its white by no mixture that looks like it.
+    image = np.zeros((48, 48, 3))
+    image[:, :, 0] = np.linspace(0, 60, 48)
+    image[20:28] = [24, 88, 72]
+    palette = np.array([[0, 0, 0], [20, 0, 0], [40, 0, 0], [60, 0, 0], [16, 56, 56], [255, 255, 255]])
+    assert set(of_image(image, palette, method=method)[20:28].ravel()) == {4}
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_colors_take_only_entries_that_their_kind_may_take(method: str) -> None:
+    rng = np.random.default_rng(1)
+    places = rng.random((600, 4))
+    palette = rng.random((12, 4))
+    kinds = rng.integers(0, 3, 600)
+    allowed = np.zeros((3, 12), bool)
+    allowed[0, 4], allowed[1], allowed[2, 6:] = True, True, True
+    labels = of_image(places.reshape(20, 30, 4), palette, method=method, kinds=kinds, allowed=allowed)
+    assert allowed[kinds, labels.ravel()].all()
+    assert len(set(labels.ravel()[kinds == 1])) > 6
+
+
+def test_no_error_crosses_pixels_that_have_no_choice() -> None:
+    image = np.full((16, 48, 1), 0.25)
+    image[:, 16:32] = 0
+    kinds = (image.ravel() == 0).astype(np.uint8)
+    palette, allowed = np.array([[0.0], [1]]), np.array([[True, True], [True, False]])
+    with_gap = of_image(image, palette, strength=1, kinds=kinds, allowed=allowed)
+    other_start = image.copy()
+    other_start[:, :16] = 0.4
+    again = of_image(other_start, palette, strength=1, kinds=kinds, allowed=allowed)
+    assert not np.array_equal(with_gap[:, :16], again[:, :16])
+    # On the way there nothing comes over the gap; on the way back what comes is of the right part.
+    assert np.array_equal(with_gap[:, 32:], again[:, 32:])
+
+
+def test_blue_noise_depends_on_color_and_place_alone() -> None:
+    rng = np.random.default_rng(0)
+    image, palette = rng.random((70, 90, 3)), rng.random((16, 3))
+    changed = image.copy()
+    changed[20:30, 40:60] = rng.random((10, 20, 3))
+    labels, again = (of_image(picture, palette, method="blue-noise") for picture in (image, changed))
+    same = (image == changed).all(axis=2)
+    assert np.array_equal(labels[same], again[same])
+
+
+def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
+    flat = np.full((64, 64, 1), 0.5)
+    for grey in (0.25, 0.5, 0.75):
+        labels = of_image(flat * 2 * grey, np.array([[0.0], [1.0]]), method="blue-noise", strength=1)
+        power = np.abs(np.fft.fft2(labels - labels.mean())) ** 2
+        radius = np.hypot(np.fft.fftfreq(64)[:, None], np.fft.fftfreq(64))
+        assert power[radius < 0.15].mean() < 0.05 * power.mean()
+
+
+@pytest.mark.parametrize("method", DITHERS)
+def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    image = read_image(SAMPLES / "coffee.png")
+    samples = color_samples(image)
+    palette = samples.colors[:: samples.n_colors // 30]
+    found = []
+    for threads in (1, 3):
+        monkeypatch.setattr(_threads, "n_threads", lambda threads=threads: threads)
+        _threads._pool.cache_clear()
+        found.append(dither(samples.colors, samples.inverse, palette, method=method))
+    _threads._pool.cache_clear()
+    assert np.array_equal(*found)
+
+
+def test_the_energy_is_that_of_the_pixels() -> None:
+    rng = np.random.default_rng(0)
+    places, palette = rng.integers(0, 256, (50, 3)), rng.integers(0, 256, (9, 3))
+    inverse, labels = (rng.integers(0, n, (11, 13)).astype(np.int32) for n in (50, 9))
+    energy = energy_of(places, inverse, palette, labels)
+    assert energy == np.square(places[inverse] - palette[labels]).sum()
+
+
+@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_unit_does_not_matter(method: str, scale: float) -> None:
+    rng = np.random.default_rng(0)
+    image, palette = rng.random((20, 20, 3)), rng.random((9, 3))
+    image[0, 0], image[0, 1] = 0, 1
+    power = 2.0 ** np.round(np.log2(scale))
+    labels = of_image(image, palette, method=method)
+    assert np.array_equal(of_image(image * power, palette * power, method=method), labels)
+
+
+def test_the_input_is_unchanged() -> None:
+    rng = np.random.default_rng(0)
+    places, palette = rng.random((6, 3)), rng.random((4, 3))
+    inverse = rng.integers(0, 6, (5, 5)).astype(np.int32)
+    before = places.copy(), inverse.copy(), palette.copy()
+    dither(places, inverse, palette)
+    for array, copy in zip((places, inverse, palette), before, strict=True):
+        assert np.array_equal(array, copy)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    one = np.zeros((1, 3)), np.zeros((1, 1), np.int32), np.zeros((1, 3))
+    with pytest.raises(ValueError, match="method='riemersma' must be one of floyd-steinberg, blue-noise"):
+        dither(*one, method="riemersma")
+    with pytest.raises(ValueError, match=r"strength=1\.5 must be in 0\.\.1"):
+        dither(*one, strength=1.5)
+    with pytest.raises(ValueError, match="5 coordinates"):
+        dither(np.zeros((1, 5)), one[1], np.zeros((1, 5)))

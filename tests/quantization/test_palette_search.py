@@ -1,0 +1,233 @@
+"""Palettes of samples: locked colors, weights, spaces, several pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import reference
+from numpy.typing import NDArray
+
+from cvtimg import find_palette, quantize
+from cvtimg.colors import SPACES, color_samples, merge_samples
+from cvtimg.colors.spaces import peak, to_space
+from cvtimg.quantization import map_to_palette
+
+LOCKED = np.array([[255, 0, 0], [1, 2, 3]], np.uint8)
+
+
+def rows(colors: NDArray[Any]) -> set[tuple[Any, ...]]:
+    return set(map(tuple, colors.tolist()))
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
+def test_locked_colors_are_in_the_palette_exactly(space: str, dtype: Any, photograph: NDArray[Any]) -> None:
+    scale = peak(np.dtype(dtype)) / 255
+    picture, locked = ((colors * scale).astype(dtype) for colors in (photograph[::4, ::4], LOCKED))
+    result = quantize(picture, 8, space=space, locked=locked)
+    assert rows(locked) <= rows(result.palette)
+    assert len(result.palette) == 8
+
+
+def test_locked_colors_leave_the_others_where_they_are_best(photograph: NDArray[Any]) -> None:
+    picture = photograph[::2, ::2]
+    free, locked = quantize(picture, 14), quantize(picture, 16, locked=LOCKED)
+    assert locked.energy < free.energy
+
+
+def test_all_colors_can_be_locked(photograph: NDArray[Any]) -> None:
+    result = quantize(photograph, 2, locked=LOCKED)
+    assert rows(result.palette) == rows(LOCKED)
+    with pytest.raises(ValueError, match="n_colors=1 must be at least 2: locked colors"):
+        quantize(photograph, 1, locked=LOCKED)
+
+
+@pytest.mark.parametrize("n_colors", [4, 5, 6, 7, 8, 9])
+def test_a_picture_of_few_colors_has_them_beside_the_locked_ones(n_colors: int) -> None:
+    picture = np.arange(0, 60, 2, dtype=np.uint8).reshape(2, 5, 3)[:, :3]  # six colors
+    locked = [[200, 200, 0], [0, 200, 200]]
+    result = quantize(picture, n_colors, locked=locked)
+    assert rows(np.array(locked)) <= rows(result.palette)
+    assert len(result.palette) == min(n_colors, 8)
+    assert (result.energy == 0) == (n_colors >= 8)
+
+
+def test_grey_stays_grey_unless_a_locked_color_is_none(photograph: NDArray[Any]) -> None:
+    grey = photograph[::4, ::4, 1]
+    assert quantize(grey, 4, locked=[[9, 9, 9]]).palette.shape == (4, 1)
+    result = quantize(grey, 4, locked=[[255, 0, 0]])
+    assert result.image.shape == (*grey.shape, 3)
+    assert (255, 0, 0) in rows(result.palette)
+    assert (np.ptp(result.palette.astype(int), axis=1) == 0).sum() == 3
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ([[1, 2, 300]], r"locked must be whole numbers in 0\.\.255, as the picture is of uint8"),
+        ([[1, 2, -3]], "locked must be whole numbers"),
+        ([[1, 2, 3.5]], "locked must be whole numbers"),
+        ([[1, 2, np.nan]], "locked must be whole numbers"),
+        (np.zeros((2, 5)), "colors of 5 channels must have 3"),
+        (np.zeros((0, 3)), r"locked of shape \(0, 3\)"),
+        ([["a"]], "locked of shape"),
+    ],
+)
+def test_wrong_locked_colors_are_refused(locked: Any, message: str, photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match=message):
+        quantize(photograph[:8, :8], 4, locked=locked)
+
+
+@pytest.mark.parametrize("space", ["linear", "lab", "oklab"])
+def test_a_space_is_best_by_its_own_distances(space: str, photograph: NDArray[Any]) -> None:
+    picture = photograph[::2, ::2]
+
+    def error(image: NDArray[Any]) -> float:
+        before, after = (to_space(colors.reshape(-1, 3), space) for colors in (picture, image))
+        return float(((before - after) ** 2).sum())
+
+    assert error(quantize(picture, 16, space=space).image) < 0.9 * error(quantize(picture, 16).image)
+
+
+def test_figures_are_in_srgb_whatever_the_space(photograph: NDArray[Any]) -> None:
+    for space in SPACES:
+        result = quantize(photograph[::2, ::2], 9, space=space)
+        assert result.energy == pytest.approx(reference.seen_energy(photograph[::2, ::2], result.image))
+
+
+def test_weights_count_as_repeated_pixels(photograph: NDArray[Any]) -> None:
+    picture = photograph[::4, ::4]
+    weights = np.random.default_rng(1).integers(1, 4, picture.shape[1])
+    repeated = np.repeat(picture, weights, axis=1)
+    result = quantize(picture, 12, weights=np.broadcast_to(weights, picture.shape[:2]))
+    np.testing.assert_array_equal(result.palette, quantize(repeated, 12).palette)
+    assert result.energy == pytest.approx(reference.seen_energy(picture, result.image))
+
+
+def test_what_has_no_weight_gets_no_colors(photograph: NDArray[Any]) -> None:
+    picture = photograph[:64, :64].copy()
+    picture[:, :32] = np.arange(0, 256, 8, dtype=np.uint8)[:, None]
+    weights = np.zeros((64, 64))
+    weights[:, :32] = 0.25
+    result = quantize(picture, 32, weights=weights)
+    np.testing.assert_array_equal(result.image[:, :32], picture[:, :32])
+    assert len(result.palette) == 32
+
+
+def test_weights_and_volume_power_act_together(photograph: NDArray[Any]) -> None:
+    picture = photograph[::8, ::8]
+    weights = np.random.default_rng(2).random(picture.shape[:2])
+    palettes = [
+        quantize(picture, 6, weights=given, volume_power=power).palette for given in (None, weights) for power in (0, 1)
+    ]
+    assert len({palette.tobytes() for palette in palettes}) == 4
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (np.ones((3, 3)), r"weights of shape \(3, 3\) must be \(8, 8\), one weight for each pixel"),
+        (np.zeros((8, 8)), "weights must be finite and >= 0, and not all 0"),
+        (-np.ones((8, 8)), "weights must be finite and >= 0"),
+        (np.full((8, 8), np.nan), "weights must be finite"),
+    ],
+)
+def test_wrong_weights_are_refused(weights: NDArray[Any], message: str, photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match=message):
+        quantize(photograph[:8, :8], 4, weights=weights)
+
+
+@pytest.mark.parametrize("channels", [None, 3, 4])
+def test_a_palette_of_several_pictures_is_that_of_all_pixels(channels: int | None, photograph: NDArray[Any]) -> None:
+    strips = [photograph[::2, start : start + 40] for start in (0, 40, 160)]
+    strips = [strip[..., 0] if channels is None else strip for strip in strips]
+    if channels == 4:
+        strips = [np.dstack([strip, np.maximum(strip[..., 0], 99)]) for strip in strips]
+    merged = merge_samples([color_samples(strip) for strip in strips])
+    whole = color_samples(np.concatenate(strips, axis=1))
+    np.testing.assert_array_equal(merged.colors, whole.colors)
+    np.testing.assert_array_equal(merged.density, whole.density)
+    np.testing.assert_array_equal(find_palette(merged, 11).colors, find_palette(whole, 11).colors)
+
+
+def test_samples_that_differ_in_kind_do_not_merge() -> None:
+    with pytest.raises(ValueError, match="must have one type and number of channels, not uint16 x 3, uint8 x 3"):
+        merge_samples([color_samples(np.zeros((2, 2, 3), dtype)) for dtype in (np.uint8, np.uint16)])
+    with pytest.raises(ValueError, match="not none"):
+        merge_samples([])
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_remapping_to_its_own_palette_changes_nothing(space: str, photograph: NDArray[Any]) -> None:
+    once = quantize(photograph[::2, ::2], 20, space=space)
+    again = quantize(once.image, palette=once.palette, space=space)
+    np.testing.assert_array_equal(again.indices, once.indices)
+    assert again.energy == 0
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_pixels_get_the_nearest_color_in_the_space(space: str, photograph: NDArray[Any]) -> None:
+    picture = photograph[::8, ::8]
+    palette = np.random.default_rng(3).integers(0, 256, (50, 3), np.uint8)
+    result = map_to_palette(picture, palette, space=space)
+    np.testing.assert_array_equal(result.palette, palette)
+    places = [to_space(colors, space) for colors in (picture.reshape(-1, 3), palette)]
+    distances = reference.squared_distances(*places)
+    chosen = distances[np.arange(len(distances)), result.indices.reshape(-1)]
+    np.testing.assert_allclose(chosen, distances.min(axis=1), rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_colors", [5000, 20000])
+def test_deep_grey_is_mapped_exactly_to_thousands_of_levels(n_colors: int) -> None:
+    rng = np.random.default_rng(4)
+    picture = rng.integers(0, 65536, (200, 200), np.uint16)
+    palette = np.sort(rng.choice(65536, n_colors, replace=False))
+    result = map_to_palette(picture, palette)
+    above = np.clip(np.searchsorted(palette, picture), 1, n_colors - 1)
+    nearest = np.minimum(np.abs(palette[above] - picture), np.abs(palette[above - 1] - picture))
+    np.testing.assert_array_equal(np.abs(result.image.astype(int) - picture), nearest)
+    assert result.indices.dtype == np.uint16
+
+
+def test_more_than_256_colors_of_16_bits(photograph: NDArray[Any]) -> None:
+    rng = np.random.default_rng(5)
+    deep = (photograph[::2, ::2] * np.uint16(257)) ^ rng.integers(0, 128, (128, 128, 3), np.uint16)
+    result = quantize(deep, 1000, effort="fast")
+    assert len(result.palette) == 1000
+    assert result.image.dtype == np.uint16
+    assert result.psnr > 40
+
+
+@pytest.mark.parametrize("name", ["n_colors", "psnr", "locked", "weights", "effort"])
+def test_a_given_palette_leaves_nothing_to_find(name: str, photograph: NDArray[Any]) -> None:
+    value = {"n_colors": 4, "psnr": 30, "locked": LOCKED, "weights": np.ones((8, 8)), "effort": "best"}[name]
+    with pytest.raises(ValueError, match=f"palette must not be given with {name}"):
+        quantize(photograph[:8, :8], palette=LOCKED, **{name: value})
+
+
+def test_something_must_tell_the_number_of_colors() -> None:
+    with pytest.raises(TypeError, match="n_colors, psnr or palette must be given"):
+        quantize(np.zeros((2, 2), np.uint8))
+
+
+def test_grey_pictures_take_palettes_of_colors(photograph: NDArray[Any]) -> None:
+    grey = photograph[..., 1]
+    palette = np.array([[8, 24, 32], [52, 104, 86], [136, 192, 112], [224, 248, 208]], np.uint8)
+    result = quantize(grey, palette=palette)
+    assert rows(result.image.reshape(-1, 3)) == rows(palette)
+
+
+def test_a_result_tells_what_files_hold(photograph: NDArray[Any]) -> None:
+    for picture, width in ((photograph, 3), (photograph[..., 0], 3), (np.dstack([photograph, photograph[..., 0]]), 4)):
+        result = quantize(picture, 9)
+        pixels, palette = result.content
+        assert palette is not None
+        assert palette.shape[1] == width
+        np.testing.assert_array_equal(pixels, result.indices)
+    for picture in (photograph.astype(np.uint16), photograph[::2, ::2]):
+        result = quantize(picture, 9 if picture.dtype == np.uint16 else 300, effort="fast")
+        pixels, palette = result.content
+        assert palette is None
+        np.testing.assert_array_equal(pixels, result.image)

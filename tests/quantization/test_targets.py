@@ -1,0 +1,106 @@
+"""The fewest colors that reach a quality, the most whose file is small enough."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from cvtimg import quantize
+from cvtimg.quantization import Quantized, quantize_to_size
+from cvtimg.quantization.targets import first_reaching
+
+
+@given(st.lists(st.floats(-5, 60), min_size=1, max_size=300), st.floats(-5, 60), st.integers(1, 300), st.booleans())
+def test_what_is_found_reaches_the_target_and_one_less_does_not(
+    values: list[float], target: float, first: int, rising: bool
+) -> None:
+    table = sorted(values) if rising else values
+    tried: set[int] = set()
+
+    def measure(n: int) -> float:
+        assert n not in tried
+        tried.add(n)
+        return table[n - 1]
+
+    found = first_reaching(measure, target, 1, len(table), first=first, per_octave=2.0)
+    assert found == len(table) + 1 or table[found - 1] >= target
+    assert found == 1 or table[found - 2] < target
+    if rising:
+        assert found == 1 + sum(value < target for value in table)
+
+
+def test_few_trials_suffice_where_quality_follows_the_logarithm() -> None:
+    tried: list[int] = []
+
+    def measure(n: int) -> float:
+        tried.append(n)
+        return 20 + 2.2 * np.log2(n) + 0.05 * np.sin(n)
+
+    first_reaching(measure, 38.0, 1, 65536, first=32, per_octave=2.0)
+    assert len(tried) <= 10
+
+
+@pytest.mark.parametrize("psnr", [18, 24.5, 30])
+@pytest.mark.parametrize("options", [{}, {"effort": "fast"}, {"space": "oklab"}, {"dither": "floyd-steinberg"}])
+def test_no_fewer_colors_reach_the_quality(psnr: float, options: Any, photograph: NDArray[Any]) -> None:
+    picture = photograph[::4, ::4]
+    result = quantize(picture, psnr=psnr, **options)
+    n_colors = len(result.palette)
+    assert result.psnr >= psnr
+    assert quantize(picture, n_colors - 1, **options).psnr < psnr
+    np.testing.assert_array_equal(result.image, quantize(picture, n_colors, **options).image)
+
+
+def test_grey_takes_the_fewest_levels_of_all(photograph: NDArray[Any]) -> None:
+    grey = photograph[::2, ::2, 1]
+    result = quantize(grey, psnr=35)
+    qualities = [quantize(grey, n).psnr for n in range(1, len(result.palette) + 1)]
+    assert [quality >= 35 for quality in qualities] == [False] * (len(qualities) - 1) + [True]
+
+
+def test_a_quality_out_of_reach_is_refused(photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match=r"psnr=60 is not reached by 16 colors, only \d\d\.\d\d dB"):
+        quantize(photograph[::4, ::4], 16, psnr=60)
+
+
+def test_every_quality_is_reached_by_all_colors() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (20, 20, 3), np.uint8)
+    result = quantize(picture, psnr=100)
+    assert result.psnr >= 100
+    np.testing.assert_array_equal(result.image, picture)
+
+
+def test_locked_and_transparent_colors_are_counted(photograph: NDArray[Any]) -> None:
+    picture = np.dstack([photograph[::8, ::8], np.full((32, 32), 255, np.uint8)])
+    picture[:4, :, 3] = 0
+    result = quantize(picture, psnr=1, locked=[[255, 0, 0], [0, 0, 255]])
+    assert len(result.palette) == 3
+
+
+def size(result: Quantized) -> int:
+    """Count the bytes of a palette and of indices of 8 bits, packed by runs."""
+    runs = np.count_nonzero(np.diff(result.indices.reshape(-1).astype(int))) + 1
+    return 2 * runs + 3 * len(result.palette)
+
+
+@pytest.mark.parametrize("n_bytes", [1000, 3000, 6000])
+def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDArray[Any]) -> None:
+    picture = photograph[::4, ::4]
+    result = quantize_to_size(picture, n_bytes, size)
+    assert size(result) <= n_bytes < size(quantize(picture, len(result.palette) + 1))
+    assert len(quantize_to_size(picture, n_bytes, size, 2).palette) == min(2, len(result.palette))
+
+
+def test_a_size_too_small_for_the_fewest_colors_is_refused(photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match="max_bytes=4 must be at least 5, for the fewest colors, 1"):
+        quantize_to_size(photograph, 4, size)
+
+
+def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:
+    with pytest.raises(ValueError, match="n_colors=2 must be at least 3: locked colors"):
+        quantize(photograph, 2, psnr=30, locked=[[1, 2, 3], [4, 5, 6], [7, 8, 9]])

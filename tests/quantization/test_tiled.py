@@ -1,0 +1,278 @@
+"""By tiles a picture becomes what it becomes in one piece, whatever way its file is cut."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from cvtimg import find_palette, quantize, read_image, write_image
+from cvtimg.cli import app as cli
+from cvtimg.cli import quantize_command as command
+from cvtimg.cli import tiled as _tiled
+from cvtimg.colors import counting
+from cvtimg.colors.counting import Counter
+from cvtimg.colors.samples import color_samples
+from cvtimg.files.whole import whole_folder
+from cvtimg.pictures import tiles
+from cvtimg.quantization import map_to_palette, quantize_file
+from cvtimg.quantization import tiled as tiled_quantization
+
+RNG = np.random.default_rng(31)
+zarr = pytest.importorskip("zarr")
+PICTURE = np.kron(RNG.integers(0, 250, (12, 10, 3), np.uint8), np.ones((50, 60, 1), np.uint8))
+PICTURE = PICTURE + RNG.integers(0, 6, PICTURE.shape, np.uint8)
+LAYOUTS: dict[str, dict[str, Any]] = {
+    "tiles": {"tile": (64, 128)},
+    "compressed tiles": {"tile": (128, 64), "compression": "zstd", "predictor": True},
+    "big": {"tile": (256, 256), "bigtiff": True, "compression": "lzw"},
+    "strips": {"rowsperstrip": 7, "compression": "adobe_deflate"},
+    "plain": {},
+    "big-endian": {"byteorder": ">"},
+}
+
+
+@pytest.fixture(autouse=True)
+def small_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in an empty folder, with several bands in a picture."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
+
+
+def write(image: NDArray[Any], **layout: Any) -> None:
+    rgb = image.ndim == 3 and image.shape[2] in (3, 4)
+    if image.ndim == 3:
+        layout = {"planarconfig": "contig", **layout}
+    tifffile.imwrite("a.tif", image, photometric="rgb" if rgb else "minisblack", metadata=None, **layout)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_bands_are_the_picture(layout: dict[str, Any]) -> None:
+    for image in (PICTURE, PICTURE[..., 0], PICTURE.astype(np.uint16) * 257):
+        write(image, **layout)
+        bands = list(tiles.open_bands("a.tif"))
+        assert len(bands) > 2
+        np.testing.assert_array_equal(np.concatenate(bands), image)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_by_tiles_is_as_in_one_piece(layout: dict[str, Any]) -> None:
+    write(PICTURE, **layout)
+    result = quantize_file("a.tif", "b.tif", 12)
+    whole = quantize(PICTURE, 12)
+    np.testing.assert_array_equal(read_image("b.tif"), whole.image)
+    np.testing.assert_array_equal(result.palette, whole.palette)
+    assert result.energy == pytest.approx(whole.energy)
+    assert result.psnr == pytest.approx(whole.psnr)
+    assert (result.n_distinct, result.exact) == (color_samples(PICTURE).n_colors, True)
+    with tifffile.TiffFile("b.tif") as tiff:
+        assert tiff.pages.first.is_tiled
+        assert tiff.pages.first.photometric.name == "PALETTE"
+
+
+KINDS = {
+    "grey": PICTURE[..., 0],
+    "rgba": np.dstack([PICTURE, np.where(PICTURE[..., 0] > 200, 0, 255).astype(np.uint8)]),
+    "deep": PICTURE.astype(np.uint16) * 200,
+    "bands": np.concatenate([PICTURE, PICTURE[..., :2]], axis=2),
+    "float": (PICTURE / 255).astype(np.float32),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("target", ["b.tif", "b.zarr"])
+def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
+    image = KINDS[name]
+    write(image, tile=(64, 64))
+    quantize_file("a.tif", target, 9)
+    after = read_image(target) if target == "b.tif" else zarr.open_array(target, mode="r")[:]
+    expected = quantize(image, 9)
+    assert after.shape == image.shape
+    assert after.dtype == image.dtype
+    assert len(np.unique(after.reshape(-1, image.shape[2] if image.ndim == 3 else 1), axis=0)) <= 9
+    error = ((after.astype(float) - image) ** 2).sum()
+    assert error <= 1.02 * ((expected.image.astype(float) - image) ** 2).sum()
+
+
+def test_zarr_is_read_and_written() -> None:
+    source = zarr.create_array("a.zarr", shape=PICTURE.shape, chunks=(128, 128, 3), dtype=np.uint8)
+    source[:] = PICTURE
+    assert cli.main(["quantize", "a.zarr", "-k", "12", "-o", "b.zarr", "--quiet"]) == 0
+    np.testing.assert_array_equal(zarr.open_array("b.zarr", mode="r")[:], quantize(PICTURE, 12).image)
+    assert cli.main(["quantize", "a.zarr", "-k", "12", "-o", "b.zarr"]) == 1
+    assert cli.main(["quantize", "a.zarr", "-k", "2", "-o", "b.zarr", "--overwrite", "--quiet"]) == 0
+    assert len(np.unique(zarr.open_array("b.zarr", mode="r")[:].reshape(-1, 3), axis=0)) == 2
+    assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr"}
+
+
+def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
+    write(PICTURE, tile=(64, 64))
+    palette = [[0, 0, 0], [255, 255, 255], [200, 30, 30]]
+    quantize_file("a.tif", "b.tif", palette=palette, space="oklab")
+    np.testing.assert_array_equal(read_image("b.tif"), map_to_palette(PICTURE, palette, space="oklab").image)
+    result = quantize_file("a.tif", "c.tif", 5, locked=[[1, 2, 3]])
+    assert [1, 2, 3] in result.palette.tolist()
+
+
+def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    write(PICTURE, tile=(64, 64))
+    monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--save-palette", "p.gpl", "--quiet"]) == 0
+    np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["-k", "12", "--dither", "floyd-steinberg"],
+        ["-k", "12", "--psnr", "30"],
+        ["-k", "12", "--depth", "8"],
+        ["-k", "12", "--keep-metadata"],
+        ["-k", "12", "--weight-map", "weights.png"],
+        ["-k auto"],
+        ["--optimize"],
+    ],
+)
+def test_what_needs_the_whole_picture_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: list[str]
+) -> None:
+    write(PICTURE, tile=(64, 64))
+    write_image("weights.png", np.ones(PICTURE.shape[:2], np.uint8))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(command, "_check_optimize", lambda output: None)  # it refuses .tif, whatever its size
+    given = ["-k", "12", *options] if options == ["--optimize"] else " ".join(options).split()
+    assert cli.main(["quantize", "a.tif", "-o", "b.tif", *given]) == 1
+    shown = options[0] if len(options) == 1 else options[2]
+    assert f"is read by tiles, and {shown} needs the whole picture" in capsys.readouterr().err
+    assert not Path("b.tif").exists()
+
+
+def test_only_a_limit_that_is_given_holds_by_tiles(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(PICTURE, tile=(64, 64))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    how = ["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--quiet", "--max-pixels"]
+    assert cli.main([*how, "359999"]) == 1
+    assert "a.tif: has over 359999 pixels" in capsys.readouterr().err
+    assert cli.main([*how, "360000"]) == 0
+    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
+    assert cli.main([*how[:-1], "--overwrite"]) == 0
+
+
+def test_the_row_tells_whether_all_colors_were_told_apart(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(PICTURE.astype(np.uint16), tile=(64, 64))
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    for exact in (True, False):
+        if not exact:
+            monkeypatch.setattr(tiled_quantization, "Counter", partial(Counter, 2000))
+        assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--json", "--overwrite"]) == 0
+        assert json.loads(capsys.readouterr().out)["exact"] is exact
+
+
+def test_profile_and_place_on_earth_stay() -> None:
+    scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
+    geo = [(33550, 12, 3, scale, True), (33922, 12, 6, points, True)]
+    write(PICTURE, tile=(64, 64), extratags=geo, iccprofile=b"profile" * 30)
+    quantize_file("a.tif", "b.tif", 4)
+    with tifffile.TiffFile("b.tif") as tiff:
+        page = tiff.pages.first
+        assert page.iccprofile == b"profile" * 30
+        assert (page.tags.valueof(33550), page.tags.valueof(33922)) == (scale, points)
+
+
+def test_what_cannot_be_read_by_tiles_says_why() -> None:
+    write(np.moveaxis(PICTURE, 2, 0), planarconfig="separate", tile=(64, 64))
+    with pytest.raises(OSError, match=r"a\.tif: cannot be read by tiles|holds"):
+        quantize_file("a.tif", "b.tif", 4)
+    Path("no.zarr").mkdir()
+    with pytest.raises(OSError, match="is no Zarr array"):
+        quantize_file("no.zarr", "b.tif", 4)
+    with pytest.raises(OSError, match="no such file"):
+        quantize_file("missing.tif", "b.tif", 4)
+
+
+def test_a_damaged_tile_leaves_no_output() -> None:
+    write(PICTURE, tile=(64, 64), compression="adobe_deflate")
+    content = bytearray(Path("a.tif").read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 500] = bytes(500)
+    Path("a.tif").write_bytes(content)
+    with pytest.raises(OSError, match=r"a\.tif: is truncated or damaged"):
+        quantize_file("a.tif", "b.tif", 4)
+    assert {path.name for path in Path().iterdir()} == {"a.tif"}
+
+
+# Counting
+
+
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cuts=st.lists(st.integers(1, 599), max_size=5), channels=st.sampled_from([1, 2, 3, 4, 5]))
+def test_counting_in_parts_is_counting(cuts: list[int], channels: int) -> None:
+    image = np.repeat(PICTURE, 2, axis=2)[..., :channels]
+    counter = Counter()
+    for part in np.split(image, sorted(set(cuts))):
+        counter.add(part)
+    samples, whole = counter.samples(), color_samples(image)
+    assert counter.exact
+    order, expected = np.lexsort(samples.colors.T), np.lexsort(whole.colors.T)
+    np.testing.assert_array_equal(samples.colors[order], whole.colors[expected])
+    np.testing.assert_array_equal(samples.density[order], whole.density[expected])
+
+
+def test_counts_beyond_32_bits_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(counting._Table, "holds", lambda table, n_more: False)
+    counter = Counter()
+    for part in np.split(PICTURE, 4):
+        counter.add(part)
+    assert counter.samples().density.sum() == PICTURE[..., 0].size
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_of_too_many_colors_neighbours_are_taken_together(dtype: type) -> None:
+    image = RNG.integers(0, 65536, (100, 100, 3)).astype(dtype)
+    counter = Counter(most=2000)
+    for part in np.split(image, 10):
+        counter.add(part)
+    samples = counter.samples()
+    assert not counter.exact
+    assert samples.n_colors <= 2000
+    assert samples.density.sum() == 10_000
+    mean = samples.density @ samples.colors / 10_000
+    np.testing.assert_allclose(mean, image.reshape(-1, 3).mean(axis=0), rtol=1e-3)
+    few = map_to_palette(image, find_palette(samples, 8).colors)
+    assert few.energy < 1.05 * quantize(image, 8).energy
+
+
+def test_a_folder_is_replaced_only_by_a_whole_one() -> None:
+    write(PICTURE, tile=(64, 64))
+    quantize_file("a.tif", "b.zarr", 4)
+    before = zarr.open_array("b.zarr", mode="r")[:]
+    shutil.copy("a.tif", "c.tif")
+    Path("c.tif").write_bytes(Path("a.tif").read_bytes()[:50_000])
+    with pytest.raises(OSError, match=r"c\.tif"):
+        quantize_file("c.tif", "b.zarr", 3, overwrite=True)
+    np.testing.assert_array_equal(zarr.open_array("b.zarr", mode="r")[:], before)
+
+
+def test_a_folder_that_a_killed_program_left_is_cleared() -> None:
+    write(PICTURE, tile=(64, 64))
+    left = Path(".cvtimg-0123456789abcdef.part")
+    left.mkdir()
+    (left / "zarr.json").write_text("{}")
+    with whole_folder("c.zarr") as folder:
+        assert cli.main(["quantize", "a.tif", "-k", "4", "-o", "b.zarr", "--quiet"]) == 0
+        assert not left.exists()
+        assert folder.exists()
+    assert {path.name for path in Path().iterdir()} == {"a.tif", "b.zarr", "c.zarr"}

@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from reference import edge_weighted_energy
+from scipy import ndimage
+
+from cvtimg.segmentation.edge_weight import descend
+
+
+def drawn(seed: int, n_segments: int, weighted: bool) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None]:
+    """Values, labels with a masked part, and weights with unknown pixels."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 14, 2))
+    values = rng.normal(size=(*shape, rng.integers(1, 4))).astype(np.float32)
+    labels = rng.integers(1, n_segments + 1, shape).astype(np.int32)
+    labels[rng.random(shape) < 0.1] = 0
+    if not weighted:
+        return values, labels, None
+    return values, labels, (rng.random(values.shape) * (rng.random((*shape, 1)) < 0.6)).astype(np.float32)
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 1 << 20),
+    n_segments=st.integers(1, 5),
+    edge_weight=st.sampled_from([0, 0.01, 0.3]),
+    radius=st.integers(1, 4),
+    power=st.sampled_from([0, 1, 0.5]),
+    weighted=st.booleans(),
+)
+def test_energies_fall_and_are_those_of_numpy(
+    seed: int, n_segments: int, edge_weight: float, radius: int, power: float, weighted: bool
+) -> None:
+    values, labels, weights = drawn(seed, n_segments, weighted)
+    end = descend(
+        values, labels, n_segments, edge_weight=edge_weight, radius=radius, weights=weights, volume_power=power
+    )
+    expected = edge_weighted_energy(values, end.labels, edge_weight, radius, weights, power)
+    assert end.energies[-1] == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert (np.diff(end.energies) <= 1e-9 * (1 + end.energies[0])).all()
+    np.testing.assert_array_equal(end.labels == 0, labels == 0)
+    assert end.converged
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 1 << 20), edge_weight=st.sampled_from([0, 0.02, 0.2]), weighted=st.booleans())
+def test_at_the_end_no_single_transfer_to_a_near_segment_lowers_the_energy(
+    seed: int, edge_weight: float, weighted: bool
+) -> None:
+    values, labels, weights = drawn(seed, 3, weighted)
+    end = descend(values, labels, 3, edge_weight=edge_weight, radius=2, weights=weights)
+    least = edge_weighted_energy(values, end.labels, edge_weight, 2, weights)
+    for y, x in np.argwhere(end.labels > 0):
+        down, right = np.ogrid[: end.labels.shape[0], : end.labels.shape[1]]
+        near = end.labels[(down - y) ** 2 + (right - x) ** 2 <= 4]
+        for label in np.unique(near[near > 0]):
+            moved = end.labels.copy()
+            moved[y, x] = label
+            assert edge_weighted_energy(values, moved, edge_weight, 2, weights) >= least - 1e-5
+
+
+def test_generators_are_the_weighted_means_of_their_segments() -> None:
+    values, labels, weights = drawn(3, 4, weighted=True)
+    assert weights is not None
+    end = descend(values, labels, 4, edge_weight=0.01, weights=weights)
+    for segment in np.unique(end.labels[end.labels > 0]):
+        inside = end.labels == segment
+        masses = weights[inside].sum(axis=0)
+        np.testing.assert_allclose(end.masses[segment - 1], masses, rtol=1e-5)
+        means = (weights * values)[inside].sum(axis=0) / masses
+        np.testing.assert_allclose(end.generators[segment - 1], means, rtol=1e-4, atol=1e-6)
+
+
+def test_an_axis_aligned_edge_costs_36_a_pixel() -> None:
+    left, right = (np.full((60, 40, 1), level, np.float32) for level in (0, 100))
+    labels = np.repeat([1, 2], 40)[None].repeat(60, axis=0).astype(np.int32)
+    short, long = (
+        descend(np.concatenate([left, right], axis=1)[:height], labels[:height], 2, edge_weight=1).energies[-1]
+        for height in (40, 60)
+    )
+    assert long - short == 20 * 36
+
+
+@pytest.mark.parametrize("radius", [8, 20])
+def test_a_disc_is_worth_its_edge_above_a_radius_of_72_edge_weights_over_its_squared_contrast(radius: int) -> None:
+    reach = np.arange(-80, 81)
+    disc = reach[:, None] ** 2 + reach**2 <= radius**2
+    values = 3 * disc.astype(np.float32)[..., None]
+    for part, is_worth_it in ((0.8, True), (1.3, False)):
+        edge_weight = part * 9 * radius / 72  # at contrast 3
+        there, gone = (
+            descend(values, labels.astype(np.int32), 2, edge_weight=edge_weight, max_sweeps=0).energies[0]
+            for labels in (disc + 1, np.ones(disc.shape))
+        )
+        assert (there < gone) == is_worth_it
+
+
+def test_noise_is_cleared() -> None:
+    truth = np.zeros((50, 60), bool)
+    truth[10:40, 15:45] = True
+    noisy = truth + np.random.default_rng(0).normal(0, 0.4, truth.shape)
+    end = descend(noisy[..., None].astype(np.float32), (noisy > 0.5).astype(np.int32) + 1, 2, edge_weight=0.08)
+    assert ((noisy > 0.5) == truth).mean() < 0.91
+    assert ((end.labels == 2) == truth).mean() > 0.99
+
+
+def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
+    truth = np.repeat([1, 2], 12)[None].repeat(20, axis=0).astype(np.int32)
+    weights = np.ones((20, 24, 1), np.float32)
+    weights[5:15, 3:9] = weights[5:15, 14:20] = 0
+    rng = np.random.default_rng(0)
+    values = np.where(weights > 0, truth[..., None], rng.normal(0, 9, weights.shape)).astype(np.float32)
+    start = np.where(weights[..., 0] > 0, truth, rng.integers(1, 3, truth.shape)).astype(np.int32)
+    end = descend(values, start, 2, edge_weight=0.01, weights=weights)
+    np.testing.assert_array_equal(end.labels, truth)
+    np.testing.assert_allclose(end.generators, [[1], [2]])
+
+
+def test_outside_of_the_mask_is_nobodys_neighbor() -> None:
+    values = np.random.default_rng(0).normal(size=(12, 30, 1)).astype(np.float32)
+    labels = np.random.default_rng(1).integers(1, 4, (12, 30)).astype(np.int32)
+    labels[:, 10:14] = 0  # wider than the disc
+    both = descend(values, labels, 3, edge_weight=0.2, radius=3)
+    apart = [labels * 0, labels * 0]
+    apart[0][:, :10], apart[1][:, 14:] = both.labels[:, :10], both.labels[:, 14:]
+    energies = [edge_weighted_energy(values, part, 1, 3) - edge_weighted_energy(values, part, 0, 3) for part in apart]
+    whole = edge_weighted_energy(values, both.labels, 1, 3) - edge_weighted_energy(values, both.labels, 0, 3)
+    assert sum(energies) == pytest.approx(whole)
+    assert both.energies[-1] == pytest.approx(edge_weighted_energy(values, both.labels, 0.2, 3))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_connected_segments_stay_in_one_piece(seed: int) -> None:
+    values = np.random.default_rng(seed).normal(size=(30, 40, 2)).astype(np.float32)
+    rows, columns = np.indices((30, 40))
+    labels = (rows // 10 * 4 + columns // 10 + 1).astype(np.int32)
+    end = descend(values, labels, 12, edge_weight=0.01, connected=True)
+    assert (end.labels != labels).sum() > 100
+    for segment in range(1, 13):
+        assert ndimage.label(end.labels == segment)[1] == 1
+
+
+def test_arguments_stay_as_they_were_and_results_cannot_be_changed() -> None:
+    values, labels, weights = drawn(5, 3, weighted=True)
+    before = [array.copy() for array in (values, labels, weights) if array is not None]
+    end = descend(values, labels, 3, edge_weight=0.1, weights=weights)
+    for array, copy in zip((values, labels, weights), before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    with pytest.raises(ValueError, match="read-only"):
+        end.labels[0, 0] = 1

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.segmentation import estimate_noise
+from cvtimg.segmentation.noise import noise_covariance
+
+
+@pytest.mark.parametrize("sigma", [10, 25, 50])
+def test_noise_added_to_a_photograph_is_found(photograph: NDArray[Any], sigma: float) -> None:
+    noisy = photograph + np.random.default_rng(0).normal(0, sigma, photograph.shape)
+    np.testing.assert_allclose(estimate_noise(noisy), sigma, rtol=0.08)
+
+
+def test_flat_pictures_and_ramps_have_no_noise() -> None:
+    ramp = np.add.outer(np.arange(50), 3 * np.arange(70)).astype(np.uint16)
+    for image in (np.full((40, 40, 3), 7, np.uint8), ramp, np.eye(2), np.ones((1, 1))):
+        np.testing.assert_array_equal(estimate_noise(image), 0)
+
+
+def test_texture_in_half_of_the_picture_is_not_noise() -> None:
+    rng = np.random.default_rng(1)
+    image = rng.normal(100, 3, (160, 160))
+    image[:, :80] += 60 * (np.indices((160, 80)).sum(axis=0) % 2)
+    np.testing.assert_allclose(estimate_noise(image), 3, rtol=0.1)
+
+
+def test_bands_have_noise_of_their_own_and_share_what_is_common() -> None:
+    rng = np.random.default_rng(2)
+    own, common = rng.normal(0, 1, (256, 256, 3)) * [1, 2, 4], rng.normal(0, 3, (256, 256, 1))
+    np.testing.assert_allclose(estimate_noise(own), [1, 2, 4], rtol=0.1)
+    expected = np.diag([1.0, 4, 16]) + 9
+    np.testing.assert_allclose(noise_covariance(own + common), expected, rtol=0.15)
+
+
+def test_what_is_outside_does_not_count() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.normal(0, 2, (96, 96, 1))
+    inside = np.indices((96, 96)).sum(axis=0) < 150
+    values[~inside] = rng.normal(0, 50, (~inside).sum())[:, None]
+    np.testing.assert_allclose(noise_covariance(values, inside), 4, rtol=0.25)
+    np.testing.assert_array_equal(noise_covariance(values, np.zeros((96, 96), bool)), 0)
+
+
+def test_the_estimate_follows_the_scale_of_the_picture(photograph: NDArray[Any]) -> None:
+    np.testing.assert_allclose(estimate_noise(photograph * 257.0), 257 * estimate_noise(photograph), rtol=1e-9)

@@ -1,0 +1,221 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from reference import edge_weighted_energy
+from scipy import ndimage
+
+from cvtimg import segment, tessellate
+from cvtimg.colors import color_samples
+from cvtimg.segmentation import Averaging
+from cvtimg.segmentation.averaging import average_segments, averaged
+
+#: One of each kind of way through `segment`.
+WAYS: list[dict[str, Any]] = [
+    {},
+    {"averaging": "before"},
+    {"averaging": Averaging("after", "box", 1)},
+    {"edge_weight": 30},
+    {"edge_weight": "auto", "averaging": "before", "volume_power": 1},
+    {"edge_weight": "auto", "averaging": "after"},
+    {"components": True, "min_size": 20, "border_price": 2000},
+    {"space": "lab", "edge_weight": 10, "min_size": 30},
+]
+
+
+def noisy_shapes(sigma: float, seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Three shapes of contrast 1 under noise, and where they are."""
+    rows, columns = np.mgrid[:200, :200]
+    truth = (rows - 60) ** 2 + (columns - 60) ** 2 < 35**2
+    truth |= (abs(rows - 60) < 28) & (abs(columns - 145) < 30)
+    truth |= (rows > 120) & (rows < 180) & (abs(columns - 100) < 0.8 * (rows - 120))
+    return truth + np.random.default_rng(seed).normal(0, sigma, truth.shape), truth
+
+
+def pieces_of(labels: NDArray[Any]) -> list[int]:
+    """Sizes of the connected pieces of all labels."""
+    sizes: list[int] = []
+    for label in np.unique(labels[labels > 0]):
+        sizes += np.bincount(ndimage.label(labels == label)[0].ravel())[1:].tolist()
+    return sizes
+
+
+def test_segments_are_those_of_the_tessellation_from_dark_to_bright(photograph: NDArray[Any]) -> None:
+    samples = color_samples(photograph)
+    end = tessellate(samples, 5)
+    result = segment(photograph, 5)
+    assert (np.diff(result.generators.sum(axis=1)) > 0).all()
+    order = np.argsort(end.generators.sum(axis=1))
+    np.testing.assert_allclose(result.generators, end.generators[order], rtol=1e-6)
+    np.testing.assert_array_equal(order[result.labels - 1], end.labels[samples.inverse])
+    assert result.energy == pytest.approx(end.energy)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_results_are_measured_on_the_picture(photograph: NDArray[Any], way: dict[str, Any]) -> None:
+    result = segment(photograph[::2, ::2], 4, **way)
+    picture = photograph[::2, ::2].astype(float)
+    np.testing.assert_array_equal(np.unique(result.labels), np.arange(1, result.n_segments + 1))
+    np.testing.assert_array_equal(np.bincount(result.labels.ravel())[1:], result.masses)
+    assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
+    if "space" in way:
+        return
+    means = np.stack([picture[result.labels == label].mean(axis=0) for label in range(1, result.n_segments + 1)])
+    if way:
+        np.testing.assert_allclose(result.generators, means, rtol=1e-5, atol=1e-3)
+        assert result.energy == pytest.approx(((picture - means[result.labels - 1]) ** 2).sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_labels_depend_neither_on_the_type_nor_on_the_scale(photograph: NDArray[Any], way: dict[str, Any]) -> None:
+    picture = photograph[:120, :120]
+    expected = segment(picture, 4, **way)
+    same = {
+        257: picture * np.uint16(257),
+        1 / 255: (picture / 255).astype(np.float32),
+        1.0 / 255: picture / 255,
+    }
+    for scale, other in same.items():
+        result = segment(other, 4, **way)
+        np.testing.assert_array_equal(result.labels, expected.labels)
+        np.testing.assert_allclose(result.generators, expected.generators * scale, rtol=1e-5)
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if not {"border_price", "space"} & set(way)], ids=str)
+def test_labels_follow_any_scale_where_weights_do(way: dict[str, Any]) -> None:
+    image, _ = noisy_shapes(0.3, 1)
+    image = image[:100, :100]
+    if isinstance(way.get("edge_weight"), int):
+        return
+    expected = segment(image, 3, **way).labels
+    np.testing.assert_array_equal(segment(image * 4096 - 512, 3, **way).labels, expected)
+
+
+@pytest.mark.parametrize(("sigma", "least"), [(0.25, 0.999), (0.5, 0.996), (1, 0.985)])
+def test_auto_finds_shapes_under_noise(sigma: float, least: float) -> None:
+    image, truth = noisy_shapes(sigma, 0)
+    assert ((segment(image, 2, edge_weight="auto").labels == 2) == truth).mean() > least
+    assert ((segment(image, 2).labels == 2) == truth).mean() < least
+
+
+def test_auto_is_next_to_nothing_for_a_clean_picture(photograph: NDArray[Any]) -> None:
+    assert segment(np.kron(np.eye(9), np.ones((9, 9))), 2, edge_weight="auto").edge_weight == 0
+    assert segment(photograph, 2, edge_weight="auto").edge_weight < 10
+
+
+def test_the_edge_weighted_energy_is_that_of_numpy(photograph: NDArray[Any]) -> None:
+    picture = photograph[:80, :80]
+    result = segment(picture, 3, edge_weight=25, edge_radius=2)
+    assert result.energies[-1] == pytest.approx(edge_weighted_energy(picture, result.labels, 25, 2), rel=1e-6)
+    assert result.converged
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_what_is_outside_of_the_mask_or_not_finite_has_label_0_and_no_influence(
+    photograph: NDArray[Any], way: dict[str, Any]
+) -> None:
+    picture = photograph[:90, :90] / 255
+    mask = np.add.outer(np.arange(90), np.arange(90)) < 130
+    expected = segment(picture, 3, mask=mask, **way).labels
+    np.testing.assert_array_equal(expected == 0, ~mask)
+    other = picture.copy()
+    other[~mask] = np.random.default_rng(0).random((int((~mask).sum()), 3))
+    np.testing.assert_array_equal(segment(other, 3, mask=mask, **way).labels, expected)
+    holes = picture.copy()
+    holes[~mask, 1] = np.nan
+    np.testing.assert_array_equal(segment(holes, 3, **way).labels, expected)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+@pytest.mark.parametrize("image", [np.uint8([[7]]), np.full((9, 9, 3), 3, np.uint16), np.full((3, 8), 0.5)])
+def test_pictures_of_one_color_have_one_segment(image: NDArray[Any], way: dict[str, Any]) -> None:
+    result = segment(image, 4, **way)
+    assert (result.labels == 1).all()
+    assert result.energy == pytest.approx(0, abs=1e-9)
+
+
+def test_there_are_no_more_segments_than_colors() -> None:
+    result = segment(np.uint8([[5, 9, 5], [200, 9, 5]]), 6)
+    np.testing.assert_array_equal(result.labels, [[1, 2, 1], [3, 2, 1]])
+    assert result.n_segments == 3
+
+
+def test_a_picture_of_many_bands_is_segmented() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.repeat([0, 1, 2], 20)[None].repeat(50, axis=0)
+    image = (rng.random((3, 7)) * 1000 + [[0], [2000], [4000]])[truth] + rng.normal(0, 30, (50, 60, 7))
+    np.testing.assert_array_equal(segment(image, 3, edge_weight="auto").labels, truth + 1)
+
+
+@pytest.mark.parametrize("components", [False, True])
+@pytest.mark.parametrize("min_size", [2, 40, 3000, 10**6])
+def test_no_piece_below_the_least_size_remains(photograph: NDArray[Any], components: bool, min_size: int) -> None:
+    result = segment(photograph, 6, components=components, min_size=min_size)
+    assert min(pieces_of(result.labels)) >= min(min_size, result.labels.size)
+
+
+def test_components_are_the_connected_pieces_of_segments(photograph: NDArray[Any]) -> None:
+    whole, pieces = segment(photograph, 3), segment(photograph, 3, components=True)
+    assert sorted(pieces_of(whole.labels)) == sorted(pieces.masses)
+    assert len(pieces_of(pieces.labels)) == pieces.n_segments
+    assert len(np.unique(np.stack([whole.labels, pieces.labels]).reshape(2, -1), axis=1).T) == pieces.n_segments
+
+
+def test_averaging_before_leaves_out_what_is_outside() -> None:
+    values = np.random.default_rng(0).normal(size=(30, 40, 2)).astype(np.float32)
+    inside = np.random.default_rng(1).random((30, 40)) < 0.7
+    for averaging in (Averaging("before", "gaussian", 1.5), Averaging("before", "box", 2)):
+        result = averaged(values, averaging, inside)
+        line = np.zeros((41, 1, 1), np.float32)
+        line[20] = 1
+        weights = averaged(line, averaging)[:, 0, 0].astype(float)
+        kernel = np.outer(weights, weights)
+        for channel in range(2):
+            sums = ndimage.convolve(np.where(inside, values[..., channel], 0).astype(float), kernel, mode="constant")
+            mass = ndimage.convolve(inside.astype(float), kernel, mode="constant")
+            np.testing.assert_allclose(result[..., channel], np.where(inside, sums / mass, 0), atol=1e-5)
+
+
+@pytest.mark.parametrize("averaging", [Averaging(radius=1.7), Averaging(kernel="box", radius=2)])
+def test_noise_gain_is_what_averaging_leaves_of_the_variance(averaging: Averaging) -> None:
+    noise = np.random.default_rng(0).normal(size=(700, 700, 1)).astype(np.float32)
+    assert averaged(noise, averaging)[30:-30, 30:-30].var() == pytest.approx(averaging.noise_gain, rel=0.05)
+
+
+def test_after_averaging_each_pixel_is_nearest_to_its_averaged_generator() -> None:
+    image, _ = noisy_shapes(0.3, 0)
+    values = image[..., None].astype(np.float32)
+    start = (image > 0.5).astype(np.int32) + 1
+    averaging = Averaging("after", "gaussian", 2)
+    labels = average_segments(values, start, 2, averaging)
+    means = np.array([image[labels == label].mean() for label in (1, 2)])
+    again = averaged(means[labels - 1][..., None].astype(np.float32), averaging)[..., 0]
+    nearest = np.abs(again[..., None] - means).argmin(axis=2) + 1
+    assert (nearest == labels).mean() > 0.998
+    assert (start == labels).mean() < 0.99
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_segments": 0}, "n_segments=0 must be in"),
+        ({"edge_weight": "much"}, "edge_weight='much' must be"),
+        ({"edge_weight": -1}, "edge_weight=-1 must be"),
+        ({"averaging": "during"}, "averaging='during' must be one of before, after"),
+        ({"mask": np.ones((2, 2))}, r"mask of shape \(2, 2\) must be \(6, 5\)"),
+        ({"mask": np.zeros((6, 5))}, "at least one pixel"),
+        ({"border_price": 5}, "border_price needs components"),
+        ({"min_size": -1}, "min_size=-1 must be"),
+        ({"space": "xyz"}, "space='xyz' must be one of"),
+    ],
+)
+def test_wrong_arguments_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        segment(np.zeros((6, 5), np.uint8), **{"n_segments": 2, **options})
+    with pytest.raises(ValueError, match="radius"):
+        Averaging(radius=0)
+    with pytest.raises(ValueError, match="whole number"):
+        Averaging(kernel="box", radius=1.5)

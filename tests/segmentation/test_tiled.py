@@ -1,0 +1,253 @@
+"""Segments by strips are those of the picture in one piece, edges and all."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from numpy.typing import NDArray
+
+from cvtimg import segment, write_image
+from cvtimg.cli import app as cli
+from cvtimg.cli import tiled as _tiled
+from cvtimg.labels import region_means
+from cvtimg.pictures import tiles
+from cvtimg.segmentation import Averaging, disk_values, segment_file
+from cvtimg.segmentation import tiled as tiled_segmentation
+from cvtimg.segmentation.averaging import averaged
+from cvtimg.segmentation.disk_rows import DiskRows
+
+RNG = np.random.default_rng(8)
+zarr = pytest.importorskip("zarr")
+
+
+@pytest.fixture(autouse=True)
+def small_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in an empty folder, with several strips in a picture."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tiles, "BAND_PIXELS", 20_000)
+    monkeypatch.setattr(disk_values, "STRIP_PIXELS", 4000)
+
+
+def write(image: NDArray[Any], **layout: Any) -> None:
+    rgb = image.ndim == 3 and image.shape[2] in (3, 4)
+    if image.ndim == 3:
+        layout = {"planarconfig": "contig", **layout}
+    layout = {"tile": (64, 64), "photometric": "rgb" if rgb else "minisblack", **layout}
+    tifffile.imwrite("a.tif", image, metadata=None, **layout)
+
+
+def noisy(shape: tuple[int, int] = (310, 200), sigma: float = 25) -> NDArray[np.uint8]:
+    """Return discs of three colors under noise, so that strips cut through many."""
+    down, right = np.mgrid[: shape[0], : shape[1]]
+    rings = (np.hypot(down - 150, right - 90) // 23).astype(int) % 3
+    colors = np.array([[60, 70, 90], [120, 150, 80], [190, 120, 170]], float)
+    return np.clip(colors[rings] + RNG.normal(0, sigma, (*shape, 3)), 0, 255).astype(np.uint8)
+
+
+def same(labels: NDArray[Any], whole: NDArray[Any]) -> float:
+    assert labels.shape == whole.shape
+    return float((labels == whole).mean())
+
+
+KINDS = {
+    "grey": lambda photograph: photograph[..., 1],
+    "rgb": lambda photograph: photograph,
+    "deep": lambda photograph: photograph.astype(np.uint16) * 200,
+    "bands": lambda photograph: np.concatenate([photograph, photograph[..., :2][:, ::-1]], axis=2),
+    "float": lambda photograph: (photograph / 255).astype(np.float32),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("edge_weight", [0, 12])
+def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, edge_weight: float) -> None:
+    image = np.ascontiguousarray(KINDS[kind](photograph)[:200, 20:180])
+    write(image)
+    result = segment_file("a.tif", "b.tif", 4, edge_weight=edge_weight)
+    whole = segment(image, 4, edge_weight=edge_weight)
+    assert same(tifffile.imread("b.tif"), whole.labels) > 0.9999
+    means = region_means(whole.labels, image)[1:]
+    np.testing.assert_allclose(result.generators, means.reshape(result.generators.shape), rtol=1e-4)
+    assert result.energy == pytest.approx(whole.energy, rel=1e-3)
+    assert result.energies[-1] == pytest.approx(whole.energies[-1], rel=1e-4)
+    assert (result.converged, result.exact, result.shape) == (True, True, image.shape)
+    assert {path.name for path in Path().iterdir()} == {"a.tif", "b.tif"}
+
+
+def test_of_a_clean_picture_not_a_label_differs(photograph: NDArray[Any]) -> None:
+    write(photograph)
+    for weight in (0, 5.0):
+        segment_file("a.tif", "b.tif", 5, edge_weight=weight, overwrite=True)
+        np.testing.assert_array_equal(tifffile.imread("b.tif"), segment(photograph, 5, edge_weight=weight).labels)
+
+
+@pytest.mark.parametrize("radius", [1, 3, 9])
+def test_noise_leaves_no_seams(radius: int) -> None:
+    image = noisy()
+    write(image)
+    result = segment_file("a.tif", "b.tif", 3, edge_weight="auto", edge_radius=radius)
+    whole = segment(image, 3, edge_weight="auto", edge_radius=radius)
+    assert result.edge_weight == pytest.approx(whole.edge_weight)
+    differs = tifffile.imread("b.tif") != whole.labels
+    assert differs.mean() < 1e-3
+    starts = np.arange(32, len(image), 32)
+    near = np.abs(np.arange(len(image))[:, None] - starts).min(axis=1) <= radius
+    assert differs[near].mean() <= differs[~near].mean() + 1e-3
+
+
+def test_averages_reach_across_strips() -> None:
+    image = noisy()
+    write(image)
+    picture = disk_values.DiskValues(tiles.open_bands("a.tif"), Path("pixels"), "rgb", has_alpha=False, nodata=None)
+    average = Averaging("before", "gaussian", 3.7)
+    strips = [values for values, _ in tiled_segmentation._Start(picture, average)._strips()]
+    picture.close()
+    expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
+    assert len(strips) > 3
+    np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("space", ["lab", "oklab", "linear"])
+def test_spaces_are_those_of_segment(photograph: NDArray[Any], space: str) -> None:
+    write(photograph)
+    segment_file("a.tif", "b.tif", 4, space=space, edge_weight=3)
+    assert same(tifffile.imread("b.tif"), segment(photograph, 4, space=space, edge_weight=3).labels) > 0.9999
+
+
+def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
+    image = photograph.copy()
+    image[40:90, 30:200] = 7
+    write(image)
+    segment_file("a.tif", "b.tif", 4, edge_weight=9, nodata=7)
+    expected = segment(image, 4, edge_weight=9, mask=(image != 7).any(axis=2))
+    assert same(tifffile.imread("b.tif"), expected.labels) > 0.9999
+    write(np.dstack([image, np.where((image == 7).all(axis=2), 0, 200).astype(np.uint8)]), extrasamples=["unassalpha"])
+    segment_file("a.tif", "c.tif", 4, edge_weight=9, has_alpha=True)
+    np.testing.assert_array_equal(tifffile.imread("c.tif"), tifffile.imread("b.tif"))
+    holes = np.where(image == 7, np.nan, image).astype(np.float32)
+    write(holes)
+    segment_file("a.tif", "d.tif", 4, edge_weight=9 * 255**2)
+    assert ((tifffile.imread("d.tif") == 0) == np.isnan(holes).any(axis=2)).all()
+    write(np.full((70, 50), 3, np.uint8))
+    with pytest.raises(ValueError, match="at least one pixel that is known"):
+        segment_file("a.tif", "e.tif", 2, nodata=3)
+    assert {path.name for path in Path().iterdir()} == {f"{name}.tif" for name in "abcd"}
+
+
+def test_many_segments_take_16_bits_and_zarr_is_read_and_written(photograph: NDArray[Any]) -> None:
+    source = zarr.create_array("a.zarr", shape=photograph.shape, chunks=(128, 128, 3), dtype=np.uint8)
+    source[:] = photograph
+    result = segment_file("a.zarr", "b.zarr", 300, effort="fast")
+    labels = zarr.open_array("b.zarr", mode="r")[:]
+    assert (labels.dtype, labels.max(), result.n_segments) == (np.uint16, 300, 300)
+    assert (np.bincount(labels.ravel())[1:] == result.masses).all()
+
+
+def test_the_place_on_earth_stays(photograph: NDArray[Any]) -> None:
+    scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
+    write(photograph, extratags=[(33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
+    segment_file("a.tif", "b.tif", 2)
+    with tifffile.TiffFile("b.tif") as tiff:
+        page = tiff.pages.first
+        assert (page.tags.valueof(33550), page.tags.valueof(33922)) == (scale, points)
+        assert (page.dtype, page.is_tiled) == (np.uint8, True)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"n_segments": 0}, ValueError, "n_segments=0 must be in 1..65535"),
+        ({"edge_weight": -1}, ValueError, "edge_weight=-1"),
+        ({"edge_weight": "much"}, ValueError, "must be a number >= 0 or 'auto'"),
+        ({"edge_radius": 31}, ValueError, "edge_radius=31"),
+        ({"space": "hsv"}, ValueError, "space"),
+        ({"has_alpha": True}, ValueError, "has_alpha needs more bands"),
+        ({"target": "b.png"}, ValueError, "b.png: suffix"),
+        ({"source": "missing.tif"}, OSError, "no such file"),
+    ],
+)
+def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    write(noisy()[..., 0])
+    given = {"source": "a.tif", "target": "b.tif", "n_segments": 2, **options}
+    with pytest.raises(error, match=message):
+        segment_file(**given)
+    assert {path.name for path in Path().iterdir()} == {"a.tif"}
+
+
+def test_rows_on_disk_are_an_array() -> None:
+    rows, array = DiskRows(Path("rows"), (50, 7), np.uint16), np.zeros((50, 7), np.uint16)
+    for first, last in ((3, 9), (8, 50), (0, 1)):
+        array[first:last] = RNG.integers(0, 65536, (last - first, 7))
+        rows.write(first, array[first:last])
+    np.testing.assert_array_equal(rows.read(2, 50), array[2:])
+    rows.close()
+
+
+# The command
+
+
+def test_large_tiffs_go_by_tiles_by_themselves(
+    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(photograph, extratags=[(42113, 2, 2, "7", True)])
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
+    how = ["segment", "a.tif", "-k", "4", "--edge-weight", "8", "--space", "oklab", "-o", "b.tif", "--json"]
+    assert cli.main(how) == 0
+    row = json.loads(capsys.readouterr().out)
+    known = (photograph != 7).any(axis=2)
+    expected = segment(photograph, 4, edge_weight=8, space="oklab", mask=known)
+    assert same(tifffile.imread("b.tif"), expected.labels) > 0.9999
+    assert (row["k"], row["left_out"], row["exact"]) == (4, (~known).sum(), True)
+    assert row["energy"] == pytest.approx(expected.energy, rel=1e-4)
+    assert cli.main(how) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert cli.main([*how, "--overwrite", "--max-pixels", "65535"]) == 1
+    assert "has over 65535 pixels" in capsys.readouterr().err
+    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
+    assert cli.main([*how, "--overwrite"]) == 0
+
+
+def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    source = zarr.create_array("a.zarr", shape=photograph.shape, chunks=(128, 128, 3), dtype=np.uint8)
+    source[:] = photograph
+    assert cli.main(["segment", "a.zarr", "-k", "3", "-o", "b.zarr", "--quiet"]) == 0
+    assert same(zarr.open_array("b.zarr", mode="r")[:], segment(photograph, 3).labels) > 0.9999
+    for outputs in (["--edges", "e.png"], ["-o", "c.zarr", "--mean", "m.png"]):
+        assert cli.main(["segment", "a.zarr", "-k", "3", *outputs]) == 1
+        assert "a.zarr: only labels are made by tiles" in capsys.readouterr().err
+    write_image("a.png", photograph)
+    assert cli.main(["segment", "a.png", "-k", "3", "-o", "c.zarr"]) == 1
+    assert capsys.readouterr().err.startswith("cvtimg: a.png: ")
+    assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr", "a.png"}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "--components",
+        "--min-size 5",
+        "--averaging after",
+        "--averaging before",
+        "--volume-power 1",
+        "--mask mask.png",
+        "--superpixels",
+        "-k auto",
+    ],
+)
+def test_what_needs_the_whole_picture_is_refused(
+    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: str
+) -> None:
+    write(photograph)
+    write_image("mask.png", photograph[..., 0])
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options.split()]) == 1
+    option = options if options == "-k auto" else options.split()[0]
+    assert f"is read by tiles, and {option} needs the whole picture" in capsys.readouterr().err
+    assert not Path("b.tif").exists()
+    assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.png", *options.split(), "--quiet"]) == 0

@@ -1,0 +1,267 @@
+"""The estimator is what scikit-learn expects, over the same engine."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from reference import energy, squared_distances
+from sklearn.base import clone
+from sklearn.cluster import KMeans
+from sklearn.datasets import make_blobs
+from sklearn.exceptions import ConvergenceWarning, NotFittedError
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from cvtimg import CVT, tessellate
+from cvtimg.engine import EFFORTS, METHODS, SEEDINGS
+
+RNG = np.random.default_rng(8)
+SAMPLES = RNG.normal(size=(300, 4)) @ RNG.normal(size=(4, 4)) + 100
+WEIGHTS = RNG.integers(0, 4, 300)
+
+
+# Some checks ask for 8 clusters of 4 distinct samples, of which CVT warns as KMeans does; scikit-learn's own tests
+# ignore that warning too. All others are errors here.
+@pytest.mark.filterwarnings("ignore:n_clusters=8 is more than:sklearn.exceptions.ConvergenceWarning")
+@parametrize_with_checks([CVT(), CVT(effort="best"), CVT(n_clusters=3, method="transfer", init="maximin")])
+def test_every_check_of_scikit_learn_passes(estimator: CVT, check: Callable[[CVT], None]) -> None:
+    check(estimator)
+
+
+# The engine's results under scikit-learn's names
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "optimal1d"])  # that takes one dimension
+@pytest.mark.parametrize("init", [*SEEDINGS, SAMPLES[:6]], ids=lambda init: init if isinstance(init, str) else "given")
+def test_it_finds_what_tessellate_finds(init: Any, method: str, effort: str) -> None:
+    options: dict[str, Any] = {"init": init, "method": method, "effort": effort}
+    cvt = CVT(6, random_state=5, **options).fit(SAMPLES, sample_weight=WEIGHTS)
+    result = tessellate(SAMPLES, 6, density=WEIGHTS, rng=5, **options)
+    order = np.lexsort(result.generators.T[::-1]) if isinstance(init, str) else np.arange(6)
+    assert cvt.inertia_ <= result.energy * (1 + 1e-6)
+    if method == "lloyd":  # others may stop while a sample is not in the cell of its nearest generator
+        assert cvt.inertia_ == pytest.approx(result.energy, rel=1e-6)
+        np.testing.assert_array_equal(order[cvt.labels_], result.labels)
+    assert (cvt.energies_.tolist(), cvt.n_iter_) == (list(result.energies), result.n_iter)
+    np.testing.assert_array_equal(cvt.cluster_centers_, result.generators[order])
+
+
+def test_inertia_labels_and_distances_are_those_of_numpy() -> None:
+    cvt = CVT(6).fit(SAMPLES, sample_weight=WEIGHTS)
+    squares = squared_distances(SAMPLES, cvt.cluster_centers_)
+    np.testing.assert_allclose(cvt.transform(SAMPLES), np.sqrt(squares))
+    np.testing.assert_array_equal(cvt.labels_, squares.argmin(axis=1))
+    assert cvt.inertia_ == pytest.approx(energy(SAMPLES, WEIGHTS, cvt.cluster_centers_))
+    assert cvt.score(SAMPLES, sample_weight=WEIGHTS) == -cvt.inertia_
+    assert cvt.score(SAMPLES) == pytest.approx(-energy(SAMPLES, np.ones(300), cvt.cluster_centers_))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.uint8])
+@pytest.mark.parametrize("offset", [0, 1e4])
+def test_prediction_on_the_training_data_gives_its_labels(dtype: Any, offset: float) -> None:
+    grid = np.stack(np.meshgrid(*[np.arange(12)] * 2), axis=-1).reshape(-1, 2)  # full of ties
+    samples = (grid if dtype == np.uint8 else grid / 7 + offset).astype(dtype)
+    cvt = CVT(7).fit(samples)
+    np.testing.assert_array_equal(cvt.predict(samples), cvt.labels_)
+    np.testing.assert_array_equal(CVT(7).fit_predict(samples), cvt.labels_)
+    np.testing.assert_array_equal(CVT(7).fit_transform(samples), cvt.transform(samples))
+
+
+def test_a_sample_has_one_label_in_any_company() -> None:
+    cvt = CVT(30).fit(RNG.normal(size=(30, 2)))
+    centers = cvt.cluster_centers_
+    middles = ((centers[:, None] + centers[None]) / 2).reshape(-1, 2)  # rounding alone decides their labels
+    alone = np.concatenate([cvt.predict(row[None]) for row in middles])
+    np.testing.assert_array_equal(cvt.predict(middles), alone)
+    np.testing.assert_array_equal(cvt.predict(np.concatenate([middles, middles[:1] + 1000]))[:-1], alone)
+
+
+def test_float32_in_gives_float32_out() -> None:
+    single = CVT(6).fit(SAMPLES.astype(np.float32))
+    assert single.cluster_centers_.dtype == single.transform(SAMPLES.astype(np.float32)).dtype == np.float32
+    assert single.inertia_ == pytest.approx(CVT(6).fit(SAMPLES).inertia_, rel=1e-4)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_unit_of_the_samples_changes_no_label(scale: float) -> None:
+    fitted, scaled = CVT(6).fit(SAMPLES), CVT(6).fit(SAMPLES * scale)
+    np.testing.assert_array_equal(scaled.labels_, fitted.labels_)
+    assert scaled.inertia_ == pytest.approx(fitted.inertia_ * scale**2)
+    assert scaled.score(SAMPLES * scale) == -scaled.inertia_
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_a_weight_equals_so_many_repetitions(effort: str) -> None:
+    weighted = CVT(6, effort=effort).fit(SAMPLES, sample_weight=WEIGHTS)
+    repeated = CVT(6, effort=effort).fit(RNG.permutation(np.repeat(SAMPLES, WEIGHTS, axis=0)))
+    assert repeated.inertia_ == pytest.approx(weighted.inertia_, rel=1e-2)
+    blobs, _ = make_blobs(200, 3, centers=6, random_state=1)
+    counts = RNG.integers(0, 4, 200)
+    weighted.fit(blobs, sample_weight=counts)
+    repeated.fit(RNG.permutation(np.repeat(blobs, counts, axis=0)))
+    np.testing.assert_allclose(repeated.cluster_centers_, weighted.cluster_centers_, rtol=1e-5)
+
+
+def test_centers_are_in_the_order_of_their_coordinates() -> None:
+    samples = RNG.permutation(np.array([[1, 5], [0, 7], [1, 2], [0, 3]], float))
+    assert CVT(4).fit(samples).cluster_centers_.tolist() == [[0, 3], [0, 7], [1, 2], [1, 5]]
+
+
+@pytest.mark.parametrize("n_blobs", [3, 10])
+def test_its_energy_is_that_of_kmeans_or_less(n_blobs: int) -> None:
+    samples, _ = make_blobs(2000, 5, centers=n_blobs, random_state=2)
+    kmeans = KMeans(n_blobs, n_init=10, random_state=0).fit(samples)
+    assert CVT(n_blobs).fit(samples).inertia_ <= 1.001 * kmeans.inertia_
+
+
+# Randomness
+
+
+def test_the_same_seed_gives_the_same_bits_and_no_seed_others() -> None:
+    def centers(state: Any) -> bytes:
+        fitted = CVT(20, init="random", effort="fast", random_state=state).fit(SAMPLES)
+        return bytes(fitted.cluster_centers_.tobytes())
+
+    assert centers(1) == centers(1) != centers(2)
+    assert centers(np.random.RandomState(1)) == centers(np.random.RandomState(1))
+    state = np.random.RandomState(1)
+    assert centers(state) != centers(state)
+    assert centers(None) != centers(None)
+
+
+# Too few samples
+
+
+def test_fewer_distinct_samples_than_clusters_are_fewer_clusters_and_a_warning() -> None:
+    samples = np.repeat([[3.0, 1], [0, 0], [1, 4]], 5, axis=0)
+    with pytest.warns(ConvergenceWarning, match="n_clusters=5 is more than the 3 distinct samples") as caught:
+        cvt = CVT(5).fit(samples)
+    assert caught[0].filename == __file__
+    assert cvt.cluster_centers_.tolist() == [[0, 0], [1, 4], [3, 1]]
+    assert (cvt.labels_.tolist(), cvt.inertia_) == ([2] * 5 + [0] * 5 + [1] * 5, 0)
+    assert cvt.get_feature_names_out().tolist() == ["cvt0", "cvt1", "cvt2"]
+    with pytest.warns(ConvergenceWarning, match="2 distinct samples of positive weight"):
+        cvt.fit(samples, sample_weight=[1] * 10 + [0] * 5)
+    assert len(cvt.labels_) == 15
+
+
+def test_a_rare_sample_among_many_equal_ones_is_found() -> None:
+    samples = np.repeat(RNG.normal(size=(8, 2)), [300_000] + [1] * 7, axis=0)
+    cvt = CVT(8).fit(samples)
+    assert len(cvt.cluster_centers_) == 8
+    assert cvt.inertia_ == pytest.approx(0, abs=1e-9)
+
+
+# Its place among scikit-learn's tools
+
+
+def test_it_works_in_a_pipeline() -> None:
+    pipeline = make_pipeline(StandardScaler(), CVT(4))
+    labels = pipeline.fit_predict(SAMPLES)
+    np.testing.assert_array_equal(labels, CVT(4).fit_predict(StandardScaler().fit_transform(SAMPLES)))
+    assert pipeline.transform(SAMPLES).shape == (300, 4)
+    pipeline.fit(SAMPLES, cvt__sample_weight=WEIGHTS)
+    assert pipeline[-1].inertia_ == -pipeline.score(SAMPLES, sample_weight=WEIGHTS)
+
+
+def test_a_grid_search_finds_the_number_of_blobs_by_the_energy_of_unseen_samples() -> None:
+    samples, _ = make_blobs(300, 2, centers=[[0, 0], [50, 0], [0, 50]], random_state=3)
+    search = GridSearchCV(CVT(), {"n_clusters": [1, 2, 3]}, cv=3).fit(samples)
+    assert search.best_params_ == {"n_clusters": 3}
+
+
+def test_clones_and_pickles_predict_the_same() -> None:
+    cvt = CVT(5, init=SAMPLES[:5]).fit(SAMPLES)
+    again = pickle.loads(pickle.dumps(cvt))
+    np.testing.assert_array_equal(again.predict(SAMPLES), cvt.labels_)
+    np.testing.assert_array_equal(clone(cvt).fit(SAMPLES).cluster_centers_, cvt.cluster_centers_)
+
+
+def test_names_of_columns_go_in_and_out() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(SAMPLES, columns=list("abcd"))
+    cvt = CVT(3).set_output(transform="pandas").fit(frame)
+    assert cvt.feature_names_in_.tolist() == list("abcd")
+    assert cvt.n_features_in_ == 4
+    assert list(cvt.transform(frame).columns) == ["cvt0", "cvt1", "cvt2"]
+    with pytest.raises(ValueError, match="feature names should match"):
+        cvt.predict(frame[list("dcba")])
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"n_clusters": 0}, "n_clusters=0 must be in 1..300, for n_samples=300"),
+        ({"n_clusters": 301}, "n_clusters=301 must be in 1..300, for n_samples=300"),
+        ({"method": "guess"}, "method='guess' must be one of lloyd, "),
+        ({"init": "luck"}, "init='luck' must be one of split, "),
+        ({"init": SAMPLES[:3]}, r"init of shape \(3, 4\) must be \(8, 4\)"),
+        ({"effort": "heroic"}, "effort='heroic' must be one of fast, "),
+        ({"random_state": -1}, "non-negative"),
+        ({"random_state": "x"}, "cannot be used to seed"),
+    ],
+)
+def test_a_wrong_parameter_is_named(parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CVT(**parameters).fit(SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (np.ones(299), r"sample_weight of shape \(299,\) must be \(300,\)"),
+        (np.ones((300, 1)), r"sample_weight of shape \(300, 1\) must be"),
+        (-np.ones(300), "sample_weight must be >= 0"),
+        (np.zeros(300), "not zero for all samples"),
+        (np.full(300, np.nan), "sample_weight contains NaN"),
+    ],
+)
+def test_wrong_weights_are_named(weights: NDArray[Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CVT().fit(SAMPLES, sample_weight=weights)
+    with pytest.raises(ValueError, match=message):
+        CVT().fit(SAMPLES).score(SAMPLES, sample_weight=weights)
+
+
+def test_sparse_samples_are_refused() -> None:
+    sparse = pytest.importorskip("scipy.sparse")
+    with pytest.raises(TypeError, match=r"Sparse data was passed.* dense data is required"):
+        CVT().fit(sparse.csr_array(SAMPLES))
+
+
+@pytest.mark.parametrize("method", ["predict", "transform", "score"])
+def test_it_says_that_it_is_not_fitted(method: str) -> None:
+    with pytest.raises(NotFittedError, match="not fitted yet"):
+        getattr(CVT(), method)(SAMPLES)
+
+
+# scikit-learn is optional
+
+
+def run(script: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_cvtimg_does_not_import_scikit_learn_before_it_is_used() -> None:
+    done = run("import sys, cvtimg; cvtimg.tessellate; assert not {'sklearn', 'scipy'} & set(sys.modules)")
+    assert done.stderr == ""
+
+
+def test_without_scikit_learn_the_error_says_what_to_install() -> None:
+    done = run("import sys; sys.modules['sklearn'] = None; import cvtimg; cvtimg.tessellate; cvtimg.CVT")
+    assert done.stderr.endswith(
+        "ImportError: cvtimg.CVT needs scikit-learn 1.6 or newer: pip install 'cvtimg[sklearn]'\n"
+    )
