@@ -85,24 +85,30 @@ def _unchanged(rgb: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True)
 class ColorSpace:
-    """One color space.
+    """A color space.
 
     Attributes
     ----------
     forward, backward : callable
-        From (N, 3) sRGB in 0..1 to the (N, 3) coordinates of the space, and back; what is out of the gamut may come
-        back a little outside of 0..1.
+        Convert (N, 3) sRGB in 0..1 to coordinates of the space, and back. Colors outside the gamut may come back
+        slightly outside 0..1.
+    white : float
+        First coordinate of white.
+    grey : tuple of float
+        The three coordinates of a grey are its first coordinate times these.
     """
 
     forward: Callable[[_Floats], _Floats]
     backward: Callable[[_Floats], _Floats]
+    white: float = 1.0
+    grey: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
 
-#: The registry: names for `space` and ``--space``.
+#: The registry of color spaces: the values of `space` and ``--space``.
 SPACES: dict[str, ColorSpace] = {
-    "rgb": ColorSpace(_unchanged, _unchanged),
-    "linear": ColorSpace(_decode, _encode),
-    "lab": ColorSpace(_to_lab, _from_lab),
+    "rgb": ColorSpace(_unchanged, _unchanged, grey=(1.0, 1.0, 1.0)),
+    "linear": ColorSpace(_decode, _encode, grey=(1.0, 1.0, 1.0)),
+    "lab": ColorSpace(_to_lab, _from_lab, white=100.0),
     "oklab": ColorSpace(_to_oklab, _from_oklab),
 }
 
@@ -169,8 +175,7 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
         colors = places
     else:
         _check_channels(n_channels, space)
-        # Grey has no opponent channels; linear grey has its light in all three.
-        full = places if n_channels == 3 else places * ([1, 1, 1] if space == "linear" else [1, 0, 0])
+        full = places if n_channels == 3 else places * chosen.grey
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
     if dtype.kind == "u":
         colors = np.rint(np.clip(colors, 0, peak(dtype)))

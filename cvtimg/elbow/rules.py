@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.colors import fidelity
+
 _Floats = NDArray[np.float64]
 
 #: The chord spans these numbers of generators, so that no longer curve moves the elbow.
@@ -38,8 +40,7 @@ class Scale:
         """Peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         if self.peak is None:
             raise ValueError("rule='psnr' needs colors in the space rgb: other samples have no peak")
-        with np.errstate(divide="ignore"):
-            ratios: _Floats = 10 * np.log10(self.peak**2 * self.n_values / energies)
+        ratios: _Floats = fidelity.psnr(energies / self.n_values, self.peak)
         return ratios
 
     def floor(self, energies: _Floats) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alone
+from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.pictures.frames import Frames
@@ -51,8 +52,7 @@ class QuantizedFrames:
     @property
     def psnr(self) -> float:
         """Peak signal-to-noise ratio in dB over all frames; infinite if exact."""
-        top = peak(self.results[0].palette.dtype)
-        return float(10 * np.log10(top**2 / self.mse)) if self.energy else float("inf")
+        return float(psnr(self.mse, peak(self.results[0].palette.dtype)))
 
     @property
     def content(self) -> tuple[Frames, NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_colors
+from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
@@ -74,7 +75,7 @@ class Quantized:
     @property
     def psnr(self) -> float:
         """Peak signal-to-noise ratio in dB; the peak is 255, 65535, or 1 for floating point. Infinite if exact."""
-        return float(10 * np.log10(peak(self.palette.dtype) ** 2 / self.mse)) if self.energy else float("inf")
+        return float(psnr(self.mse, peak(self.palette.dtype)))
 
     @property
     def content(self) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg.colors.counting import Counter
+from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, has_alpha, kinds_of
 from cvtimg.colors.spaces import peak
 from cvtimg.engine.tessellation import Tessellation
@@ -60,7 +61,7 @@ class QuantizedFile:
     @property
     def psnr(self) -> float:
         """Peak signal-to-noise ratio in dB, as in `Quantized`."""
-        return float(10 * np.log10(peak(self.palette.dtype) ** 2 / self.mse)) if self.energy else float("inf")
+        return float(psnr(self.mse, peak(self.palette.dtype)))
 
 
 def quantize_file(

@@ -14,11 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_partial_image
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.colors.spaces import from_space, peak, to_space
+from cvtimg.colors.spaces import SPACES, from_space, peak, to_space
 from cvtimg.segmentation.levels import to_levels
-
-#: Values are coordinates times this.
-_UNITS = {"rgb": 255.0, "linear": 255.0, "lab": 2.55, "oklab": 255.0}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +78,7 @@ class PictureValues:
 
 def unit_of(space: str, dtype: np.dtype[Any]) -> float:
     """Return what 1 in the units of pictures of this type, or of the other space, is in values."""
-    return 255 / peak(dtype) if space == "rgb" else _UNITS[space]
+    return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)
 
 
 def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureValues:
@@ -93,6 +90,6 @@ def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureVal
     scale = found.step * 255 / peak(array.dtype)
     if space != "rgb":
         colors = np.clip(found.offset + found.step * samples.colors.astype(np.float64), rows.min(), rows.max())
-        places = to_space(colors / peak(array.dtype), space) * _UNITS[space]
+        places = to_space(colors / peak(array.dtype), space) * unit_of(space, array.dtype)
         samples, scale = replace(samples, rows=places), 1.0
     return PictureValues(inside, samples, scale, found.offset, space, array.dtype)

@@ -1,7 +1,4 @@
-"""The engine as a scikit-learn estimator.
-
-Only this module imports scikit-learn, and SciPy, which comes with it.
-"""
+"""The engine as a scikit-learn estimator; the only module that imports scikit-learn."""
 
 from __future__ import annotations
 

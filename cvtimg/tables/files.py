@@ -5,10 +5,8 @@ A table is text with a delimiter, such as CSV, or a NumPy array in a ``.npy`` fi
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import StringIO
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg.files.finding import find_images
+from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns
 
@@ -248,13 +247,10 @@ def write_generators(
     OSError
         If the file cannot be written.
     """
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    # A column of the table may be a mass, too.
-    writer.writerow([*names, *(name if name not in names else f"cell_{name}" for name in ("mass", "share"))])
-    writer.writerows(np.column_stack([generators, masses, masses / masses.sum()]).tolist())
-    with whole_file(path, overwrite=overwrite) as file:
-        file.write(text.getvalue().encode())
+    # A column of the table may itself be called mass or share.
+    columns = [*names, *(name if name not in names else f"cell_{name}" for name in ("mass", "share"))]
+    rows = np.column_stack([generators, masses, masses / masses.sum()]).tolist()
+    write_csv(path, columns, rows, overwrite=overwrite)
 
 
 def find_tables(path: StrPath) -> list[Path]:
