@@ -39,6 +39,12 @@ def check_alone(name: str, others: Collection[str]) -> None:
         raise ValueError(f"{name} must not be given with {' or '.join(others)}")
 
 
+def check_needs(name: str, given: bool, other: str, has_other: bool) -> None:
+    """Refuse an argument that does nothing without another."""
+    if given and not has_other:
+        raise ValueError(f"{name} needs {other}")
+
+
 def check_non_negative(name: str, value: float) -> float:
     """Return `value` as a finite float >= 0."""
     number = float(value)
@@ -212,10 +218,10 @@ def check_version_weights(weights: ArrayLike, n_versions: int) -> NDArray[np.flo
     return array
 
 
-def check_edge_weight(edge_weight: float | str, automatic: float) -> float:
-    """Return a weight of edges >= 0, and for "auto" the one given."""
-    if isinstance(edge_weight, str):
-        if edge_weight != "auto":
-            raise ValueError(f"edge_weight={edge_weight!r} must be a finite number >= 0, or 'auto'")
-        return automatic
-    return check_non_negative("edge_weight", edge_weight)
+def check_edge_weight(edge_weight: float | str) -> float | None:
+    """Return an edge weight >= 0, or None for "auto"."""
+    if not isinstance(edge_weight, str):
+        return check_non_negative("edge_weight", edge_weight)
+    if edge_weight != "auto":
+        raise ValueError(f"edge_weight={edge_weight!r} must be a finite number >= 0, or 'auto'")
+    return None

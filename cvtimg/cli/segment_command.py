@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from cvtimg.elbow.curves import EnergyCurve
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation.averaging import Averaging
-    from cvtimg.segmentation.segments import Segmentation
+    from cvtimg.segmentation.result import Segmentation
 
 EXAMPLES = """Examples:
 

@@ -213,7 +213,9 @@ def restore(
     told = [_variance(noise, trust) * gain, np.nan if channels else disagreement(data, trust)]
     told = [variance for variance in told if np.isfinite(variance)] or [0.0]
     unit = _level(versions, space) ** 2
-    cost = check_edge_weight(edge_weight, _EDGE_WEIGHT_PER_VARIANCE * max(told) / unit)
+    cost = check_edge_weight(edge_weight)
+    if cost is None:
+        cost = _EDGE_WEIGHT_PER_VARIANCE * max(told) / unit
     if detail:
         _check_detail(average, edge_weight, power, channels)
         cost = 0.0

@@ -1,7 +1,8 @@
 from .averaging import Averaging
 from .grid_cells import superpixels
 from .noise import estimate_noise
-from .segments import Segmentation, segment, segment_curve
+from .result import Segmentation
+from .segments import segment, segment_curve
 from .tiled import SegmentedFile, segment_file
 
 __all__ = [

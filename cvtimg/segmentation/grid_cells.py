@@ -1,7 +1,7 @@
-"""Superpixels: a picture in many small connected segments that follow its edges.
+"""Superpixels: many small connected segments that follow the edges of an image.
 
-An edge-weighted tessellation with one generator for each cell of a regular grid. Only pixels on boundaries move, and
-only where their cell stays in one piece, so there are as many cells at the end as at the start.
+An edge-weighted tessellation that starts from the cells of a regular grid. Only boundary pixels move, and only where
+their cell stays in one piece, so there are as many cells at the end as at the start.
 
 J. Wang, X. Wang, IEEE Trans. Pattern Analysis and Machine Intelligence 34 (2012) 1241-1247, doi
 10.1109/TPAMI.2012.47.
@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_choice, check_count, check_non_negative
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import descend
-from cvtimg.segmentation.segments import Segmentation, finished
+from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.values import picture_values
 
 
@@ -30,39 +30,40 @@ def superpixels(
     space: str = "rgb",
     mask: ArrayLike | None = None,
 ) -> Segmentation:
-    """Divide a picture into many small connected segments of similar color.
+    """Divide an image into many small connected segments of similar color.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        As in `segment`; pixels with NaN or infinity are left out.
+        As in `segment`; pixels that are NaN, infinite or masked are left out.
     n_superpixels : int
-        About how many: there are as many as a grid of rows and columns of nearly square cells has inside of the mask.
+        Approximate number of superpixels: the nearest that rows and columns of nearly square cells give in the mask.
     compactness : float
-        What a pair of near pixels in different segments costs, in squared levels of 8 bits: with more, cells are
-        rounder and follow the edges of the picture less.
+        Penalty for each pair of near pixels in different segments, in squared 8-bit levels: with larger values, cells
+        are rounder and follow the edges of the image less closely.
     space : {"rgb", "linear", "lab", "oklab"}
-        Where distances are measured. Of photographs cells in "lab" follow more of the edges that people see.
+        Color space in which distances are measured. In photographs, cells in "lab" follow more of the edges that
+        people see.
     mask : (H, W) array, optional
-        Pixels where it is not 0 are segmented; the others have label 0.
+        Pixels to segment: those where the mask is not 0. The others have label 0.
 
     Returns
     -------
     Segmentation
-        Labels and all else as `segment` gives them.
+        As `segment` returns it.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     Examples
     --------
     >>> import numpy as np
     >>> from cvtimg import superpixels
-    >>> picture = np.zeros((40, 60), np.uint8)
-    >>> picture[:, 33:] = 200
-    >>> superpixels(picture, 6).n_segments
+    >>> image = np.zeros((40, 60), np.uint8)
+    >>> image[:, 33:] = 200
+    >>> superpixels(image, 6).n_segments
     6
     """
     values = picture_values(image, check_choice("space", space, SPACES), mask)
@@ -71,12 +72,12 @@ def superpixels(
     field = values.field()
     cells = _grid(values.inside, n_superpixels)
     descent = descend(field, cells, int(cells.max()), edge_weight=weight, connected=True)
-    return finished(values, descent.labels, field, descent, weight)
+    return from_labels(values, field, descent.labels, descent, weight)
 
 
 def _grid(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
     height, width = inside.shape
-    # As many cells as asked for lie inside if those of the whole picture are as many times more.
+    # The whole image gets proportionally more cells, so that the number requested lies inside the mask.
     n_all = n_cells * inside.size / inside.sum()
     n_columns = max(1, min(width, round(np.sqrt(n_all * width / height))))
     n_rows = max(1, min(height, round(n_all / n_columns)))

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import SPACES
@@ -29,7 +29,8 @@ from cvtimg.segmentation.disk_rows import DiskRows
 from cvtimg.segmentation.disk_values import DiskValues
 from cvtimg.segmentation.edge_weight import State, settle
 from cvtimg.segmentation.noise import BLOCK, block_covariances, quiet_covariance
-from cvtimg.segmentation.segments import auto_weight, blur_at_start, dark_to_bright, weight_number
+from cvtimg.segmentation.prepared import auto_weight, blur_at_start
+from cvtimg.segmentation.result import dark_to_bright, in_order
 
 __all__ = ["SegmentedFile", "segment_file"]
 
@@ -137,13 +138,13 @@ def segment_file(
     check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
     check_count("edge_radius", edge_radius, 30, "the largest disc")
     check_choice("space", space, SPACES)
-    weight = edge_weight if edge_weight == "auto" else check_non_negative("edge_weight", weight_number(edge_weight))
+    weight = check_edge_weight(edge_weight)
     bands = open_bands(source)
     with scratch_folder(target) as folder, ExitStack() as stack:
         picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata)
         stack.callback(picture.close)
-        noise = _noise(picture) if weight else np.zeros((1, 1))
-        if weight == "auto":
+        noise = np.zeros((1, 1)) if weight == 0 else _noise(picture)
+        if weight is None:
             weight = auto_weight(noise, edge_radius)
         blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
         start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
@@ -151,14 +152,14 @@ def segment_file(
         cells = _Cells(picture, folder, edge_radius if weight else 1)
         stack.callback(cells.close)
         cells.put(start.labels(tessellation))
-        energies, converged = cells.settle(len(tessellation.generators), float(weight))
+        energies, converged = cells.settle(len(tessellation.generators), weight)
         generators = picture.values.to_picture(cells.state.means[1:] + picture.values.center)
         masses = cells.state.masses[1:, 0]
         new_label = dark_to_bright(generators, masses)
         dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
         form = Form(bands.form.shape[:2], dtype, geo_tags=bands.form.geo_tags)
         write_bands(target, form, cells.labels(np.append(0, new_label).astype(dtype)), overwrite=overwrite)
-    order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
+    order = in_order(new_label)
     unit = picture.values.unit**2
     if not weight:
         energies, converged = tuple(e * start.scale**2 for e in tessellation.energies), tessellation.converged
@@ -167,7 +168,7 @@ def segment_file(
         masses=masses[order],
         energy=float(cells.state.parts.sum()) / unit,
         energies=tuple(energy / unit for energy in energies),
-        edge_weight=float(weight),
+        edge_weight=weight,
         converged=converged,
         shape=bands.form.shape,
         exact=picture.exact and start.exact,

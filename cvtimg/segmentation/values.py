@@ -1,7 +1,7 @@
-"""A picture, or the part of it inside a mask, as values in a color space: what is segmented.
+"""An image, or the part of it inside a mask, as values in a color space: what is segmented.
 
-Values do not depend on the type of the picture: white is 255 in every space, as in a picture of 8 bits, and evenly
-spaced samples are brought to their levels first.
+Values do not depend on the type of the image: white is 255 in every space, as in an 8-bit image, and evenly spaced
+samples are converted to their levels first.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class PictureValues:
     Attributes
     ----------
     inside : (H, W) bool array
-        Pixels that count, n of them.
+        The n pixels that count.
     samples : ColorSamples
-        Of these pixels, in a row (1, n): the levels of distinct colors in "rgb", their values in other spaces.
+        Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces.
     scale, offset : float
-        Values are scale times the colors of `samples`. In "rgb" the offset is what level 0 is in the picture.
+        Values are scale times the colors of `samples`. In "rgb", the offset is the sample that level 0 stands for.
     space : str
         The color space.
     dtype : numpy.dtype
-        Of the picture.
+        Type of the image.
     """
 
     inside: NDArray[np.bool_]
@@ -45,31 +45,31 @@ class PictureValues:
 
     @property
     def unit(self) -> float:
-        """What 1 in the units of the picture, or of the other space, is in values."""
+        """The value of 1 in the units of the image or, in another space, of that space."""
         return unit_of(self.space, self.dtype)
 
     def field(self) -> NDArray[np.float32]:
-        """(H, W, D) values less their `center`; 0 outside."""
+        """(H, W, D) values about their `center`; 0 outside the mask."""
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
-        return self.spread(places[self.samples.inverse[0]])
+        return self.to_pixels(places[self.samples.inverse[0]])
 
     @property
     def center(self) -> NDArray[np.float64]:
-        """(D,) mean value."""
+        """(D,) mean of the values."""
         mean: NDArray[np.float64] = self.samples.density @ self.samples.colors / self.samples.density.sum()
         return mean * self.scale
 
-    def spread(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """(H, W, ...) what (n, ...) rows have for each pixel; 0 outside."""
+    def to_pixels(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Put (n, ...) rows at the pixels that they belong to: (H, W, ...), 0 outside the mask."""
         shape = (*self.inside.shape, *rows.shape[1:])
         if len(rows) == self.inside.size:
             return rows.reshape(shape)
-        picture = np.zeros(shape, rows.dtype)
-        picture[self.inside] = rows
-        return picture
+        pixels = np.zeros(shape, rows.dtype)
+        pixels[self.inside] = rows
+        return pixels
 
     def to_picture(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K, C) colors in the units of the picture, of (K, D) values."""
+        """Convert (K, D) values to (K, C) colors in the units of the image."""
         if self.space == "rgb":
             return values / self.unit + self.offset
         colors: NDArray[np.float64] = from_space(values / self.unit, self.space, np.dtype(np.float64))
@@ -77,12 +77,12 @@ class PictureValues:
 
 
 def unit_of(space: str, dtype: np.dtype[Any]) -> float:
-    """Return what 1 in the units of pictures of this type, or of the other space, is in values."""
+    """Return the value of 1 in the units of images of this type or, in another space, of that space."""
     return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)
 
 
 def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureValues:
-    """Bring a picture to a color space; pixels with NaN or infinity in any band are outside, as those of the mask."""
+    """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
     found = to_levels(rows)

@@ -163,7 +163,7 @@ def test_the_place_on_earth_stays(photograph: NDArray[Any]) -> None:
     [
         ({"n_segments": 0}, ValueError, "n_segments=0 must be in 1..65535"),
         ({"edge_weight": -1}, ValueError, "edge_weight=-1"),
-        ({"edge_weight": "much"}, ValueError, "must be a number >= 0 or 'auto'"),
+        ({"edge_weight": "much"}, ValueError, "must be a finite number >= 0, or 'auto'"),
         ({"edge_radius": 31}, ValueError, "edge_radius=31"),
         ({"space": "hsv"}, ValueError, "space"),
         ({"has_alpha": True}, ValueError, "has_alpha needs more bands"),

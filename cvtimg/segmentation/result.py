@@ -1,0 +1,123 @@
+"""The result of a segmentation: labels, and what is measured of each segment on the original pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.elbow.curves import EnergyCurve
+from cvtimg.engine.tessellation import Tessellation
+from cvtimg.segmentation.edge_weight import EdgeWeighted
+from cvtimg.segmentation.values import PictureValues
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segmentation:
+    """Segments of an image.
+
+    Attributes
+    ----------
+    labels : (H, W) int32 array
+        Labels start at 1; 0 marks pixels outside the mask. Segments are sorted by the brightness of their generators,
+        the sum of the bands, from dark to bright. Ties are broken by the bands in turn, then by reading order.
+    generators : (K, C) float64 array
+        Mean of each segment, in the units of the image; row ``label - 1`` belongs to a label. K can be less than the
+        number requested.
+    masses : (K,) float64 array
+        Number of pixels in each segment.
+    energy : float
+        Sum over the pixels of the squared distance to their generator, in squared units of the image or, if the space
+        is not "rgb", of that space.
+    energies : tuple of float
+        Energy before each iteration and at the end, in the same units: of the edge-weighted descent if there was one,
+        otherwise of the tessellation. It never rises.
+    edge_weight : float
+        The edge weight used; for "auto", the one that was found.
+    converged : bool
+        Whether the iteration converged.
+    curve : EnergyCurve or None
+        The energy curve that picked the number of segments, if that was "auto".
+    """
+
+    labels: NDArray[np.int32]
+    generators: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    energy: float
+    energies: tuple[float, ...]
+    edge_weight: float
+    converged: bool
+    curve: EnergyCurve | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.labels, self.generators, self.masses):
+            array.flags.writeable = False
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments, K."""
+        return len(self.generators)
+
+
+def from_tessellation(values: PictureValues, cells: Tessellation) -> Segmentation:
+    """Carry a tessellation of the distinct colors to the pixels, without computing anything per pixel."""
+    generators = values.to_picture(cells.generators * values.scale)
+    new_label = dark_to_bright(generators, cells.masses)
+    order = in_order(new_label)
+    unit = (values.scale / values.unit) ** 2
+    return Segmentation(
+        labels=values.to_pixels(new_label[cells.labels][values.samples.inverse[0]]),
+        generators=generators[order],
+        masses=cells.masses[order],
+        energy=cells.energy * unit,
+        energies=tuple(energy * unit for energy in cells.energies),
+        edge_weight=0.0,
+        converged=cells.converged,
+    )
+
+
+def from_labels(
+    values: PictureValues,
+    field: Floats,
+    labels: NDArray[np.int32],
+    iteration: EdgeWeighted | Tessellation,
+    edge_weight: float,
+) -> Segmentation:
+    """Measure segments on the original pixels, the `field`, and sort them."""
+    inside = values.inside
+    own = labels[inside]
+    masses = np.bincount(own)[1:].astype(np.float64)
+    rows = field[inside]
+    sums = np.stack([np.bincount(own, column)[1:] for column in rows.T], axis=1)
+    means = sums / np.maximum(masses, 1)[:, None]
+    squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
+    energy = max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
+    generators = values.to_picture(means + values.center)
+    new_label = dark_to_bright(generators, masses)
+    order = in_order(new_label)
+    return Segmentation(
+        labels=np.append(np.int32(0), new_label)[labels],
+        generators=generators[order],
+        masses=masses[order],
+        energy=energy / values.unit**2,
+        energies=tuple(energy / values.unit**2 for energy in iteration.energies),
+        edge_weight=edge_weight,
+        converged=iteration.converged,
+    )
+
+
+def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
+    """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
+    order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
+    order = order[masses[order] > 0]
+    labels = np.zeros(len(generators), np.int32)
+    labels[order] = np.arange(1, len(order) + 1)
+    return labels
+
+
+def in_order(new_label: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Segments with pixels, in the order of their new labels."""
+    return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
