@@ -8,8 +8,10 @@ last tile padded with points of density 0.
 import os
 
 cimport cython
-from libc.math cimport pow
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
+
+cdef extern from "cell_weight.h" nogil:
+    double cell_weight(double share, double power)
 
 cdef extern from "nearest.h" nogil:
     enum: LANES, FEW_DIMS, TILES_IN_GROUP
@@ -197,16 +199,6 @@ def measure(
                     step = tiles[t, d, i] - generators[label, d]
                     total = total + step * step
                 energies[label] += density[t * LANES + i] * total
-
-
-cdef inline double cell_weight(double share, double power) noexcept nogil:
-    if power == 0:
-        return 1
-    if power == 1:
-        return share
-    if power == 2:
-        return share * share
-    return pow(share, power)
 
 
 def transfer(

@@ -1,6 +1,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from .edge_weight import Cells, Disc, Strip
+
 def count_others(
     labels: NDArray[np.int32],
     steps: NDArray[np.int32],
@@ -18,21 +20,13 @@ def measure_cells(
     moments: NDArray[np.float64],
 ) -> None: ...
 def sweep(
-    values: NDArray[np.float32],
-    weights: NDArray[np.float32] | None,
-    labels: NDArray[np.int32],
-    others: NDArray[np.uint16],
-    stale: NDArray[np.uint8],
-    steps: NDArray[np.int32],
-    margin: int,
-    masses: NDArray[np.float64],
-    means: NDArray[np.float64],
-    energies: NDArray[np.float64],
+    strip: Strip,
+    cells: Cells,
+    disc: Disc,
     counts: NDArray[np.int32],
     found: NDArray[np.int32],
     edge_weight: float,
     power: float,
-    total: float,
     connected: bool,
     backward: bool,
 ) -> int: ...

@@ -1,14 +1,16 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops over label pictures: one pass each, over buffers that the caller owns.
+"""The compiled loops of the edge-weighted descent: one pass each, over buffers that the caller owns.
 
-Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
-Each argument is marked IN, OUT or INOUT. Labels are padded: a frame of label 0, as wide as the disc of neighbors,
-surrounds the picture, so that no pixel with a label has a neighbor outside of the array. Label 0 is nowhere a
-neighbor. A disc is given by the steps, in the flat padded picture, from a pixel to each of its neighbors.
+Nothing here allocates, checks its arguments or decides when to stop; `edge_weight.py` does. Each argument is marked
+IN, OUT or INOUT. Labels are padded: a frame of label 0, as wide as the disc of neighbors, surrounds the image, so that
+no labeled pixel has a neighbor outside the array. Pixels of label 0 are nobody's neighbors. A disc is given by the
+steps, in the flat padded image, from a pixel to each of its neighbors.
 """
-from libc.math cimport pow
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint64_t
 from libc.string cimport memcpy
+
+cdef extern from "cell_weight.h" nogil:
+    double cell_weight(double share, double power)
 
 
 def count_others(
@@ -63,7 +65,7 @@ def measure_cells(
 cdef inline double cost_of_pixel(
     const float *value, const float *weight, const double *mean, const double *mass, Py_ssize_t dims, double side,
 ) noexcept nogil:
-    """Change of a cell's energy about its mean: by a pixel that comes (side 1), or, negative, that goes (side -1)."""
+    """Energy that a cell gains with a pixel that comes (side 1), or loses with one that goes (side -1)."""
     cdef double total = 0, step, rest
     cdef Py_ssize_t d
     if weight == NULL:
@@ -74,7 +76,7 @@ cdef inline double cost_of_pixel(
         return total * mass[0] / rest if rest > 0.5 else 0.0
     for d in range(dims):
         rest = mass[d] + side * weight[d]
-        if weight[d] > 0 and rest > 1e-9 * weight[d]:  # what goes last takes no energy with it
+        if weight[d] > 0 and rest > 1e-9 * weight[d]:  # the last pixel to go takes no energy with it
             step = value[d] - mean[d]
             total = total + mass[d] * weight[d] / rest * step * step
     return total
@@ -93,10 +95,6 @@ cdef inline void move_pixel(
         mass[d] = rest
 
 
-cdef inline double cell_weight(double share, double power) noexcept nogil:
-    return share if power == 1 else pow(share, power)
-
-
 cdef inline double size_of(const double *mass, Py_ssize_t dims) noexcept nogil:
     cdef double total = 0
     cdef Py_ssize_t d
@@ -106,7 +104,7 @@ cdef inline double size_of(const double *mass, Py_ssize_t dims) noexcept nogil:
 
 
 cdef inline bint is_simple(const int32_t *label, Py_ssize_t width) noexcept nogil:
-    """Whether the cell of a pixel stays in one piece, seen from its eight neighbors, when the pixel leaves it."""
+    """Whether the cell of a pixel stays in one piece when the pixel leaves it, judged by its eight neighbors."""
     cdef int32_t own = label[0]
     cdef bint n = label[-width] == own, e = label[1] == own, s = label[width] == own, w = label[-1] == own
     cdef bint ne = label[1 - width] == own, se = label[width + 1] == own
@@ -120,28 +118,32 @@ cdef inline bint touches(const int32_t *label, Py_ssize_t width, int32_t other) 
 
 
 def sweep(
-    const float[:, :, ::1] values,   # IN (H, W, D)
-    const float[:, :, ::1] weights,  # IN (H, W, D), or None for 1 everywhere
-    int32_t[:, ::1] labels,          # INOUT (H + 2 R, W + 2 R), padded
-    uint16_t[:, ::1] others,         # INOUT, as padded: neighbors with another label
-    uint8_t[:, ::1] stale,           # INOUT, as padded: pixels to visit, those whose neighbors have changed since
-    const int32_t[::1] steps,        # IN (S,): the disc
-    Py_ssize_t margin,               # IN: R
-    double[:, ::1] masses,           # INOUT (K + 1, D): of each cell in each channel
-    double[:, ::1] means,            # INOUT (K + 1, D)
-    double[::1] energies,            # INOUT (K + 1,): of each cell about its mean
-    int32_t[::1] counts,             # scratch (K + 1,), zeros
-    int32_t[::1] found,              # scratch (S,)
-    double edge_weight,              # IN
-    double power,                    # IN: a cell counts by its share of the mass to this power
-    double total,                    # IN: mass of all cells, the mean of the channels
-    bint connected,                  # IN: whether cells must stay in one piece
-    bint backward,                   # IN: from the last pixel to the first
+    strip,               # INOUT: labels, others and stale, (H + 2 R, W + 2 R); IN: values and weights, (H, W, D)
+    cells,               # INOUT: masses and means, (K + 1, D), energies, (K + 1,); IN: total, the mass of all
+    disc,                # IN: steps, (S,), and margin, R
+    int32_t[::1] counts,  # scratch (K + 1,), zeros
+    int32_t[::1] found,  # scratch (S,)
+    double edge_weight,  # IN
+    double power,        # IN: cells count by their share of the mass to this power
+    bint connected,      # IN: whether cells must stay in one piece
+    bint backward,       # IN: from the last pixel to the first
 ):
-    """Transfer boundary pixels to the cell where the energy is least, one after the other; return how many.
+    """Transfer boundary pixels, one after the other, to the cell where the energy is least; return how many moved.
 
-    Values may be some rows of a picture, and the frame of the labels the rows above and below: those stay as they are.
+    The records are those of `edge_weight.py`, which say what each array holds. A strip may be some rows of an image,
+    framed by the labels of the rows above and below: those stay as they are.
     """
+    cdef const float[:, :, ::1] values = strip.values
+    cdef const float[:, :, ::1] weights = strip.weights
+    cdef int32_t[:, ::1] labels = strip.labels
+    cdef uint16_t[:, ::1] others = strip.others
+    cdef uint8_t[:, ::1] stale = strip.stale
+    cdef double[:, ::1] masses = cells.masses
+    cdef double[:, ::1] means = cells.means
+    cdef double[::1] energies = cells.energies
+    cdef double total = cells.total
+    cdef const int32_t[::1] steps = disc.steps
+    cdef Py_ssize_t margin = disc.margin
     cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
     cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1]
     cdef Py_ssize_t first = margin * stride, last = (labels.shape[0] - margin) * stride
@@ -160,7 +162,7 @@ def sweep(
         t = first
         while t < last:
             q = first + last - 1 - t if backward else t
-            # Mostly there is nothing to do: eight pixels are passed over at a time.
+            # Most pixels have nothing to do: pass over eight at a time.
             if t + 8 <= last:
                 memcpy(&eight, is_stale + (q - 7 if backward else q), 8)
                 if eight == 0:
@@ -191,7 +193,7 @@ def sweep(
                     found[n_found] = label
                     n_found += 1
                 counts[label] += 1
-            # What the pixel costs in its own cell, and in each that it could join.
+            # The cost of the pixel in its own cell, and in each that it could join.
             own_cost = cost_of_pixel(value, weight, &means[own, 0], &masses[own, 0], dims, -1)
             least = own_cost
             if power != 0:
@@ -200,7 +202,7 @@ def sweep(
                 after = cell_weight(max(size - mass, 0) / total, power)
                 least = after * own_cost + (before - after) * energies[own]
             least = least - 2 * edge_weight * counts[own]
-            # Less than this is rounding, and might go round in circles.
+            # A smaller gain is rounding, and could go round in circles.
             least = least - 1e-12 * (least + 4 * edge_weight * n_steps)
             best = own
             best_cost = 0

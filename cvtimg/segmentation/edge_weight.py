@@ -1,13 +1,13 @@
-"""Edge-weighted tessellations: every pair of near pixels in different segments costs, so that edges are few and short.
+"""Edge-weighted tessellations: each pair of near pixels in different segments costs, which keeps edges few and short.
 
 The energy of labels l with generators z on the values u of the pixels is
 
     E = sum over x of |u(x) - z_l(x)|^2 + edge_weight * sum over x of |{y near x: l(y) != l(x)}|,
 
-with y near x if it lies within a disc about x. Pixels on a boundary are transferred to the segment where E is least,
-one after the other, and both means move with each: as the change of E is known exactly, E never rises. Along a
-straight edge in the direction of the axes each pixel's length costs 36 `edge_weight` at radius 3; a disc that differs
-by c from its surroundings is worth its edge from a radius of about 72 `edge_weight` / c^2 on.
+where y is near x if it lies within a disc about x. Boundary pixels are transferred, one after the other, to the segment
+where E is least, and each transfer updates both means at once: the change of E is known exactly, so E never rises. A
+straight edge along an axis costs 36 `edge_weight` per pixel of its length at radius 3; a disc that differs by c from
+its surroundings is worth its edge from a radius of about 72 `edge_weight` / c^2 on.
 
 J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-1858.
 """
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.threads import in_parts
 from cvtimg.segmentation import _edge_weight
 
-#: A sweep that transfers no more than this share of the boundary pixels has transferred almost none.
+#: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
 _ALMOST_NONE = 1e-3
 _MAX_SWEEPS = 1000
 
@@ -36,17 +36,17 @@ class EdgeWeighted:
     Attributes
     ----------
     labels : (H, W) int32 array
-        From 1; 0 outside of the mask.
+        Labels from 1; 0 outside the mask.
     generators : (K, D) float64 array
-        The mean of each segment, by its label less 1. Where no pixel has weight, it is where the last one left it.
+        Mean of each segment; row ``label - 1`` belongs to a label. A segment without weight keeps its last mean.
     masses : (K, D) float64 array
-        The weight of each segment in each channel; 0 for segments that have vanished.
+        Weight of each segment in each channel; 0 for segments that have vanished.
     energies : tuple of float
-        Before each sweep and at the end; they never rise.
+        Energy before each sweep and at the end; it never rises.
     n_sweeps : int
-        Sweeps over the boundary pixels.
+        Number of sweeps over the boundary pixels.
     converged : bool
-        Whether the last sweep transferred almost none.
+        Whether the last sweep transferred almost no pixels.
     """
 
     labels: NDArray[np.int32]
@@ -73,31 +73,31 @@ def descend(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
 ) -> EdgeWeighted:
-    """Transfer boundary pixels between segments until that lowers the energy no more.
+    """Transfer boundary pixels between segments until no transfer lowers the energy.
 
     Parameters
     ----------
     values : (H, W, D) float32 array
-        Finite, and best with a mean near 0: float32 then holds what matters.
+        Finite values, best with a mean near 0, so that float32 is precise enough.
     labels : (H, W) int32 array
-        Where to start: 1..n_segments, and 0 outside of the mask. A pixel outside has no energy and is nobody's
-        neighbor, as if the picture ended there.
+        Initial labels in 1..n_segments, and 0 outside the mask. A pixel outside has no energy and is nobody's
+        neighbor, as if the image ended there.
     n_segments : int
         K. Segments can vanish.
     edge_weight : float
-        What a pair of near pixels in different segments costs, in squared units of the values; each pair counts
+        Penalty for each pair of near pixels in different segments, in squared units of the values; each pair counts
         twice, once from each side.
     radius : int
         Pixels are near each other up to this distance.
     weights : (H, W, D) float32 array, optional
-        Finite weights >= 0 of each pixel in each channel. A pixel that has none in any channel starts with the label
-        of the nearest pixel that has, and follows its neighbors.
+        Finite weights >= 0 of each pixel in each channel. A pixel without weight in any channel starts with the label
+        of the nearest pixel that has some, and follows its neighbors.
     volume_power : float
-        Each segment's first term counts by its share of the mass to this power.
+        Weight the squared distances of each segment by its share of the mass to this power.
     connected : bool
-        Keep in one piece, and from vanishing, each segment that starts so: pixels that share a side are neighbors.
+        Keep each segment that starts in one piece (of pixels that share sides) in one piece, and from vanishing.
     max_sweeps : int
-        Stop after so many sweeps in any case.
+        Largest number of sweeps.
 
     Returns
     -------
@@ -116,8 +116,8 @@ def descend(
     energies, converged = settle(state, edge_weight, volume_power, connected, max_sweeps)
     return EdgeWeighted(
         labels=padded[radius:-radius, radius:-radius].copy(),
-        generators=state.means[1:].copy(),
-        masses=state.masses[1:].copy(),
+        generators=state.cells.means[1:].copy(),
+        masses=state.cells.masses[1:].copy(),
         energies=energies,
         n_sweeps=len(energies) - 1,
         converged=converged,
@@ -131,24 +131,24 @@ def settle(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
 ) -> tuple[tuple[float, ...], bool]:
-    """Sweep until almost nothing moves; return the energies, before each sweep and at the end, and whether it rests."""
+    """Sweep until almost nothing moves; return the energies before each sweep and at the end, and whether it rests."""
     energies = [state.energy(edge_weight, volume_power)]
     all_visited, converged = True, False
     while not converged and len(energies) <= max_sweeps:
         moved = state.sweep(edge_weight, volume_power, connected, backward=len(energies) % 2 == 0)
         energies.append(state.energy(edge_weight, volume_power))
         at_rest = moved <= _ALMOST_NONE * state.n_boundary
-        # Generators have moved a little since some pixels were looked at: all are, before it is over.
+        # Generators have moved a little since some pixels were last visited: visit all once more before stopping.
         converged = at_rest and all_visited
         all_visited = at_rest
         if at_rest:
             state.wake()
-    state.measure()  # free of the rounding of the sweeps
+    state.measure()  # without the rounding of the sweeps
     return tuple(energies), converged
 
 
 def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> NDArray[np.int32]:
-    """Give unknown pixels the label of the nearest known one."""
+    """Give each unknown pixel the label of the nearest known one."""
     if weights is None:
         return labels
     unknown = ~weights.any(axis=2)
@@ -162,9 +162,9 @@ def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> ND
 
 
 class Strip(Protocol):
-    """All rows of a picture, or some that follow each other; a frame of `radius` pixels surrounds all but the values.
+    """All rows of an image, or some consecutive ones, in a frame of `radius` pixels (the values have none).
 
-    The frame holds what lies around these rows, or zeros beyond the picture.
+    The frame holds what surrounds these rows, or zeros beyond the image.
     """
 
     @property
@@ -177,23 +177,23 @@ class Strip(Protocol):
 
     @property
     def labels(self) -> NDArray[np.int32]:
-        """Labels from 1; 0 outside of the mask."""
+        """Labels from 1; 0 outside the mask."""
 
     @property
     def others(self) -> NDArray[np.uint16]:
-        """How many pixels that are near have another label."""
+        """Number of near pixels with another label."""
 
     @property
     def stale(self) -> NDArray[np.uint8]:
-        """1 where a pixel that is near has changed its label since this one was visited."""
+        """1 where a near pixel has changed its label since this one was visited."""
 
     def save(self) -> None:
-        """Put back where they are from the labels, and what is kept up to date with them."""
+        """Write back the labels, and the counts that are kept up to date with them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Whole:
-    """A picture in memory."""
+    """An image in memory."""
 
     values: NDArray[np.float32]
     weights: NDArray[np.float32] | None
@@ -202,18 +202,48 @@ class _Whole:
     stale: NDArray[np.uint8]
 
     def save(self) -> None:
-        """Nothing is elsewhere."""
+        """Nothing to write back: these are the arrays themselves."""
+
+
+class Disc(NamedTuple):
+    """The neighbors of a pixel: steps to each in a flat padded image, (S,) int32, and the width of its frame."""
+
+    steps: NDArray[np.int32]
+    margin: int
+
+
+@dataclass(slots=True, eq=False)
+class Cells:
+    """What the descent knows of each label; row 0, for pixels outside the mask, stays empty.
+
+    Attributes
+    ----------
+    masses, means : (K + 1, D) float64 arrays
+        In each channel.
+    energies : (K + 1,) float64 array
+        Of each cell about its mean.
+    """
+
+    masses: NDArray[np.float64]
+    means: NDArray[np.float64]
+    energies: NDArray[np.float64]
+
+    @property
+    def total(self) -> float:
+        """Mass of all cells, a mean over the channels."""
+        return float(self.masses.mean(axis=1).sum())
 
 
 class State:
-    """The cells of a picture that comes in strips, which make no difference to what becomes of it.
+    """The cells of an image that comes in strips; how it is divided makes no difference to the result.
 
     Parameters
     ----------
     strips : callable
-        From whether backward to the strips in order, from above to below or, backward, from below to above.
+        Takes whether to go backward, and gives the strips in order, from top to bottom or, backward, from bottom to
+        top.
     shape : (W, D)
-        Pixels of a row, and values of a pixel.
+        Pixels in a row, and values per pixel.
     n_segments, radius
         As in `descend`.
     """
@@ -222,24 +252,23 @@ class State:
         self, strips: Callable[[bool], Iterable[Strip]], shape: tuple[int, ...], n_segments: int, radius: int
     ) -> None:
         width, n_dims = shape
-        self.radius = radius
-        self.steps = (disc(radius) @ (width + 2 * radius, 1)).astype(np.int32)
-        self.means = np.zeros((n_segments + 1, n_dims))
-        self.masses = np.zeros_like(self.means)
-        self.parts = np.zeros(n_segments + 1)
+        self.disc = Disc((disc(radius) @ (width + 2 * radius, 1)).astype(np.int32), radius)
+        places = (n_segments + 1, n_dims)
+        self.cells = Cells(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
         self._strips = strips
         self._n_pairs = self.n_boundary = 0
         self._counts = np.zeros(n_segments + 1, np.int32)
-        self._found = np.zeros(len(self.steps), np.int32)
+        self._found = np.zeros(len(self.disc.steps), np.int32)
 
     def begin(self) -> None:
         """Count neighbors, and measure the cells."""
+        steps, margin = self.disc
         for strip in self._strips(False):
 
             def count(first: int, last: int, strip: Strip = strip) -> None:
-                _edge_weight.count_others(strip.labels, self.steps, self.radius, first, last, strip.others)
+                _edge_weight.count_others(strip.labels, steps, margin, first, last, strip.others)
 
-            in_parts(count, len(strip.values), work=strip.labels.size * len(self.steps) / 8)
+            in_parts(count, len(strip.values), work=strip.labels.size * len(steps) / 8)
             strip.stale[:] = 1
             strip.save()
         self._count()
@@ -247,69 +276,62 @@ class State:
         self.measure()
 
     def _count(self) -> None:
-        """Add up what the strips know of edges."""
+        """Add up the pairs and the boundary pixels of all strips."""
         self._n_pairs = self.n_boundary = 0
+        inner = slice(self.disc.margin, -self.disc.margin)
         for strip in self._strips(False):
-            own = strip.others[self.radius : -self.radius]
+            own = strip.others[inner]
             self._n_pairs += int(own.sum(dtype=np.int64))
             self.n_boundary += int(np.count_nonzero(own))
 
     def wake(self) -> None:
-        """Let the next sweep visit all pixels."""
+        """Make the next sweep visit all pixels."""
         for strip in self._strips(False):
             strip.stale[:] = 1
             strip.save()
 
     def energy(self, edge_weight: float, volume_power: float) -> float:
         """Return the energy of the labels as they are."""
-        sizes = self.masses.mean(axis=1)
+        sizes = self.cells.masses.mean(axis=1)
         shares = sizes / max(sizes.sum(), 1e-300)
-        return float(shares**volume_power @ self.parts) + edge_weight * self._n_pairs
+        return float(shares**volume_power @ self.cells.energies) + edge_weight * self._n_pairs
 
     def sweep(self, edge_weight: float, volume_power: float, connected: bool, backward: bool) -> int:
         """Return how many pixels were transferred."""
         moved = 0
         for strip in self._strips(backward):
             if strip.stale.any():
-                moved += self._sweep(strip, edge_weight, volume_power, connected, backward)
+                moved += _edge_weight.sweep(
+                    strip,
+                    self.cells,
+                    self.disc,
+                    self._counts,
+                    self._found,
+                    edge_weight,
+                    volume_power,
+                    connected,
+                    backward,
+                )
                 strip.save()
         self._count()
         return moved
 
-    def _sweep(self, strip: Strip, edge_weight: float, volume_power: float, connected: bool, backward: bool) -> int:
-        return _edge_weight.sweep(
-            strip.values,
-            strip.weights,
-            strip.labels,
-            strip.others,
-            strip.stale,
-            self.steps,
-            self.radius,
-            self.masses,
-            self.means,
-            self.parts,
-            self._counts,
-            self._found,
-            edge_weight,
-            volume_power,
-            float(self.masses.mean(axis=1).sum()),
-            connected,
-            backward,
-        )
-
     def measure(self) -> None:
-        """Sum up each segment, about the mean that it had, and move that to the mean that it has."""
-        moments = np.zeros((3, *self.means.shape))
+        """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
+        cells = self.cells
+        moments = np.zeros((3, *cells.means.shape))
         for strip in self._strips(False):
-            _edge_weight.measure_cells(strip.values, strip.weights, strip.labels, self.radius, self.means, moments)
-        self.masses, sums, squares = np.ascontiguousarray(moments)
-        step = np.divide(sums, self.masses, out=np.zeros_like(sums), where=self.masses > 0)
-        self.means += step
-        self.parts = np.maximum(squares - step * sums, 0).sum(axis=1)
+            _edge_weight.measure_cells(
+                strip.values, strip.weights, strip.labels, self.disc.margin, cells.means, moments
+            )
+        cells.masses, sums, squares = np.ascontiguousarray(moments)
+        step = np.divide(sums, cells.masses, out=np.zeros_like(sums), where=cells.masses > 0)
+        cells.means += step
+        cells.energies = np.maximum(squares - step * sums, 0).sum(axis=1)
 
 
 def disc(radius: int) -> NDArray[np.intp]:
-    """(S, 2) steps down and right to the neighbors within a disc, its center not among them."""
+    """(S, 2) steps down and right to the neighbors within a disc, without its center."""
     down, right = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)
     near = (down**2 + right**2 <= radius**2) & ((down != 0) | (right != 0))
     steps: NDArray[np.intp] = np.stack([down, right], axis=1)[near]
@@ -317,5 +339,5 @@ def disc(radius: int) -> NDArray[np.intp]:
 
 
 def length_cost(radius: int) -> int:
-    """Return what a pixel's length of a straight edge along an axis costs, for an edge weight of 1: 36 at radius 3."""
+    """Return the cost per pixel of a straight edge along an axis at an edge weight of 1: 36 at radius 3."""
     return int(np.abs(disc(radius)[:, 0]).sum())

@@ -1,8 +1,8 @@
-"""Segmentation of pictures larger than memory: strips of rows, and cells that are those of the whole picture.
+"""Segmentation of images larger than memory: strip by strip, with the cells of the whole image.
 
-The first pass counts colors and lays the pixels down beside the target, where they can be read again from above and
-from below. What follows goes strip by strip over files: the descent of edges too, in the order in which it goes over
-a picture in memory and with the same sums, so that strips leave no seams.
+The first pass counts colors and stores the pixels beside the target, so that later passes can read them downward and
+upward. All that follows goes over these files strip by strip. The edge-weighted descent visits pixels in the same
+order and with the same sums as in memory, so that strips leave no seams.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,27 +35,27 @@ from cvtimg.segmentation.result import dark_to_bright, in_order
 
 __all__ = ["SegmentedFile", "segment_file"]
 
-#: Labels are of 8 or 16 bits, and 0 is outside.
+#: Labels have 8 or 16 bits, and 0 is outside the mask.
 _MOST_SEGMENTS = 65535
-#: Blocks that tell the noise; beyond, some rows of blocks are left out.
+#: Number of blocks from which noise is estimated; with more, some rows of blocks are left out.
 _NOISE_BLOCKS = 1 << 18
-#: Levels of which an averaged picture is counted.
+#: Number of levels by which an averaged image is counted.
 _LEVELS = 255
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentedFile:
-    """What became of a picture that is only on disk.
+    """The result of segmenting an image on disk.
 
     Attributes
     ----------
     generators, masses, energy, energies, edge_weight, converged
         As in `Segmentation`.
     shape : tuple of int
-        Shape of the picture: (H, W) or (H, W, C).
+        Shape of the image: (H, W) or (H, W, C).
     exact : bool
-        Whether segments start from all distinct colors, or averages of them by 255 levels: up to 2^22. Beyond,
-        neighbors were taken together.
+        Whether segments start from all distinct colors of the image, or of its averages in 255 levels. Of more than
+        2^22, similar ones are merged.
     """
 
     generators: NDArray[np.float64]
@@ -86,26 +87,26 @@ def segment_file(
     rng: int | np.random.Generator = 0,
     overwrite: bool = False,
 ) -> SegmentedFile:
-    """Divide a picture on disk, of any size, into segments of similar color.
+    """Divide an image on disk, of any size, into segments of similar color.
 
-    Segments are those of the whole picture: no seams. Memory does not grow with the picture, as in `quantize_file`;
-    the folder of the target needs room for the pixels without compression and, for each, 4 bytes, with an edge weight
-    7, until the end.
+    Segments are those of the whole image, without seams. Memory does not grow with the image, as in `quantize_file`.
+    Until the end, the folder of the target needs room for the uncompressed pixels and 4 bytes more per pixel, 7 with an
+    edge weight.
 
     Parameters
     ----------
     source : path
         A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: uint8, uint16 or
-        floating point, (H, W) or (H, W, C). Pixels with NaN or infinity in any band are left out.
+        floating point, (H, W) or (H, W, C). Pixels that are NaN or infinite in any band are left out.
     target : path
-        Ends in .tif, .tiff or .zarr: labels from 1, dark to bright, and 0 for what is left out; 8 bits for up to 255
-        segments, else 16. The place on Earth stays as it is in a TIFF.
+        Ends in .tif, .tiff or .zarr. Labels start at 1, from dark to bright; 0 marks pixels that are left out. They
+        have 8 bits for up to 255 segments, otherwise 16. A TIFF keeps its georeference.
     n_segments : int
         K, in 1..65535.
     space, edge_weight, edge_radius, effort, rng
         As in `segment`.
     has_alpha : bool
-        The last band is alpha, which has no color; pixels where it is 0 are left out.
+        Whether the last band is alpha; pixels where it is 0 are left out.
     nodata : float, optional
         Pixels with this value in all bands are left out.
     overwrite : bool
@@ -118,9 +119,9 @@ def segment_file(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
     OSError
-        If a file cannot be read by tiles, or written.
+        If a file cannot be read by tiles or written.
 
     Examples
     --------
@@ -153,8 +154,8 @@ def segment_file(
         stack.callback(cells.close)
         cells.put(start.labels(tessellation))
         energies, converged = cells.settle(len(tessellation.generators), weight)
-        generators = picture.values.to_picture(cells.state.means[1:] + picture.values.center)
-        masses = cells.state.masses[1:, 0]
+        generators = picture.values.to_picture(cells.state.cells.means[1:] + picture.values.center)
+        masses = cells.state.cells.masses[1:, 0]
         new_label = dark_to_bright(generators, masses)
         dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
         form = Form(bands.form.shape[:2], dtype, geo_tags=bands.form.geo_tags)
@@ -166,7 +167,7 @@ def segment_file(
     return SegmentedFile(
         generators=generators[order],
         masses=masses[order],
-        energy=float(cells.state.parts.sum()) / unit,
+        energy=float(cells.state.cells.energies.sum()) / unit,
         energies=tuple(energy / unit for energy in energies),
         edge_weight=weight,
         converged=converged,
@@ -176,7 +177,7 @@ def segment_file(
 
 
 def _noise(picture: DiskValues) -> NDArray[np.float64]:
-    """(D, D) covariance of the noise, from all rows of blocks or as many as are enough."""
+    """(D, D) covariance of the noise, from all rows of blocks or from enough of them."""
     height, width = picture.shape
     if min(height, width) < BLOCK + 2:
         values, inside = picture.read(0, height)
@@ -189,7 +190,7 @@ def _noise(picture: DiskValues) -> NDArray[np.float64]:
 
 
 class _Start:
-    """The segments that edges start from: of the picture, or of its averages where it is noisy."""
+    """The initial segments: of the image, or of its averages if it is noisy."""
 
     def __init__(self, picture: DiskValues, average: Averaging | None) -> None:
         self._picture, self._average = picture, average
@@ -200,7 +201,7 @@ class _Start:
             self.samples = self._count()
 
     def _count(self) -> ColorSamples:
-        """Count averages by levels of the range that colors have."""
+        """Count the averages, in levels of the range of the colors."""
         places = self.samples.colors * self.scale + self._offset
         low, high = float(places.min()), float(places.max())
         self.scale, self._offset = (high - low) / _LEVELS, np.full(places.shape[1], low)
@@ -212,7 +213,7 @@ class _Start:
         return samples
 
     def _strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
-        """Give strips of values, averaged if they shall be, and where they count."""
+        """Yield strips of values, averaged if asked for, and the mask of each."""
         for first, last in self._picture.strips:
             above, below = max(first - self._halo, 0), min(last + self._halo, self._picture.shape[0])
             values, inside = self._picture.read(above, below)
@@ -226,9 +227,9 @@ class _Start:
         return tessellate(self.samples, n_most, effort=effort, rng=rng)
 
     def labels(self, tessellation: Tessellation) -> Iterator[NDArray[np.int32]]:
-        """Give strips of labels, of the nearest generators."""
+        """Yield strips of labels, those of the nearest generators."""
         generators = tessellation.generators * self.scale + self._offset
-        origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are
+        origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are broken alike
         for values, inside in self._strips():
             labels = np.zeros(inside.shape, np.int32)
             rows = values[inside]
@@ -239,7 +240,7 @@ class _Start:
 
 
 class _Cells:
-    """Labels on disk with a frame of zeros, and what the descent keeps up to date with them."""
+    """Labels on disk in a frame of zeros, and the counts that the descent keeps up to date with them."""
 
     def __init__(self, picture: DiskValues, folder: Path, radius: int) -> None:
         self.picture, self.radius = picture, radius
@@ -256,7 +257,7 @@ class _Cells:
             top += len(strip)
 
     def settle(self, n_segments: int, edge_weight: float) -> tuple[tuple[float, ...], bool]:
-        """Measure the cells, after the descent if edges cost."""
+        """Measure the cells, after the descent if there is an edge weight."""
         shape = (self.picture.shape[1], self.picture.n_dims)
         self.state = State(self._strips, shape, n_segments, self.radius)
         if edge_weight:
@@ -271,7 +272,7 @@ class _Cells:
         return (_Strip(self, *ends) for ends in (reversed(strips) if backward else strips))
 
     def labels(self, new_label: NDArray[np.unsignedinteger]) -> Iterator[NDArray[np.unsignedinteger]]:
-        """Give strips of labels by other numbers."""
+        """Yield strips of labels, renumbered."""
         frame = slice(self.radius, -self.radius)
         return (new_label[strip.labels[frame, frame]] for strip in self._strips(False))
 
@@ -281,33 +282,36 @@ class _Cells:
 
 
 class _Strip:
-    """Some rows of cells, read as they are asked for."""
+    """Some rows of cells, each array read when it is first used."""
 
     weights = None
 
     def __init__(self, cells: _Cells, first: int, last: int) -> None:
         self._cells, self._first, self._last = cells, first, last
+        self._rows: dict[str, NDArray[Any]] = {}
 
-    def _read(self, name: str) -> NDArray[np.generic]:
-        return self._cells.on_disk[name].read(self._first, self._last + 2 * self._cells.radius)
+    def _read(self, name: str) -> NDArray[Any]:
+        if name not in self._rows:
+            self._rows[name] = self._cells.on_disk[name].read(self._first, self._last + 2 * self._cells.radius)
+        return self._rows[name]
 
     @cached_property
     def values(self) -> NDArray[np.float32]:
         return self._cells.picture.read(self._first, self._last)[0]
 
-    @cached_property
+    @property
     def labels(self) -> NDArray[np.int32]:
-        return self._read("labels").view(np.int32)
+        return self._read("labels")
 
-    @cached_property
+    @property
     def others(self) -> NDArray[np.uint16]:
-        return self._read("others").view(np.uint16)
+        return self._read("others")
 
-    @cached_property
+    @property
     def stale(self) -> NDArray[np.uint8]:
-        return self._read("stale").view(np.uint8)
+        return self._read("stale")
 
     def save(self) -> None:
-        for name, rows in self._cells.on_disk.items():
-            if name in self.__dict__:
-                rows.write(self._first, self.__dict__[name])
+        """Write back what was read."""
+        for name, rows in self._rows.items():
+            self._cells.on_disk[name].write(self._first, rows)
