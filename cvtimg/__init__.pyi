@@ -1,4 +1,5 @@
 from . import (
+    bases,
     batch,
     colors,
     elbow,
@@ -13,6 +14,8 @@ from . import (
     segmentation,
     tables,
 )
+from .bases.frames import key_frames
+from .bases.reduction import reduced_basis
 from .elbow.curves import energy_curve
 from .engine.tessellation import tessellate
 from .files.finding import find_images
@@ -32,6 +35,7 @@ __version__: str
 
 __all__ = [
     "CVT",
+    "bases",
     "batch",
     "colors",
     "elbow",
@@ -42,6 +46,7 @@ __all__ = [
     "find_edges",
     "find_images",
     "find_palette",
+    "key_frames",
     "labels",
     "palettes",
     "pictures",
@@ -51,6 +56,7 @@ __all__ = [
     "quantize_frames",
     "read_image",
     "read_palette",
+    "reduced_basis",
     "restoration",
     "restore",
     "segment",

@@ -19,7 +19,7 @@ LAYERS: list[set[str]] = [
     {"engine", "pictures"},
     {"colors", "tables", "labels", "batch"},
     {"elbow", "palettes"},
-    {"quantization", "segmentation"},
+    {"quantization", "segmentation", "bases"},
     {"restoration", "plotting"},
     {"cli"},
     {"__main__"},

@@ -1,0 +1,5 @@
+"""Reduced bases of snapshots: proper orthogonal decomposition, and its CVT counterparts; key frames."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

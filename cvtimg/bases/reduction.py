@@ -1,0 +1,362 @@
+"""Reduced bases: few modes in which many snapshots, and others like them, are nearly contained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_choice, check_count
+from cvtimg.bases.sketch import Sketch, sketch
+from cvtimg.bases.snapshots import Snapshots, as_snapshots
+from cvtimg.bases.subspaces import distances, find_subspaces, principal_axes
+from cvtimg.elbow.rules import Scale, chord_linear
+from cvtimg.engine.tessellation import tessellate
+from cvtimg.files.whole import StrPath, whole_file
+
+_Floats = NDArray[np.float64]
+
+#: Kinds of bases, by the names of `kind`.
+KINDS = ("pod", "cvt", "cvod")
+#: Modes that "auto" chooses from.
+_MOST_AUTO_MODES = 32
+#: Coordinates beyond those that are used, which make these precise.
+_OVERSAMPLING = 24
+#: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
+_COORDINATES_PER_MODE = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """Snapshots in a basis.
+
+    Attributes
+    ----------
+    coordinates : (m, n) float64 array
+        Along the modes of the cell.
+    cells : (m,) int64 array
+        Index of the nearest affine subspace; 0 for a basis of one cell.
+    residuals : (m,) float64 array
+        Distance to the subspace over distance to the mean of the training snapshots, in 0..1 for what resembles them:
+        near 1 the basis says nothing about this snapshot.
+    """
+
+    coordinates: _Floats
+    cells: NDArray[np.int64]
+    residuals: _Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """A reduced basis: C affine subspaces of n dimensions in the space of snapshots.
+
+    Attributes
+    ----------
+    kind : {"pod", "cvt", "cvod"}
+        How it was made. C is 1 for "pod" and "cvt".
+    shape : tuple of int
+        Shape of a snapshot; it has D values.
+    mean : (D,) float64 array
+        Mean of the training snapshots.
+    centers : (C, D) float64 array
+        Where each subspace begins: the mean of its cell.
+    modes : (C, n, D) array
+        Orthonormal modes of each cell, the most important first; zeros where a cell has fewer.
+    labels : (N,) int64 array
+        Cell of each training snapshot; for "cvt" that of the tessellation, 0..n - 1.
+    medoids : (k,) int64 array
+        Of the cells of "cvt" and "cvod", the training snapshot nearest to the mean of each; empty for "pod".
+    energies : (n + 1,) float64 array
+        Sum of squared distances of the training snapshots to the subspaces of the first 0, 1, .. n modes.
+    variance : float
+        The same to their mean.
+    """
+
+    kind: str
+    shape: tuple[int, ...]
+    mean: _Floats
+    centers: _Floats
+    modes: NDArray[Any]
+    labels: NDArray[np.int64]
+    medoids: NDArray[np.int64]
+    energies: _Floats
+    variance: float
+
+    def __post_init__(self) -> None:
+        for name in ("mean", "centers", "modes", "labels", "medoids", "energies"):
+            getattr(self, name).flags.writeable = False
+
+    def __repr__(self) -> str:
+        cells = f" in each of {self.n_cells} cells" if self.n_cells > 1 else ""
+        modes = f"{self.n_modes} modes{cells} of shape {self.shape}"
+        return f"Basis(kind={self.kind!r}, {modes}, {self.explained:.2%} explained)"
+
+    @property
+    def n_cells(self) -> int:
+        """Number of affine subspaces, C."""
+        return len(self.centers)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes per cell, n."""
+        return int(self.modes.shape[1])
+
+    @property
+    def energy(self) -> float:
+        """Sum of squared distances of the training snapshots to the subspaces."""
+        return float(self.energies[-1])
+
+    @property
+    def explained(self) -> float:
+        """Share of the variance of the training snapshots that the basis explains."""
+        return 1 - self.energy / self.variance if self.variance else 1.0
+
+    def project(self, snapshots: Any) -> Projection:
+        """Project snapshots, (m, ...) or of any kind that `as_snapshots` takes, onto the nearest subspace.
+
+        Raises
+        ------
+        ValueError
+            If their shape is not that of the training snapshots.
+        """
+        given = as_snapshots(snapshots)
+        if given.shape != self.shape:
+            raise ValueError(f"snapshots of shape {given.shape} must have shape {self.shape}, as the basis has")
+        parts = list(self._projected(given))
+        return Projection(*(np.concatenate([part[at] for part in parts]) for at in range(3)))
+
+    def _projected(self, given: Snapshots) -> Iterator[tuple[_Floats, NDArray[np.int64], _Floats]]:
+        for _, block in given.blocks():
+            rows = block.astype(np.float64)
+            apart = distances(rows, self.centers, self.modes)
+            cells = apart.argmin(axis=1)
+            coordinates = np.empty((len(rows), self.n_modes))
+            for cell in np.unique(cells):
+                coordinates[cells == cell] = (rows[cells == cell] - self.centers[cell]) @ self.modes[cell].T
+            sizes = ((rows - self.mean) ** 2).sum(axis=1)
+            residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(rows)), where=sizes > 0)
+            yield coordinates, cells, np.sqrt(residuals)
+
+    def reconstruct(self, projection: Projection) -> _Floats:
+        """(m, ...) snapshots of which only the projections are known."""
+        rows = np.empty((len(projection.cells), self.mean.size))
+        for cell in np.unique(projection.cells):
+            own = projection.cells == cell
+            rows[own] = self.centers[cell] + projection.coordinates[own] @ self.modes[cell]
+        return rows.reshape(-1, *self.shape)
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the basis to a NumPy .npz file, whole or not at all; `read_basis` reads it.
+
+        Raises
+        ------
+        ValueError
+            If `path` does not end in .npz.
+        OSError
+            If the file cannot be written, or exists and `overwrite` is false.
+        """
+        check_choice("suffix", Path(path).suffix.lower(), (".npz",))
+        with whole_file(path, overwrite=overwrite) as file:
+            np.savez(
+                file,
+                allow_pickle=False,
+                **{field.name: np.asarray(getattr(self, field.name)) for field in fields(self)},
+            )
+
+
+def read_basis(path: StrPath) -> Basis:
+    """Read a basis that `Basis.save` wrote.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .npz file.
+
+    Returns
+    -------
+    Basis
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read or holds no basis.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> basis = reduced_basis(np.eye(4), 2)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     basis.save(f"{folder}/basis.npz")
+    ...     read_basis(f"{folder}/basis.npz")
+    Basis(kind='pod', 2 modes of shape (4,), 66.67% explained)
+    """
+    try:
+        with np.load(path) as stored:
+            values = {field.name: stored[field.name] for field in fields(Basis)}
+    except (KeyError, ValueError, AttributeError, EOFError) as error:
+        raise OSError(f"{path}: holds no reduced basis") from error
+    values |= {"kind": str(values["kind"]), "variance": float(values["variance"])}
+    return Basis(**{**values, "shape": tuple(int(side) for side in values["shape"])})
+
+
+def reduced_basis(
+    snapshots: Any,
+    n_modes: int | Literal["auto"],
+    *,
+    kind: str = "pod",
+    n_cells: int = 8,
+    passes: int = 4,
+    rng: int | np.random.Generator = 0,
+) -> Basis:
+    """Find few modes that nearly contain many snapshots.
+
+    Parameters
+    ----------
+    snapshots : array-like, Frames, path, or sequence of paths
+        (N, ...) frames, fields or images, as `as_snapshots` takes them. They may be larger than memory.
+    n_modes : int or "auto"
+        Modes n, at most N - 1 and D (for "cvt" at most N). "auto" takes the elbow of the energy, at most 32.
+    kind : {"pod", "cvt", "cvod"}
+        "pod", proper orthogonal decomposition: principal components, the modes that leave the least energy. "cvt":
+        generators of a tessellation of the snapshots, orthonormalized, the heaviest cell first. "cvod": a tessellation
+        whose generators are affine subspaces of n dimensions, each cell with modes of its own.
+    n_cells : int
+        Cells of "cvod", at most N; other kinds take no account of it.
+    passes : int
+        How often the snapshots are read, an even number; 2 are enough where few modes explain nearly everything.
+    rng : int or numpy.random.Generator
+        Seed of what is drawn.
+
+    Returns
+    -------
+    Basis
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or a snapshot contains NaN or infinity.
+    OSError
+        If a file cannot be read.
+
+    Notes
+    -----
+    At equal storage "pod" has the least error. "cvod" stores C times as many modes and has a much smaller error at
+    equal online dimension n, for snapshots of several regimes. No basis describes snapshots that are unlike those it
+    was made from: `Projection.residuals` tells.
+
+    References
+    ----------
+    M. Gunzburger, J. Peterson, J. Shadid, Comput. Methods Appl. Mech. Engrg. 196 (2007) 1030-1047,
+    doi 10.1016/j.cma.2006.08.004 (POD and CVT bases). Q. Du, M. Gunzburger, doi 10.1007/978-3-0348-8001-5_9 (CVOD).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import reduced_basis
+    >>> times = np.linspace(0, 1, 40)[:, None]
+    >>> waves = np.sin(6 * np.linspace(0, 1, 200)) * times + np.cos(9 * np.linspace(0, 1, 200)) * times**2
+    >>> basis = reduced_basis(waves, 2)
+    >>> basis
+    Basis(kind='pod', 2 modes of shape (200,), 100.00% explained)
+    >>> bool(np.allclose(basis.reconstruct(basis.project(waves)), waves))
+    True
+    """
+    check_choice("kind", kind, KINDS)
+    check_count("passes", passes, 64, "an even number")
+    if passes % 2:
+        raise ValueError(f"passes={passes} must be an even number in 2..64")
+    given = as_snapshots(snapshots)
+    most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
+    asked = min(_MOST_AUTO_MODES, most)
+    if n_modes != "auto":
+        asked = check_count("n_modes", n_modes, most, f"for {given.n_snapshots} snapshots of {given.n_dims} values")
+    check_count("n_cells", n_cells, 1 << 16, "the most cells")
+    cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
+    rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
+    generator = np.random.default_rng(rng)
+    found = sketch(given, rank, passes, generator)
+    make = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind]
+    if n_modes == "auto":
+        trial = make(found, asked, cells, generator)
+        asked = chord_linear(trial.energies[1:] + found.missed, Scale(1.0, None)) if trial.energies[0] > 0 else 1
+    return _in_space(given, found, kind, make(found, asked, cells, generator))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reduced:
+    """Subspaces in the coordinates of a sketch, as `Basis` has them; energies of the coordinates alone."""
+
+    centers: _Floats
+    axes: _Floats
+    labels: NDArray[np.int64]
+    medoids: NDArray[np.int64]
+    energies: _Floats
+
+
+def _pod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = found.coordinates
+    axes = np.zeros((1, n_modes, rows.shape[1]))
+    axes[0, : rows.shape[1]] = np.eye(rows.shape[1])[:n_modes]
+    labels = np.zeros(len(rows), np.int64)
+    return _measured(rows, np.zeros((1, rows.shape[1])), axes, labels, np.zeros(0, np.int64))
+
+
+def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = found.coordinates
+    cells = tessellate(rows, n_modes, init="k-means++", effort="best", rng=rng)
+    heaviest = np.argsort(-cells.masses, kind="stable")
+    axes = np.zeros((1, n_modes, rows.shape[1]))
+    orthonormal = np.linalg.qr(cells.generators[heaviest].T)[0].T
+    axes[0, : len(orthonormal)] = orthonormal
+    labels = np.argsort(heaviest, kind="stable")[cells.labels]
+    medoids = nearest_members(rows, labels, cells.generators[heaviest])
+    measured = _measured(rows, np.zeros((1, rows.shape[1])), axes, np.zeros(len(rows), np.int64), medoids)
+    return _Reduced(measured.centers, axes, labels, medoids, measured.energies)
+
+
+def _cvod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = found.coordinates
+    end = find_subspaces(rows, n_cells, n_modes, rng)
+    # Axes are those of the final cells, so that their order is that of the variance in them.
+    fitted = [principal_axes(rows[end.labels == cell], n_modes) for cell in np.unique(end.labels)]
+    centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
+    labels = distances(rows, centers, axes).argmin(axis=1)
+    return _measured(rows, centers, axes, labels, nearest_members(rows, labels, centers))
+
+
+def _measured(
+    rows: _Floats, centers: _Floats, axes: _Floats, labels: NDArray[np.int64], medoids: NDArray[np.int64]
+) -> _Reduced:
+    """Add the energies of the first 0, 1, .. n axes."""
+    apart = rows - centers[labels]
+    along = np.einsum("nr,nar->na", apart, axes[labels]) if len(axes) > 1 else apart @ axes[0].T
+    taken = np.concatenate([[0.0], np.cumsum((along**2).sum(axis=0))])
+    energies = np.maximum((apart**2).sum() - taken, 0.0)
+    return _Reduced(centers, axes, labels, medoids, energies)
+
+
+def nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats) -> NDArray[np.int64]:
+    """(k,) for each cell that has rows, the index of the row nearest to its center."""
+    apart = ((rows - centers[labels]) ** 2).sum(axis=1)
+    order = np.lexsort((apart, labels))
+    return order[np.unique(labels[order], return_index=True)[1]]
+
+
+def _in_space(given: Snapshots, found: Sketch, kind: str, reduced: _Reduced) -> Basis:
+    """Carry subspaces from the coordinates of a sketch to the space of snapshots."""
+    directions = found.directions
+    return Basis(
+        kind,
+        given.shape,
+        found.mean,
+        found.mean + reduced.centers @ directions,
+        (reduced.axes @ directions).astype(given.dtype),
+        reduced.labels,
+        reduced.medoids,
+        reduced.energies + found.missed,
+        found.variance,
+    )

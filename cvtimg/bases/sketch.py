@@ -1,0 +1,90 @@
+"""Snapshots in a few coordinates: a randomized singular value decomposition over blocks of rows.
+
+Everything else works on the coordinates, so its cost does not depend on the size of a snapshot, and the snapshots are
+read only a few times.
+
+N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288, doi 10.1137/090771806.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from cvtimg.bases.snapshots import Snapshots
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sketch:
+    """Snapshots less their mean, in the coordinates of their leading singular directions.
+
+    Attributes
+    ----------
+    coordinates : (N, R) float64 array
+        With mean 0; columns are orthogonal, of falling length.
+    directions : (R, D) array
+        Orthonormal rows.
+    mean : (D,) float64 array
+        Of the snapshots.
+    variance : float
+        Sum of squared distances of the snapshots to their mean; what the coordinates miss of it is `missed`.
+    """
+
+    coordinates: NDArray[np.float64]
+    directions: NDArray[Any]
+    mean: NDArray[np.float64]
+    variance: float
+
+    @property
+    def missed(self) -> float:
+        """The part of the variance outside of the directions, as an energy."""
+        return max(self.variance - float((self.coordinates**2).sum()), 0.0)
+
+
+def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generator) -> Sketch:
+    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number.
+
+    Blocks are added in their order by one thread, so the result has the same bits on every machine of a kind.
+    """
+    rank = min(rank, snapshots.n_snapshots, snapshots.n_dims)
+    directions = rng.standard_normal((snapshots.n_dims, rank), np.float32).astype(snapshots.dtype)
+    # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.
+    center = np.asarray(snapshots.read(0, 1), snapshots.dtype).reshape(-1)
+    with threadpool_limits(1, "blas"):
+        for _ in range(passes // 2):
+            values, mean, variance = _project(snapshots, directions, center)
+            center = mean.astype(snapshots.dtype)
+            basis = np.linalg.qr(values)[0]
+            rows = _combine(snapshots, basis.astype(snapshots.dtype), center)
+            directions = np.linalg.qr(rows.T)[0].astype(snapshots.dtype)
+        left, lengths, right = np.linalg.svd(rows, full_matrices=False)
+        coordinates = (basis @ left) * lengths
+    return Sketch(coordinates, right.astype(snapshots.dtype), mean, variance)
+
+
+def _project(
+    snapshots: Snapshots, directions: NDArray[Any], center: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """(N, R) products of snapshots less their mean with directions, the (D,) mean, and the variance."""
+    values = np.empty((snapshots.n_snapshots, directions.shape[1]))
+    sums, squares = np.zeros(snapshots.n_dims), 0.0
+    for rows, block in snapshots.blocks():
+        apart = block - center
+        values[rows] = apart @ directions
+        sums += apart.sum(axis=0, dtype=np.float64)
+        squares += float(np.einsum("nd,nd->", apart, apart, dtype=np.float64))
+    shift = sums / snapshots.n_snapshots
+    variance = max(squares - snapshots.n_snapshots * float(shift @ shift), 0.0)
+    return values - values.mean(axis=0), center + shift, variance
+
+
+def _combine(snapshots: Snapshots, basis: NDArray[Any], center: NDArray[Any]) -> NDArray[np.float64]:
+    """(R, D) combinations of snapshots less their mean."""
+    rows = np.zeros((basis.shape[1], snapshots.n_dims))
+    for part, block in snapshots.blocks():
+        rows += basis[part].T @ (block - center)
+    return rows

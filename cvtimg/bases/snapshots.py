@@ -1,0 +1,146 @@
+"""Snapshots, wherever they are: arrays in memory or on disk, films, and folders of images, some rows at a time."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.finding import find_images
+from cvtimg.pictures.files import read_image
+from cvtimg.pictures.frames import Frames, is_animated, read_frames
+
+#: Bytes of a block of rows in memory.
+_BLOCK_BYTES = 1 << 26
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshots:
+    """N snapshots of one shape, read in blocks.
+
+    Attributes
+    ----------
+    n_snapshots : int
+        N.
+    shape : tuple of int
+        Shape of one snapshot; it has D values.
+    dtype : numpy.dtype
+        float32 or float64: the type of the blocks.
+    read : callable
+        From start and stop to that part of the snapshots, (stop - start, ...).
+    """
+
+    n_snapshots: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    read: Callable[[int, int], Any]
+
+    @property
+    def n_dims(self) -> int:
+        """Values per snapshot, D."""
+        return math.prod(self.shape)
+
+    def blocks(self) -> Iterator[tuple[slice, NDArray[Any]]]:
+        """Yield (m, D) blocks in order, each with the rows that it holds.
+
+        Raises
+        ------
+        ValueError
+            If a snapshot is not finite.
+        """
+        n_rows = max(1, _BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
+        for start in range(0, self.n_snapshots, n_rows):
+            stop = min(start + n_rows, self.n_snapshots)
+            block = np.asarray(self.read(start, stop), self.dtype).reshape(stop - start, self.n_dims)
+            if not np.isfinite(block).all():
+                bad = start + int(np.argmin(np.isfinite(block).all(axis=1)))
+                raise ValueError(f"snapshots must be finite: number {bad} contains NaN or infinity")
+            yield slice(start, stop), block
+
+
+def as_snapshots(snapshots: Any) -> Snapshots:
+    """Return snapshots of any kind as `Snapshots`.
+
+    Parameters
+    ----------
+    snapshots : array-like, Frames, path, or sequence of paths
+        An (N, ...) array of numbers, N >= 1: NumPy, memory-mapped, zarr, HDF5 or Dask, of which some rows are loaded at
+        a time. A path names a folder of images of one size, a film (GIF, APNG, WebP), a .npy file, which is
+        memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
+
+    Returns
+    -------
+    Snapshots
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no snapshots, or they are not numbers.
+    OSError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> as_snapshots(np.zeros((5, 4, 3), np.uint8)).shape
+    (4, 3)
+    """
+    if isinstance(snapshots, Snapshots):
+        return snapshots
+    if isinstance(snapshots, Frames):
+        return _of_array(np.stack(snapshots.images))
+    if isinstance(snapshots, (str, os.PathLike)):
+        return _of_path(Path(snapshots))
+    if isinstance(snapshots, Sequence) and snapshots and isinstance(snapshots[0], (str, os.PathLike)):
+        return _of_images([Path(path) for path in snapshots])
+    return _of_array(snapshots if hasattr(snapshots, "shape") else np.asarray(snapshots))
+
+
+def _of_array(array: Any) -> Snapshots:
+    if len(array.shape) < 2 or 0 in array.shape:
+        raise ValueError(f"snapshots of shape {tuple(array.shape)} must be (N, ...) with at least one value each")
+    dtype = np.dtype(array.dtype)
+    if dtype.kind not in "biuf":
+        raise TypeError(f"snapshots of type {dtype} must be real numbers")
+    # float32 holds 8-bit and 16-bit images exactly, and lets a file of them pass at half the cost.
+    single = dtype.itemsize <= 2 or dtype == np.float32
+    return Snapshots(
+        int(array.shape[0]),
+        tuple(int(side) for side in array.shape[1:]),
+        np.dtype(np.float32 if single else np.float64),
+        lambda start, stop: array[start:stop],
+    )
+
+
+def _of_path(path: Path) -> Snapshots:
+    suffix = path.suffix.lower()
+    if suffix == ".zarr":
+        import zarr
+
+        return _of_array(zarr.open_array(str(path), mode="r"))
+    if path.is_dir():
+        return _of_images(find_images(path))
+    if suffix == ".npy":
+        return _of_array(np.load(path, mmap_mode="r"))
+    if is_animated(path):
+        return _of_array(np.stack(read_frames(path).images))
+    raise ValueError(f"{path} is one image; snapshots must be a folder of images, a film, or a .npy or .zarr array")
+
+
+def _of_images(paths: Sequence[Path]) -> Snapshots:
+    first = read_image(paths[0])
+
+    def read(start: int, stop: int) -> NDArray[Any]:
+        images = [read_image(path) for path in paths[start:stop]]
+        for path, image in zip(paths[start:stop], images, strict=True):
+            if image.shape != first.shape:
+                raise ValueError(f"{path} of shape {image.shape} must be {first.shape}, as {paths[0]} is")
+        return np.stack(images)
+
+    dtype = np.dtype(np.float32 if first.dtype.itemsize <= 2 else np.float64)
+    return Snapshots(len(paths), first.shape, dtype, read)

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cvtimg import key_frames
+
+RNG = np.random.default_rng(2)
+SHOTS = RNG.normal(size=(4, 500)) * 20
+#: Four shots of 12 frames, which change along ten directions.
+FILM = np.repeat(SHOTS, 12, axis=0) + RNG.normal(size=(48, 10)) @ RNG.normal(size=(10, 500)) / 3
+
+
+def test_each_shot_of_a_film_gets_a_key_frame_of_its_own() -> None:
+    found = key_frames(FILM, 4)
+    assert (found.indices // 12).tolist() == [0, 1, 2, 3]
+    assert found.labels.tolist() == np.repeat(np.arange(4), 12).tolist()
+    assert found.masses.tolist() == [12] * 4
+
+
+def test_a_key_frame_is_the_frame_nearest_to_the_mean_of_its_cell() -> None:
+    found = key_frames(FILM, 4)
+    for cell, index in enumerate(found.indices):
+        members = np.flatnonzero(found.labels == cell)
+        apart = ((FILM[members] - FILM[members].mean(axis=0)) ** 2).sum(axis=1)
+        assert index == members[apart.argmin()]
+
+
+def test_auto_finds_the_number_of_shots() -> None:
+    assert len(key_frames(FILM, "auto").indices) == 4
+
+
+def test_more_key_frames_than_frames_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"n_frames=49 must be in 1\.\.48, the number of frames"):
+        key_frames(FILM, 49)

@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg import reduced_basis
+from cvtimg.bases import KINDS, Basis, read_basis
+
+RNG = np.random.default_rng(0)
+#: Decaying singular values, with a large mean that all have in common.
+LEFT = np.linalg.qr(RNG.normal(size=(60, 20)))[0]
+RIGHT = np.linalg.qr(RNG.normal(size=(300, 20)))[0]
+SNAPSHOTS = (LEFT * 100 * 0.7 ** np.arange(20)) @ RIGHT.T + 500
+
+
+def left_out(snapshots: NDArray[Any], basis: Basis) -> float:
+    """Squared distance of snapshots to the nearest subspace, by least squares."""
+    rows = snapshots.reshape(len(snapshots), -1).astype(float)
+    apart = []
+    for center, modes in zip(basis.centers, basis.modes, strict=True):
+        fit = np.linalg.lstsq(modes.T.astype(float), (rows - center).T, rcond=None)[0].T
+        apart.append(((rows - center - fit @ modes) ** 2).sum(axis=1))
+    return float(np.min(apart, axis=0).sum())
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n_modes", [1, 5, 12])
+def test_pod_is_the_singular_value_decomposition_of_centered_snapshots(dtype: Any, n_modes: int) -> None:
+    basis = reduced_basis(SNAPSHOTS.astype(dtype), n_modes)
+    lengths = np.linalg.svd(SNAPSHOTS - SNAPSHOTS.mean(axis=0), compute_uv=False)
+    tails = [(lengths[n:] ** 2).sum() for n in range(n_modes + 1)]
+    assert basis.energies == pytest.approx(tails, rel=2e-3 if dtype == np.float32 else 1e-9)
+    assert basis.energy == pytest.approx(left_out(SNAPSHOTS, basis), rel=2e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energies_are_those_of_the_training_snapshots_and_fall_with_each_mode(kind: str) -> None:
+    basis = reduced_basis(SNAPSHOTS, 4, kind=kind, n_cells=3)
+    assert (np.diff(basis.energies) <= 0).all()
+    assert basis.energy == pytest.approx(left_out(SNAPSHOTS, basis))
+    assert basis.explained == pytest.approx(1 - basis.energy / SNAPSHOTS.var(axis=0).sum() / len(SNAPSHOTS))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_modes_of_each_cell_are_orthonormal(kind: str) -> None:
+    for modes in reduced_basis(SNAPSHOTS, 4, kind=kind, n_cells=3).modes:
+        assert modes @ modes.T == pytest.approx(np.eye(4), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_projections_reconstruct_what_lies_in_the_basis_and_residuals_tell_what_does_not(kind: str) -> None:
+    basis = reduced_basis(SNAPSHOTS, 4, kind=kind, n_cells=3)
+    inside = basis.reconstruct(basis.project(SNAPSHOTS))
+    again = basis.project(inside)
+    assert basis.reconstruct(again) == pytest.approx(inside)
+    assert again.residuals.max() < 1e-6
+    stranger = basis.mean + np.linalg.svd(np.concatenate([SNAPSHOTS - basis.mean]))[2][-1] * 50
+    assert basis.project(stranger[None]).residuals[0] > 0.9
+
+
+def test_cells_of_a_cvod_follow_regimes_that_one_basis_cannot() -> None:
+    regimes = [np.linalg.qr(RNG.normal(size=(200, 2)))[0] for _ in range(3)]
+    rows = np.concatenate([RNG.normal(size=(40, 2)) @ axes.T + 9 * RNG.normal(size=200) for axes in regimes])
+    cvod = reduced_basis(rows, 2, kind="cvod", n_cells=3)
+    assert cvod.energy < 1e-12 * cvod.variance
+    assert [len(set(cvod.labels[start : start + 40])) for start in (0, 40, 80)] == [1, 1, 1]
+    assert reduced_basis(rows, 2).energy > 100 * max(cvod.energy, 1e-12)
+
+
+@pytest.mark.parametrize("kind", ["cvt", "cvod"])
+def test_medoids_are_the_members_nearest_to_their_cell_mean(kind: str) -> None:
+    basis = reduced_basis(SNAPSHOTS, 3, kind=kind, n_cells=4)
+    for cell, medoid in enumerate(basis.medoids):
+        members = np.flatnonzero(basis.labels == cell)
+        apart = ((SNAPSHOTS[members] - SNAPSHOTS[members].mean(axis=0)) ** 2).sum(axis=1)
+        assert medoid == members[apart.argmin()]
+
+
+def test_the_shape_of_snapshots_is_kept() -> None:
+    fields = SNAPSHOTS.reshape(60, 10, 30)
+    basis = reduced_basis(fields, 3)
+    assert basis.shape == (10, 30)
+    assert basis.reconstruct(basis.project(fields)).shape == fields.shape
+    with pytest.raises(ValueError, match=r"snapshots of shape \(300,\) must have shape \(10, 30\)"):
+        basis.project(SNAPSHOTS)
+
+
+def test_snapshots_on_disk_in_blocks_give_the_same_basis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = reduced_basis(SNAPSHOTS, 5)
+    np.save(tmp_path / "rows.npy", SNAPSHOTS)
+    monkeypatch.setattr("cvtimg.bases.snapshots._BLOCK_BYTES", 300 * 8 * 7)
+    blocks = reduced_basis(tmp_path / "rows.npy", 5)
+    assert blocks.energies == pytest.approx(whole.energies)
+    assert abs(np.einsum("nd,nd->n", blocks.modes[0], whole.modes[0])) == pytest.approx(np.ones(5))
+
+
+def test_the_input_is_unchanged_and_the_seed_decides() -> None:
+    rows = SNAPSHOTS.astype(np.float32)
+    before = rows.copy()
+    one, other = (reduced_basis(rows, 3, kind="cvod", n_cells=2, rng=7) for _ in range(2))
+    assert (rows == before).all()
+    assert (one.modes == other.modes).all()
+
+
+def test_auto_takes_the_elbow_of_the_energy() -> None:
+    noise = RNG.normal(size=(80, 300))
+    rows = np.linalg.qr(RNG.normal(size=(80, 6)))[0] @ np.linalg.qr(RNG.normal(size=(300, 6)))[0].T * 900 + noise
+    assert reduced_basis(rows, "auto").n_modes == 6
+
+
+def test_saved_bases_come_back(tmp_path: Path) -> None:
+    basis = reduced_basis(SNAPSHOTS, 2, kind="cvod", n_cells=2)
+    basis.save(tmp_path / "a.npz")
+    again = read_basis(tmp_path / "a.npz")
+    assert (again.modes == basis.modes).all()
+    assert (again.kind, again.shape, again.variance) == (basis.kind, basis.shape, basis.variance)
+    with pytest.raises(FileExistsError):
+        basis.save(tmp_path / "a.npz")
+    with pytest.raises(ValueError, match=r"suffix='\.txt' must be one of \.npz"):
+        basis.save(tmp_path / "a.txt")
+    (tmp_path / "b.npz").write_bytes(b"no basis")
+    with pytest.raises(OSError, match="holds no reduced basis"):
+        read_basis(tmp_path / "b.npz")
+
+
+def test_equal_snapshots_need_no_mode() -> None:
+    for kind in ("pod", "cvod"):
+        basis = reduced_basis(np.ones((5, 4)), 1, kind=kind, n_cells=1)
+        assert basis.energy == 0
+        assert basis.explained == 1
+        assert reduced_basis(np.ones((5, 4)), "auto", kind=kind, n_cells=1).n_modes == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "dct"}, "kind='dct' must be one of pod, cvt, cvod"),
+        ({"n_modes": 60}, r"n_modes=60 must be in 1\.\.59, for 60 snapshots of 300 values"),
+        ({"n_modes": 0}, "n_modes=0 must be in"),
+        ({"passes": 3}, "passes=3 must be an even number"),
+        ({"snapshots": np.array([[1.0, np.nan], [0, 1]])}, "snapshots must be finite: number 0"),
+        ({"snapshots": np.zeros((0, 3))}, r"snapshots of shape \(0, 3\) must be"),
+        ({"snapshots": np.zeros(4)}, r"snapshots of shape \(4,\) must be"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
+    given = {"snapshots": SNAPSHOTS, "n_modes": 1, **options}
+    with pytest.raises(ValueError, match=message):
+        reduced_basis(given.pop("snapshots"), given.pop("n_modes"), **given)
+
+
+def test_snapshots_must_be_numbers() -> None:
+    with pytest.raises(TypeError, match="snapshots of type <U1 must be real numbers"):
+        reduced_basis(np.array([["a", "b"]]), 1)
