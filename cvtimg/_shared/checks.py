@@ -136,6 +136,50 @@ def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str
     return array
 
 
+def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
+    """Return the density of a picture as an (H, W) float32 array: finite, >= 0 and not all 0."""
+    array = np.asarray(density)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"{name} of shape {array.shape} must be (H, W), none of them 0")
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"{name} of type {array.dtype} must be of integers or of floating point numbers")
+    with np.errstate(over="ignore"):
+        array = array.astype(np.float32, copy=False)
+    if np.isnan(array).any():
+        raise ValueError(f"{name} must be finite: it contains NaN")
+    low, high = array.min(), array.max()
+    if not (low >= 0 and high < np.inf):
+        raise ValueError(f"{name} in {low:g}..{high:g} must be finite and >= 0")
+    if high == 0:
+        raise ValueError(f"{name} must not be 0 everywhere")
+    return array
+
+
+def check_places(name: str, places: ArrayLike, n_dims: int | None = None) -> NDArray[np.float64]:
+    """Return `places` as a finite, C-contiguous (N, D) float64 array, N >= 1."""
+    array = np.asarray(places)
+    if array.ndim != 2 or 0 in array.shape or n_dims not in (None, array.shape[1]):
+        raise ValueError(f"{name} of shape {array.shape} must be (N, {n_dims or 'D'}), a place in each row")
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"{name} of type {array.dtype} must be of integers or of floating point numbers")
+    array = np.ascontiguousarray(array, np.float64)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite: it contains NaN or infinity")
+    return array
+
+
+def check_place_weights(name: str, weights: ArrayLike | None, n_places: int) -> NDArray[np.float64] | None:
+    """Return the finite weights of power cells, one for each place; None of none."""
+    if weights is None:
+        return None
+    array = np.ascontiguousarray(weights, np.float64)
+    if array.shape != (n_places,):
+        raise ValueError(f"{name} of shape {array.shape} must be ({n_places},), one weight for each place")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return array
+
+
 def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
     array = np.asarray(colors)

@@ -1,0 +1,9 @@
+from .moments import CellMoments, Moments, PixelMoments, pixel_labels, pixel_moments
+
+__all__ = [
+    "CellMoments",
+    "Moments",
+    "PixelMoments",
+    "pixel_labels",
+    "pixel_moments",
+]

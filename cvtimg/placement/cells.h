@@ -1,0 +1,302 @@
+/* Voronoi and power cells of points, cut by rows of pixels: the frame of every pass over a picture.
+ *
+ * A cell meets the middle line of a row in one interval, so that a pass costs as much as cells have boundary, not as
+ * pixels there are. Generators lie in buckets. A tile of a bucket's size gathers those that may own a part of it, and
+ * is split into boxes of few owners each; the boxes are given to a visitor, which asks for the intervals row by row.
+ *
+ * |p - z|^2 - w is compared as c - 2 p.z with c = |z|^2 - w, for p and z counted from the corner of the tile: power
+ * cells (weight w) cost nothing more than Voronoi cells, and nothing is lost to cancellation.
+ */
+#ifndef CVTIMG_CELLS_H
+#define CVTIMG_CELLS_H
+
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+
+/* A box is no longer split when so few may own it, or its sides are so short in pixels; larger leaves compare more
+ * parabolas in each row, smaller ones have more rows. */
+enum { FEW_OWNERS = 8, SHORT_SIDE = 8, MOST_SORTED = 24 };
+
+/* Generators, in the order of square buckets, row by row of the grid. Those outside of the picture lie in the nearest
+ * bucket. */
+struct buckets {
+    int side, columns, rows;
+    const int32_t *first; /* of each bucket, and the end of the last */
+    const double *places; /* x, y, weight of each */
+    double heaviest;      /* the largest weight */
+};
+
+struct box {
+    int x0, x1, y0, y1;
+};
+
+/* Generators that may own a part of a box, from the corner of the tile. */
+struct owners {
+    double *x, *y, *c;
+    int32_t *index; /* in the order of buckets */
+    ptrdiff_t n;
+};
+
+typedef void visitor(void *state, struct box box, int x_corner, int y_corner, struct owners sorted);
+
+struct pass {
+    struct buckets buckets;
+    int width, height;
+    struct owners scratch; /* n: its room */
+    visitor *visit;
+    void *state;
+    int low, high; /* rows of buckets that have been gathered from */
+    struct box tile;
+    ptrdiff_t n_owners; /* of the tile, at the start of the scratch */
+};
+
+/* Keep the generators that beat the one nearest to the middle of a box in one of its corners. */
+INLINE ptrdiff_t keep_owners(struct owners from, double x, double y, double half_x, double half_y, struct owners to)
+{
+    double least = DBL_MAX;
+    ptrdiff_t n = 0, nearest = 0;
+
+    for (ptrdiff_t i = 0; i < from.n; i++) {
+        double score = from.c[i] - 2 * (x * from.x[i] + y * from.y[i]);
+        least = score < least ? score : least;
+    }
+    for (; nearest < from.n - 1; nearest++)
+        if (from.c[nearest] - 2 * (x * from.x[nearest] + y * from.y[nearest]) <= least)
+            break;
+    double own_x = from.x[nearest], own_y = from.y[nearest];
+    least = from.c[nearest] - 2 * (x * own_x + y * own_y);
+    int32_t own = from.index[nearest];
+    for (ptrdiff_t i = 0; i < from.n; i++) {
+        double ox = from.x[i], oy = from.y[i], oc = from.c[i];
+        int32_t index = from.index[i];
+        double score = oc - 2 * (x * ox + y * oy);
+        double lowest = score - least - 2 * (half_x * fabs(ox - own_x) + half_y * fabs(oy - own_y));
+        to.x[n] = ox;
+        to.y[n] = oy;
+        to.c[n] = oc;
+        to.index[n] = index;
+        /* One that ties everywhere lies at the same place, and owns nothing. */
+        n += (lowest < 0) | (index == own);
+    }
+    return n;
+}
+
+/* Sort few owners from left to right, which is the order of their intervals in every row. */
+INLINE void sort_owners(struct owners all)
+{
+    for (ptrdiff_t i = 1; i < all.n; i++) {
+        double x = all.x[i], y = all.y[i], c = all.c[i];
+        int32_t index = all.index[i];
+        ptrdiff_t j = i;
+        for (; j > 0 && all.x[j - 1] > x; j--) {
+            all.x[j] = all.x[j - 1];
+            all.y[j] = all.y[j - 1];
+            all.c[j] = all.c[j - 1];
+            all.index[j] = all.index[j - 1];
+        }
+        all.x[j] = x;
+        all.y[j] = y;
+        all.c[j] = c;
+        all.index[j] = index;
+    }
+}
+
+/* 1 / (2 (x_i - x_j)), for i > j; DBL_MAX where one lies above the other. */
+INLINE void invert_steps(struct owners sorted, double *inverse)
+{
+    for (ptrdiff_t i = 1; i < sorted.n; i++)
+        for (ptrdiff_t j = 0; j < i; j++) {
+            double step = sorted.x[i] - sorted.x[j];
+            inverse[i * MOST_SORTED + j] = step > 0 ? 0.5 / step : DBL_MAX;
+        }
+}
+
+/* The intervals of a row: the lower envelope of the owners' parabolas, kept as a stack. Returns how many there are.
+ * `starts` gets one more entry, the end. */
+INLINE int cut_row(struct owners sorted, const double *inverse, double y, double from, double to, int *own,
+                   double *starts)
+{
+    double height[MOST_SORTED];
+    int top = 0;
+
+    for (ptrdiff_t i = 0; i < sorted.n; i++)
+        height[i] = sorted.c[i] - 2 * y * sorted.y[i];
+    own[0] = 0;
+    starts[0] = from;
+    for (int i = 1; i < sorted.n; i++) {
+        double start;
+        for (;;) {
+            double step = inverse[i * MOST_SORTED + own[top]], rise = height[i] - height[own[top]];
+            start = step < DBL_MAX ? rise * step : rise < 0 ? -DBL_MAX : DBL_MAX;
+            if (start > starts[top])
+                break;
+            if (--top < 0)
+                break;
+        }
+        if (top < 0)
+            start = from;
+        if (start < to) {
+            own[++top] = i;
+            starts[top] = start;
+        }
+    }
+    starts[top + 1] = to;
+    return top + 1;
+}
+
+/* Too many to sort, as where generators crowd in one place: keep those of this row's intervals, walking from left to
+ * right. `to` gets at most `room` of them, sorted; the walk ends where that is full. Returns the end of the walk. */
+static double walk_row(struct owners all, double y, double from, double to, struct owners *kept, int room)
+{
+    ptrdiff_t at = 0;
+    double x = from, least = DBL_MAX;
+
+    for (ptrdiff_t i = 0; i < all.n; i++) {
+        double score = all.c[i] - 2 * (x * all.x[i] + y * all.y[i]);
+        if (score < least || (score == least && all.x[i] > all.x[at])) {
+            least = score;
+            at = i;
+        }
+    }
+    kept->n = 0;
+    for (;;) {
+        ptrdiff_t next = -1;
+        double end = to, own = all.c[at] - 2 * y * all.y[at];
+        kept->x[kept->n] = all.x[at];
+        kept->y[kept->n] = all.y[at];
+        kept->c[kept->n] = all.c[at];
+        kept->index[kept->n] = all.index[at];
+        kept->n++;
+        for (ptrdiff_t i = 0; i < all.n; i++)
+            if (all.x[i] > all.x[at]) {
+                double cross = (all.c[i] - 2 * y * all.y[i] - own) * 0.5 / (all.x[i] - all.x[at]);
+                if (cross < end || (cross == end && next >= 0 && all.x[i] > all.x[next])) {
+                    end = cross;
+                    next = i;
+                }
+            }
+        if (next < 0 || kept->n == room)
+            return end;
+        at = next;
+    }
+}
+
+static void visit_crowded(struct pass *pass, struct box box, int x_corner, int y_corner, struct owners all)
+{
+    double x[MOST_SORTED], y[MOST_SORTED], c[MOST_SORTED];
+    int32_t index[MOST_SORTED];
+    struct owners kept = {x, y, c, index, 0};
+
+    /* Pixel by pixel in a row, so that a walk is never cut short by more owners than fit. */
+    for (int row = box.y0; row < box.y1; row++)
+        for (int column = box.x0; column < box.x1; column++) {
+            struct box pixel = {column, column + 1, row, row + 1};
+            walk_row(all, row + 0.5 - y_corner, column - x_corner, column + 1 - x_corner, &kept, MOST_SORTED);
+            pass->visit(pass->state, pixel, x_corner, y_corner, kept);
+        }
+}
+
+static void split_box(struct pass *pass, struct box box, int x_corner, int y_corner, struct owners all,
+                      ptrdiff_t room)
+{
+    int width = box.x1 - box.x0, height = box.y1 - box.y0;
+    int small = width <= SHORT_SIDE && height <= SHORT_SIDE;
+
+    if (all.n <= FEW_OWNERS || (small && all.n <= MOST_SORTED)) {
+        sort_owners(all);
+        pass->visit(pass->state, box, x_corner, y_corner, all);
+        return;
+    }
+    if (small || room < all.n) {
+        visit_crowded(pass, box, x_corner, y_corner, all);
+        return;
+    }
+    int halves_x = 1 + (2 * width > height && width > 1), halves_y = 1 + (2 * height > width && height > 1);
+    struct owners part = {all.x + all.n, all.y + all.n, all.c + all.n, all.index + all.n, 0};
+    for (int i = 0; i < halves_x; i++)
+        for (int j = 0; j < halves_y; j++) {
+            struct box half = {box.x0 + width * i / halves_x, box.x0 + width * (i + 1) / halves_x,
+                               box.y0 + height * j / halves_y, box.y0 + height * (j + 1) / halves_y};
+            part.n = keep_owners(all, 0.5 * (half.x0 + half.x1) - x_corner, 0.5 * (half.y0 + half.y1) - y_corner,
+                                 0.5 * (half.x1 - half.x0), 0.5 * (half.y1 - half.y0 - 1), part);
+            split_box(pass, half, x_corner, y_corner, part, room - all.n);
+        }
+}
+
+/* Append the generators of buckets first..last of a row of buckets; return the least largest distance so far. */
+INLINE double gather_buckets(const struct buckets *buckets, ptrdiff_t first, ptrdiff_t last, struct box box,
+                             struct owners *to, double least)
+{
+    double half_x = 0.5 * (box.x1 - box.x0), half_y = 0.5 * (box.y1 - box.y0 - 1), above = 0.5 * (box.y1 - box.y0);
+
+    for (int32_t i = buckets->first[first]; i < buckets->first[last + 1]; i++) {
+        const double *place = buckets->places + 3 * (ptrdiff_t)i;
+        double x = place[0] - box.x0, y = place[1] - box.y0;
+        double far_x = fabs(x - half_x) + half_x, far_y = fabs(y - above) + half_y;
+        double farthest = far_x * far_x + far_y * far_y - place[2];
+        least = farthest < least ? farthest : least;
+        to->x[to->n] = x;
+        to->y[to->n] = y;
+        to->c[to->n] = x * x + y * y - place[2];
+        to->index[to->n] = i;
+        to->n++;
+    }
+    return least;
+}
+
+/* Find the owners of the tile of a bucket: rings of buckets, until a ring is farther than somebody is from all of it. */
+static void gather_tile(struct pass *pass, int column, int row)
+{
+    const struct buckets *buckets = &pass->buckets;
+    int side = buckets->side, columns = buckets->columns, rows = buckets->rows;
+    struct box box = {column * side, (column + 1) * side, row * side, (row + 1) * side};
+    struct owners all = pass->scratch;
+    double least = DBL_MAX;
+
+    box.x1 = box.x1 < pass->width ? box.x1 : pass->width;
+    box.y1 = box.y1 < pass->height ? box.y1 : pass->height;
+    all.n = 0;
+    for (int ring = 0; ring < columns || ring < rows; ring++) {
+        double gap = (double)(ring - 1) * side;
+        if (ring > 1 && gap * gap - buckets->heaviest > least)
+            break;
+        int left = column - ring, right = column + ring, top = row - ring, bottom = row + ring;
+        int first = left < 0 ? 0 : left, last = right < columns ? right : columns - 1;
+        for (int y = top < 0 ? 0 : top; y <= bottom && y < rows; y++) {
+            ptrdiff_t start = (ptrdiff_t)y * columns;
+            if (y == top || y == bottom) {
+                least = gather_buckets(buckets, start + first, start + last, box, &all, least);
+                continue;
+            }
+            if (left >= 0)
+                least = gather_buckets(buckets, start + left, start + left, box, &all, least);
+            if (right < columns)
+                least = gather_buckets(buckets, start + right, start + right, box, &all, least);
+        }
+        pass->low = top < pass->low ? (top < 0 ? 0 : top) : pass->low;
+        pass->high = bottom > pass->high ? (bottom < rows ? bottom : rows - 1) : pass->high;
+    }
+    all.n = keep_owners(all, 0.5 * (box.x1 - box.x0), 0.5 * (box.y1 - box.y0), 0.5 * (box.x1 - box.x0),
+                        0.5 * (box.y1 - box.y0 - 1), all);
+    pass->tile = box;
+    pass->n_owners = all.n;
+}
+
+/* Give the visitor the boxes of the tile that was gathered. */
+static void visit_tile(struct pass *pass)
+{
+    struct owners all = pass->scratch;
+
+    all.n = pass->n_owners;
+    split_box(pass, pass->tile, pass->tile.x0, pass->tile.y0, all, pass->scratch.n - all.n);
+}
+
+#endif

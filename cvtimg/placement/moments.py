@@ -1,0 +1,217 @@
+"""Exact moments of Voronoi and power cells over the pixels of a picture.
+
+A cell meets the middle line of a row of pixels in one interval, whose ends are found exactly; the density is constant
+over each pixel. A pass costs as the boundaries of all cells are long, in pixels, and no triangulation is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_picture_density, check_place_weights, check_places
+from cvtimg._shared.threads import in_parts
+from cvtimg.placement import _moments
+
+#: Generators in a bucket on average, and the side of a bucket in pixels: larger ones hold more sums of rows in memory,
+#: smaller ones have too little to do.
+_IN_A_BUCKET, _SIDES = 3.0, (4, 128)
+#: Parts of a pass, each with sums of its own. They are fixed, so that no bit depends on threads.
+_PARTS = 16
+#: Owners of boxes inside of boxes, of all levels together, for each generator, and at least.
+_ROOM_PER_GENERATOR, _ROOM = 3, 1 << 13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Moments of the cells of K generators.
+
+    Attributes
+    ----------
+    masses : (K,) float64 array
+        Integral of the density over each cell.
+    centroids : (K, D) float64 array
+        Center of mass of each cell; the generator itself where the cell has no mass.
+    energy : float
+        Integral of the density times the squared distance to the own generator.
+    """
+
+    masses: NDArray[np.float64]
+    centroids: NDArray[np.float64]
+    energy: float
+
+    def __post_init__(self) -> None:
+        self.masses.flags.writeable = False
+        self.centroids.flags.writeable = False
+
+
+class CellMoments(Protocol):
+    """What every descent asks for: the moments of the cells of any (K, D) generators."""
+
+    def __call__(self, generators: NDArray[np.float64], /) -> Moments:
+        """Compute the moments."""
+        ...
+
+
+class PixelMoments:
+    """Moments of cells over one picture, for any number of generators.
+
+    Parameters
+    ----------
+    density : (H, W) array
+        Density of each pixel, finite, >= 0 and not all 0. It is kept as float32.
+
+    Attributes
+    ----------
+    density : (H, W) float32 array
+    mass : float
+        Sum of the density.
+    """
+
+    __slots__ = ("_center", "_spread", "density", "mass")
+
+    def __init__(self, density: ArrayLike) -> None:
+        self.density: NDArray[np.float32] = np.ascontiguousarray(check_picture_density("density", density))
+        height, width = self.density.shape
+        rows = self.density.sum(axis=1, dtype=np.float64)
+        columns = self.density.sum(axis=0, dtype=np.float64)
+        x, y = np.arange(width) + 0.5, np.arange(height) + 0.5
+        self.mass: float = float(rows.sum())
+        # Squared distances are counted from the center of mass: a sum about a corner would lose digits.
+        self._center: NDArray[np.float64] = np.array([(columns * x).sum(), (rows * y).sum()]) / self.mass
+        # Over one pixel x varies by 1/12, and so does y.
+        spread = (columns * (x - self._center[0]) ** 2).sum() + (rows * (y - self._center[1]) ** 2).sum()
+        self._spread = float(spread) + self.mass / 6
+
+    def __call__(self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None) -> Moments:
+        """Compute the moments of the cells of (K, 2) generators, with weights those of power cells."""
+        sums = self._sums(_Buckets(self.density.shape, generators, weights))
+        masses = sums[:, 0].copy()
+        has_mass = (masses > 0)[:, None]
+        centroids = np.divide(sums[:, 1:], masses[:, None], out=generators.astype(np.float64), where=has_mass)
+        places, means = generators - self._center, centroids - self._center
+        # Not a product of matrices: the threads of a BLAS change bits, and spin while they wait.
+        energy = self._spread + float(np.einsum("k,kd,kd", masses, places - 2 * means, places))
+        return Moments(masses, centroids, max(energy, 0.0))
+
+    def labels(
+        self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None
+    ) -> NDArray[np.int32]:
+        """Find the generator nearest to the center of each pixel, (H, W)."""
+        return _labels(_Buckets(self.density.shape, generators, weights))
+
+    def _sums(self, buckets: _Buckets) -> NDArray[np.float64]:
+        n, (height, width) = buckets.n_generators, self.density.shape
+        n_parts = min(_PARTS, buckets.rows)
+        bands = np.linspace(0, buckets.rows, n_parts + 1).astype(np.int32)
+        sums = np.empty((n_parts, n, 3))  # never written as a whole: a part touches what is near
+        touched = np.empty((n_parts, 2), np.int32)
+
+        def sum_parts(start: int, stop: int) -> None:
+            running = np.empty((buckets.side, width + 1, 2))
+            _moments.sum_cells(
+                self.density, buckets.first, buckets.places, buckets.side, buckets.columns, buckets.heaviest,
+                bands, start, stop, *buckets.scratch(), running, sums, touched,
+            )  # fmt: skip
+
+        in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
+        total = np.empty((n, 3))
+        _moments.add_parts(sums, touched, buckets.order, total)
+        return total
+
+
+def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike | None = None) -> Moments:
+    """Compute the masses, centroids and energy of Voronoi or power cells over a picture.
+
+    Parameters
+    ----------
+    density : (H, W) array
+        Density of each pixel, finite, >= 0 and not all 0.
+    points : (K, 2) array
+        Generators (x, y) in pixels, x to the right and y down; the first pixel covers [0, 1] x [0, 1].
+    weights : (K,) array, optional
+        Weights of power cells, in squared pixels: a point belongs to the generator with the least squared distance
+        minus weight.
+
+    Returns
+    -------
+    Moments
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here.
+
+    Notes
+    -----
+    Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the picture:
+    with 20 pixels in each cell centroids are right to 1 or 2 percent of the distance between generators.
+
+    Examples
+    --------
+    >>> from cvtimg.placement import pixel_moments
+    >>> moments = pixel_moments([[1, 1, 1, 3]], [[1, 0.5], [3, 0.5]])
+    >>> moments.masses.tolist(), moments.centroids.tolist()
+    ([2.0, 4.0], [[1.0, 0.5], [3.25, 0.5]])
+    """
+    places = check_places("points", points, 2)
+    return PixelMoments(density)(places, check_place_weights("weights", weights, len(places)))
+
+
+def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLike | None = None) -> NDArray[np.int32]:
+    """Label the pixels of a picture of a shape by the nearest of (K, 2) points, or by their power cell.
+
+    Examples
+    --------
+    >>> from cvtimg.placement import pixel_labels
+    >>> pixel_labels((1, 4), [[1, 0.5], [4, 0.5]]).tolist()
+    [[0, 0, 1, 1]]
+    """
+    places = check_places("points", points, 2)
+    return _labels(_Buckets(shape, places, check_place_weights("weights", weights, len(places))))
+
+
+def _labels(buckets: _Buckets) -> NDArray[np.int32]:
+    labels = np.empty(buckets.shape, np.int32)
+
+    def label(start: int, stop: int) -> None:
+        _moments.label_pixels(
+            labels, buckets.first, buckets.order, buckets.places, buckets.side, buckets.columns, buckets.heaviest,
+            start, stop, *buckets.scratch(),
+        )  # fmt: skip
+
+    in_parts(label, buckets.rows, work=2 * labels.size + 500 * buckets.n_generators)
+    return labels
+
+
+class _Buckets:
+    """Generators sorted by square buckets of a picture."""
+
+    __slots__ = ("columns", "first", "heaviest", "order", "places", "rows", "shape", "side")
+
+    def __init__(
+        self, shape: tuple[int, ...], generators: NDArray[np.float64], weights: NDArray[np.float64] | None
+    ) -> None:
+        height, width = shape
+        n = len(generators)
+        self.shape = shape
+        self.side: int = int(np.clip(round((_IN_A_BUCKET * height * width / n) ** 0.5), *_SIDES))
+        self.columns, self.rows = -(-width // self.side), -(-height // self.side)
+        self.first = np.empty(self.columns * self.rows + 2, np.int32)
+        self.order, self.places = np.empty(n, np.int32), np.empty((n, 3))
+        self.heaviest = 0.0 if weights is None else float(weights.max())
+        _moments.sort_into_buckets(
+            np.ascontiguousarray(generators), weights, self.side, self.columns, self.first, self.order, self.places
+        )
+
+    @property
+    def n_generators(self) -> int:
+        return len(self.order)
+
+    def scratch(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Make room for the owners of boxes; what is not needed is never touched."""
+        room = _ROOM_PER_GENERATOR * self.n_generators + _ROOM
+        return np.empty((3, room)), np.empty(room, np.int32)

@@ -1,0 +1,150 @@
+"""Moments of cells against plain NumPy and SciPy."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cvtimg._shared import threads
+from cvtimg.placement import PixelMoments, pixel_labels, pixel_moments
+
+
+def squared_distances(places: NDArray[Any], points: NDArray[Any], weights: NDArray[Any] | None) -> NDArray[Any]:
+    return ((places[:, None] - points) ** 2).sum(axis=2) - (0 if weights is None else weights)
+
+
+def exact_row(density: NDArray[Any], points: NDArray[Any], weights: NDArray[Any] | None, y: float) -> NDArray[Any]:
+    """Sum mass, x and y over the cells of one row, cut at every bisector: the plain way."""
+    lifted = (points[:, 0] ** 2) + (points[:, 1] - y) ** 2 - (0 if weights is None else weights)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cuts = (lifted[:, None] - lifted) / (2 * (points[:, None, 0] - points[:, 0]))
+    ends = np.concatenate([np.arange(len(density) + 1.0), cuts[np.isfinite(cuts)]])
+    ends = np.unique(ends[(ends >= 0) & (ends <= len(density))])
+    sums = np.zeros((len(points), 3))
+    for start, stop in pairwise(ends):
+        middle = np.array([[(start + stop) / 2, y]])
+        own = squared_distances(middle, points, weights)[0].argmin()
+        mass = density[int(middle[0, 0])] * (stop - start)
+        sums[own] += mass, mass * middle[0, 0], mass * y
+    return sums
+
+
+@given(
+    st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    st.integers(1, 15),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+def test_moments_are_those_of_cells_cut_at_every_bisector(
+    shape: tuple[int, int], n: int, weighted: bool, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    density = rng.random(shape).astype(np.float32) * (rng.random(shape) < 0.7) + np.float32(1e-3)
+    points = (rng.random((n, 2)) * 1.4 - 0.2) * shape[::-1]
+    weights = rng.random(n) * 9 if weighted else None
+    moments = pixel_moments(density, points, weights=weights)
+    sums = sum(exact_row(row.astype(np.float64), points, weights, y + 0.5) for y, row in enumerate(density))
+    np.testing.assert_allclose(moments.masses, sums[:, 0], atol=1e-9)
+    np.testing.assert_allclose(moments.masses[:, None] * moments.centroids, sums[:, 1:], atol=1e-8)
+
+
+@pytest.mark.parametrize("n", [1, 40, 3000, 30000])
+@pytest.mark.parametrize("crowded", [False, True])
+def test_labels_are_those_of_a_tree(n: int, crowded: bool) -> None:
+    rng = np.random.default_rng(n)
+    height, width = 150, 220
+    points = rng.random((n, 2)) * [width, height]
+    points[: n // 2] = points[: n // 2] * 0.03 + [70, 20] if crowded else points[: n // 2]
+    y, x = np.mgrid[:height, :width] + 0.5
+    centers = np.stack([x.ravel(), y.ravel()], axis=1)
+    nearest = cKDTree(points).query(centers)[0]
+    labels = pixel_labels((height, width), points).ravel()
+    found = np.sqrt(((centers - points[labels]) ** 2).sum(axis=1))
+    np.testing.assert_allclose(found, nearest, atol=1e-9)
+
+
+def test_labels_of_power_cells() -> None:
+    rng = np.random.default_rng(0)
+    points, weights = rng.random((300, 2)) * [90, 70], rng.random(300) * 40
+    y, x = np.mgrid[:70, :90] + 0.5
+    centers = np.stack([x.ravel(), y.ravel()], axis=1)
+    expected = squared_distances(centers, points, weights).argmin(axis=1)
+    assert (pixel_labels((70, 90), points, weights=weights).ravel() == expected).all()
+
+
+def test_energy_is_that_of_a_fine_sum() -> None:
+    rng = np.random.default_rng(0)
+    density, points = rng.random((20, 30)).astype(np.float32), rng.random((25, 2)) * [30, 20]
+    fine = 64
+    y, x = np.meshgrid(np.arange(20) + 0.5, (np.arange(30 * fine) + 0.5) / fine, indexing="ij")
+    distances = squared_distances(np.stack([x.ravel(), y.ravel()], axis=1), points, None).min(axis=1)
+    weights = np.repeat(density, fine, axis=1).ravel().astype(np.float64) / fine
+    # In y the pass counts middle lines of rows, and adds what a pixel spreads about its own.
+    assert pixel_moments(density, points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
+
+
+def test_masses_add_up_to_the_density() -> None:
+    rng = np.random.default_rng(0)
+    density = rng.random((300, 200)).astype(np.float32)
+    moments = pixel_moments(density, rng.random((2000, 2)) * [200, 300])
+    assert moments.masses.sum() == pytest.approx(density.sum(dtype=np.float64), rel=1e-13)
+
+
+def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    density, points = rng.random((400, 700)).astype(np.float32), rng.random((5000, 2)) * [700, 400]
+    found = []
+    for n in (1, 3):
+        monkeypatch.setenv("CVTIMG_THREADS", str(n))
+        threads.n_threads.cache_clear()
+        threads._pool.cache_clear()
+        monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
+        moments = pixel_moments(density, points)
+        found.append((moments.masses.tobytes(), moments.centroids.tobytes(), moments.energy))
+    monkeypatch.undo()
+    threads.n_threads.cache_clear()
+    threads._pool.cache_clear()
+    assert found[0] == found[1]
+
+
+def test_cells_without_mass_keep_their_generator() -> None:
+    density = np.zeros((8, 8), np.float32)
+    density[:, :4] = 1
+    moments = pixel_moments(density, [[2, 4], [7, 4], [7, 4.5]])
+    assert moments.masses.tolist() == [32, 0, 0]
+    assert moments.centroids.tolist() == [[2, 4], [7, 4], [7, 4.5]]
+
+
+def test_generators_at_one_place_share_nothing() -> None:
+    moments = pixel_moments(np.ones((30, 30)), np.full((500, 2), 12.5))
+    assert sorted(moments.masses)[-1] == 900
+    assert np.count_nonzero(moments.masses) == 1
+
+
+def test_hundreds_of_generators_in_one_pixel() -> None:
+    points = 15.2 + np.random.default_rng(0).random((600, 2)) * 1e-3
+    moments = pixel_moments(np.ones((40, 40)), points)
+    assert moments.masses.sum() == pytest.approx(1600)
+    assert np.count_nonzero(moments.masses) > 10
+
+
+def test_a_density_is_checked_by_name() -> None:
+    with pytest.raises(ValueError, match=r"density must be finite: it contains NaN"):
+        pixel_moments([[1, np.nan]], [[0, 0]])
+    with pytest.raises(ValueError, match=r"density in -1\.\.1 must be finite and >= 0"):
+        PixelMoments([[1, -1]])
+    with pytest.raises(ValueError, match=r"density must not be 0 everywhere"):
+        PixelMoments(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match=r"density of shape \(3,\) must be \(H, W\)"):
+        PixelMoments([1, 2, 3])
+    with pytest.raises(ValueError, match=r"points of shape \(1, 3\) must be \(N, 2\)"):
+        pixel_moments([[1]], [[0, 0, 0]])
+    with pytest.raises(ValueError, match=r"weights of shape \(2,\) must be \(1,\)"):
+        pixel_moments([[1]], [[0, 0]], weights=[1, 2])
