@@ -1,7 +1,7 @@
 """The command line: the commands under one name, and what is common to all of them.
 
-A command is a file in `cvtimg.commands`; it goes one way: plan inputs and outputs, run each input and catch what
-fails, report.
+A command is a module ``NAME_command`` beside this one, imported only when it is asked for. It goes one way: plan inputs
+and outputs, run each input and catch what fails, report.
 """
 
 from __future__ import annotations
@@ -10,22 +10,50 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from io import StringIO
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer import Option
+from typer.core import TyperGroup
 
 from cvtimg.batch import WrongUsageError, complain, reason
-from cvtimg.cli import cluster_command as cluster
-from cvtimg.cli import elbow_command as elbow
-from cvtimg.cli import info_command as info
-from cvtimg.cli import palette_command as palette
-from cvtimg.cli import quantize_command as quantize
-from cvtimg.cli import restore_command as restore
-from cvtimg.cli import segment_command as segment
+from cvtimg.cli.plain_values import convert_plainly
 
 __all__ = ["app", "main"]
+
+#: The commands in the order of ``--help``, each with its line there.
+COMMANDS = {
+    "quantize": "Reduce images to a palette of N colors.",
+    "palette": "Print the palette of images, and the share of the pixels of each color.",
+    "segment": "Divide images into N segments of similar color.",
+    "restore": "Restore one image from noisy, incomplete versions of it.",
+    "cluster": "Find the N generators that represent the rows of tables with the least error.",
+    "elbow": "Suggest how many generators images and tables need.",
+    "info": "Show the size, format, bands, depth and number of distinct colors of images.",
+}
+
+
+class _Commands(TyperGroup):
+    """Imports a command when it is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in COMMANDS:
+            return None
+        if cmd_name not in self.commands:
+            module = import_module(f"cvtimg.cli.{cmd_name}_command")
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            alone.command(cmd_name, epilog=module.EXAMPLES)(getattr(module, cmd_name))
+            self.commands[cmd_name] = convert_plainly(typer.main.get_command(alone))
+        return self.commands[cmd_name]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
 
 def _show_version(wanted: bool) -> None:
@@ -40,6 +68,7 @@ Version = Annotated[bool, Option("--version", callback=_show_version, is_eager=T
 
 # Typer's boxed help takes 0.1 s more, and breaks lines that people would copy.
 app = typer.Typer(
+    cls=_Commands,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -49,26 +78,19 @@ app = typer.Typer(
 
 @app.callback()
 def _cvtimg(version: Version = False) -> None:
-    """Find the few colors that stand best for a picture: each is the mean of the pixels nearest to it."""
-
-
-app.command(epilog=quantize.EXAMPLES)(quantize.quantize)
-app.command(epilog=palette.EXAMPLES)(palette.palette)
-app.command(epilog=segment.EXAMPLES)(segment.segment)
-app.command(epilog=restore.EXAMPLES)(restore.restore)
-app.command(epilog=cluster.EXAMPLES)(cluster.cluster)
-app.command(epilog=elbow.EXAMPLES)(elbow.elbow)
-app.command(epilog=info.EXAMPLES)(info.info)
+    """Centroidal Voronoi tessellations of images and tables: palettes, segments, restored images, clusters."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, ``sys.argv`` by default, and return the exit status; the console script ``cvtimg``."""
+    # Its threads take as long to start as NumPy to import, and the kernels have threads of their own.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _silence_libraries()
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()  # None where nobody listens
     try:
-        command = typer.main.get_command(app)
+        command = convert_plainly(typer.main.get_command(app))
         code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)
     except (KeyboardInterrupt, typer.Abort):
         code = 130

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import reference
+import typer
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -543,7 +544,7 @@ def test_version_is_that_of_the_package(run: Run) -> None:
 
 # The process
 
-HEAVY = {"numpy", "PIL", "rich", "cvtimg.pictures.files", "cvtimg.engine.tessellation"}
+HEAVY = {"pydantic", "numpy", "PIL", "rich", "cvtimg.pictures.files", "cvtimg.engine.tessellation"}
 
 
 def modules_of(*arguments: str, cwd: Path) -> set[str]:
@@ -576,7 +577,17 @@ def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
         "skimage",
         "cvtimg.plotting.sheets",
         "matplotlib",
+        "pydantic",
+        "cvtimg.cli.segment_command",
     }
+
+
+def test_every_command_in_the_help_is_there() -> None:
+    group = typer.main.get_command(cli.app)
+    context = typer.Context(group)
+    for name in cli.COMMANDS:
+        assert group.get_command(context, name).name == name
+    assert group.get_command(context, "none") is None
 
 
 def test_exit_codes_of_the_process(here: Path) -> None:
