@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cvtimg.batch import check_choice
+from cvtimg.labels.formats import CONTOUR_FORMATS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +24,7 @@ KINDS = {
     "mean": _PICTURES,
     "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
     "overlay": _PICTURES,
-    "contours": (".svg", ".geojson"),
+    "contours": tuple(CONTOUR_FORMATS),
     "table": (".csv",),
     "coco": (".json",),
 }
@@ -129,25 +130,25 @@ def _write_overlay(subject: Subject, path: Path) -> None:
 def _write_contours(subject: Subject, path: Path) -> None:
     import numpy as np
 
-    from cvtimg.labels import region_means
-    from cvtimg.labels.files import write_geojson, write_svg
+    from cvtimg.labels import Drawing, region_means, write_contours
     from cvtimg.plotting.sheets import shown_colors
 
-    polygons, labels, overwrite = subject.contours.polygons, subject.labels, subject.overwrite
+    labels = subject.labels
     means = np.nan_to_num(region_means(labels, subject.image))
-    if path.suffix.lower() == ".svg":
-        colors = shown_colors(means, subject.image, labels, ignore=0)
-        write_svg(path, polygons, colors, size=labels.shape, overwrite=overwrite)
-        return
     areas = np.bincount(labels.ravel()).tolist()
-    properties = {
-        label: {"area": area, "mean": mean}
-        for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
-    }
     place = subject.header.geo_transform
-    transform = [place[:3], place[3:]] if place else None
-    epsg = subject.header.epsg if place else None
-    write_geojson(path, polygons, properties, transform=transform, epsg=epsg, overwrite=overwrite)
+    drawing = Drawing(
+        polygons=subject.contours.polygons,
+        size=labels.shape,
+        colors=shown_colors(means, subject.image, labels, ignore=0),
+        properties={
+            label: {"area": area, "mean": mean}
+            for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
+        },
+        transform=[place[:3], place[3:]] if place else None,
+        epsg=subject.header.epsg if place else None,
+    )
+    write_contours(path, drawing, overwrite=subject.overwrite)
 
 
 def _write_table(subject: Subject, path: Path) -> None:
@@ -158,7 +159,7 @@ def _write_table(subject: Subject, path: Path) -> None:
 
 
 def _write_coco(subject: Subject, path: Path) -> None:
-    from cvtimg.labels.files import write_coco
+    from cvtimg.labels import write_coco
 
     write_coco(path, subject.labels, subject.source.name, overwrite=subject.overwrite)
 

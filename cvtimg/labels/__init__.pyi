@@ -2,10 +2,17 @@ from .components import absorb_small, connected_pieces, join_regions
 from .contours import Contours, Polygon, find_contours
 from .edges import find_edges
 from .figures import region_means, region_table, run_lengths
-from .files import write_coco, write_geojson, write_labels, write_svg, write_table
+from .files import write_labels, write_table
+from .formats import CONTOUR_FORMATS, write_contours
+from .formats.coco import write_coco
+from .formats.drawing import Drawing
+from .formats.geojson import write_geojson
+from .formats.svg import write_svg
 
 __all__ = [
+    "CONTOUR_FORMATS",
     "Contours",
+    "Drawing",
     "Polygon",
     "absorb_small",
     "connected_pieces",
@@ -16,6 +23,7 @@ __all__ = [
     "region_table",
     "run_lengths",
     "write_coco",
+    "write_contours",
     "write_geojson",
     "write_labels",
     "write_svg",

@@ -16,9 +16,18 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from cvtimg import find_contours, read_image
-from cvtimg.labels import region_table
-from cvtimg.labels.contours import Polygon
-from cvtimg.labels.files import write_coco, write_geojson, write_labels, write_svg, write_table
+from cvtimg.labels import (
+    CONTOUR_FORMATS,
+    Drawing,
+    Polygon,
+    region_table,
+    write_coco,
+    write_contours,
+    write_geojson,
+    write_labels,
+    write_svg,
+    write_table,
+)
 
 RNG = np.random.default_rng(4)
 LABELS = np.kron(RNG.integers(0, 5, (5, 7)), np.ones((3, 2), int))
@@ -208,6 +217,20 @@ def test_outer_rings_run_counterclockwise_and_places_are_where_the_transform_lea
         assert min(np.hypot(*(np.array(place) - corner)) for corner in wanted) < 1e-4 * pixel**0.5
     system = json.loads((tmp_path / "a.geojson").read_text())["crs"]
     assert system["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
+
+
+def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_path: Path) -> None:
+    polygons = find_contours(LABELS).polygons
+    colors, properties = RNG.integers(0, 256, (5, 3), np.uint8), {label: {"area": label} for label in range(5)}
+    drawing = Drawing(polygons, (15, 14), colors, properties, transform=[[2, 0, 0], [0, -2, 0]], epsg=4326)
+    for suffix in CONTOUR_FORMATS:
+        write_contours(tmp_path / f"a{suffix}", drawing)
+    write_svg(tmp_path / "b.svg", polygons, colors, size=(15, 14))
+    write_geojson(tmp_path / "b.geojson", polygons, properties, transform=drawing.transform, epsg=4326)
+    for suffix in (".svg", ".geojson"):
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson"):
+        write_contours(tmp_path / "a.dxf", drawing)
 
 
 def test_nothing_to_write_is_still_a_valid_file(tmp_path: Path) -> None:

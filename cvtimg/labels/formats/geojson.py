@@ -1,0 +1,104 @@
+"""Contours as GeoJSON: polygons for GIS programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg.files.whole import StrPath
+from cvtimg.labels.contours import Polygon
+from cvtimg.labels.formats.drawing import Drawing
+from cvtimg.labels.formats.numbers import PLACE_DIGITS, write_text
+
+
+def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
+    """Write the polygons of a drawing with their properties, in the coordinates of its map if it has one."""
+    write_geojson(
+        path,
+        drawing.polygons,
+        drawing.properties,
+        transform=drawing.transform,
+        epsg=drawing.epsg,
+        overwrite=overwrite,
+    )
+
+
+def write_geojson(
+    path: StrPath,
+    polygons: Iterable[Polygon],
+    properties: Mapping[int, Mapping[str, Any]],
+    *,
+    transform: ArrayLike | None = None,
+    epsg: int | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Write polygons as a GeoJSON FeatureCollection with one feature per label.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Ends in .geojson or .json.
+    polygons : iterable of Polygon
+        Polygons of `Contours`, by label.
+    properties : mapping of int to mapping
+        Properties of each label, in addition to the label itself.
+    transform : (2, 3) array, optional
+        Maps (x, y, 1) in pixels to the coordinates of the file; by default these are pixels, with y down.
+    epsg : int, optional
+        Code of the coordinate system of these coordinates, if it is known.
+    overwrite : bool
+        Replace an existing file.
+
+    Notes
+    -----
+    Outer rings run counterclockwise in the coordinates of the file, as RFC 7946 requires. That standard allows only
+    longitude and latitude; other systems are named by the member "crs" of the older standard, which GDAL and QGIS
+    read.
+
+    Examples
+    --------
+    >>> import json
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from cvtimg import find_contours
+    >>> polygons = find_contours([[1]]).polygons
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_geojson(f"{folder}/a.geojson", polygons, {1: {"area": 1}}, transform=[[30, 0, 600], [0, -30, 900]])
+    ...     feature = json.loads(Path(folder, "a.geojson").read_text())["features"][0]
+    >>> feature["geometry"]["coordinates"]
+    [[[600.0, 900.0], [600.0, 870.0], [630.0, 870.0], [630.0, 900.0], [600.0, 900.0]]]
+    """
+    matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
+    features = (
+        json.dumps(
+            {
+                "type": "Feature",
+                "properties": {"label": label, **properties[label]},
+                "geometry": _geometry(list(pieces), matrix),
+            },
+            separators=(",", ":"),
+            allow_nan=False,
+        )
+        for label, pieces in groupby(polygons, key=lambda polygon: polygon.label)
+    )
+    system = f'"crs":{{"type":"name","properties":{{"name":"urn:ogc:def:crs:EPSG::{epsg}"}}}},' if epsg else ""
+    head = f'{{"type":"FeatureCollection",{system}"features":[\n'
+    write_text(path, [head, ",\n".join(features), "\n]}\n"], overwrite)
+
+
+def _geometry(pieces: Sequence[Polygon], matrix: NDArray[np.float64]) -> dict[str, Any]:
+    mirrored = np.linalg.det(matrix[:, :2]) < 0
+    digits = max(PLACE_DIGITS - math.floor(math.log10(np.abs(matrix[:, :2]).max())), 0)
+    drawn = []
+    for polygon in pieces:
+        rings = [(ring @ matrix[:, :2].T + matrix[:, 2]).round(digits) for ring in polygon.rings]
+        drawn.append([ring[:: -1 if mirrored else 1].tolist() for ring in rings])
+    if len(drawn) == 1:
+        return {"type": "Polygon", "coordinates": drawn[0]}
+    return {"type": "MultiPolygon", "coordinates": drawn}
