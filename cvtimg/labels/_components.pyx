@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loop that joins small pieces of label pictures, over buffers that the caller owns.
+"""The compiled loop that merges small pieces of label images, over buffers that the caller owns.
 
-Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
-Each argument is marked IN, OUT or INOUT.
+Nothing here allocates, checks its arguments or decides when to stop; `components.py` does. Each argument is marked IN,
+OUT or INOUT.
 """
 from libc.stdint cimport int32_t, int64_t
 
@@ -27,11 +27,11 @@ def absorb(
     int32_t[::1] entries,      # INOUT (2 R,): the next entry of the same queue
     int32_t[::1] queued,       # INOUT (2 R,): the region of each entry
     int64_t n_entries,         # IN: entries so far
-    double length_price,       # IN: what a pixel's length of border costs
+    double length_price,       # IN: price per pixel of border
     double[::1] touching,      # scratch (R,), zeros
     int32_t[::1] found,        # scratch (R,)
 ):
-    """Let regions smaller than min_size be absorbed, the smallest first, by the neighbor whose energy rises least."""
+    """Merge regions smaller than min_size, the smallest first, into the neighbor that raises the energy least."""
     cdef Py_ssize_t dims = means.shape[1], size, f, n_found, d
     cdef int32_t region, other, best, border, entry
     cdef int32_t *parent = &parents[0]

@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loop of contours: one walk along all cracks between pixels, over buffers that the caller owns.
+"""The compiled loop behind contours: one walk along all cracks between pixels, over buffers that the caller owns.
 
-A crack is the unit of border between two pixels of different regions; cracks meet at the corners of pixels. Walked
-in a direction it is the step 4 * corner + direction, the directions being east, south, west and north.
+A crack is the border between two adjacent pixels of different regions; cracks meet at pixel corners. Walked from a
+corner in a direction it is the step 4 * corner + direction, where the directions are east, south, west and north.
 """
 from libc.stdint cimport int64_t, uint8_t
 

@@ -1,9 +1,9 @@
-"""Connected pieces of segments as regions of their own, and small or needless regions given to their neighbors.
+"""Connected pieces of segments as regions, and the merging of small or needless regions into their neighbors.
 
-The energy of regions is that of segments: squared distances to the mean of the region, and a price for the length of
-the borders. Joining regions of n_a and n_b pixels whose means are d apart raises the first term by
-n_a n_b / (n_a + n_b) d^2 and saves the border between them. Where a picture shades, regions differ although nothing
-parts them: when regions are joined, d is the step across their border if that is less.
+The energy of regions is that of segments: squared distances to the mean of each region, plus a price for the length of
+the borders. Merging regions of n_a and n_b pixels whose means are d apart raises the first term by
+n_a n_b / (n_a + n_b) d^2 and saves the border between them. In a shaded image, regions can differ although no edge
+separates them; `join_regions` therefore takes the step across their border for d if that is smaller.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from cvtimg.labels import _components
 
-#: The step across a border is from so many pixels before to so many after the two at the border.
+#: The step across a border is measured this many pixels away from the two pixels at the border.
 _BEYOND_BORDER = 2
 
 
 def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the numbers, from 1 in reading order, of the pieces of (H, W) labels that hang together by pixels' sides.
+    """Find the connected pieces of (H, W) labels, numbered from 1 in reading order; label 0 stays 0.
 
-    Label 0 stays 0.
+    Pixels that share a side are connected.
     """
     from skimage.measure import label
 
@@ -35,8 +35,8 @@ def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
 class _Regions:
     """Regions, numbered from 0, and their borders.
 
-    These are (B, 2) pairs of regions, the smaller first, (B,) lengths, and (B, D) sums, over the length, of the steps
-    in value from the first region to the second.
+    Borders are (B, 2) pairs of regions, the smaller number first, (B,) lengths, and (B, D) sums over that length of
+    the steps in value from the first region to the second.
     """
 
     sizes: NDArray[np.int64]
@@ -49,26 +49,26 @@ class _Regions:
 def absorb_small(
     pieces: NDArray[np.int32], values: NDArray[np.float32], min_size: int, length_price: float = 0
 ) -> NDArray[np.int32]:
-    """Let pieces smaller than `min_size` be absorbed by neighbors until there are none.
+    """Merge pieces smaller than `min_size` into their neighbors until there are none.
 
-    The smallest comes first, and goes to the neighbor with which the energy rises least. Only a piece that has no
-    neighbor stays as it is: the mask parts it from all others, or it is the whole picture.
+    The smallest piece comes first and goes to the neighbor that raises the energy least. Only pieces without neighbors
+    remain: those that the mask separates from all others, or the whole image.
 
     Parameters
     ----------
     pieces : (H, W) int32 array
-        Connected pieces from 1; 0 outside of the mask.
+        Connected pieces, numbered from 1; 0 outside the mask.
     values : (H, W, D) float32 array
-        By which the energy is measured.
+        Values in which the energy is measured.
     min_size : int
         In pixels.
     length_price : float
-        What a pixel's length of border costs, in squared units of the values.
+        Price per pixel of border, in squared units of the values.
 
     Returns
     -------
     (H, W) int32 array
-        For each pixel the piece that absorbed its own, or its own; numbers are those of `pieces`.
+        Number in `pieces` of the piece that absorbed the piece of each pixel, or of that piece itself.
     """
     regions = _measured(pieces, values)
     n_regions = len(regions.sizes)
@@ -102,11 +102,11 @@ def absorb_small(
 
 
 def join_regions(regions: NDArray[np.int32], values: NDArray[np.float32], length_price: float) -> NDArray[np.int32]:
-    """Join neighbors as long as each pixel of the border between them costs more than parts them.
+    """Merge neighbors as long as the price of the border between them exceeds the rise in energy.
 
-    Those come first that save most length for what joining them costs. Parameters are those of `absorb_small`, and so
-    is what is returned; steps across borders are measured between pixels that lie a little apart, so values had better
-    be smoothed a little.
+    The pairs that save the most length for their rise in energy come first. Parameters and result are those of
+    `absorb_small`. Steps across borders are measured between pixels a little apart, so the values are best smoothed a
+    little.
 
     References
     ----------
@@ -128,12 +128,12 @@ def join_regions(regions: NDArray[np.int32], values: NDArray[np.float32], length
 
 
 class _Graph:
-    """Regions with their borders, and offers to join two, which lapse when one of them has changed."""
+    """Regions with their borders, and offers to join two; an offer lapses when either region changes."""
 
     def __init__(self, regions: _Regions) -> None:
         self.sizes: list[float] = regions.sizes.tolist()
         self.means: list[list[float]] = regions.means.tolist()
-        #: For each region its neighbors, with the length of the border and the sums of the steps to the neighbor.
+        #: The neighbors of each region, with the length of the border and the sums of the steps to the neighbor.
         self.borders: list[dict[int, tuple[float, list[float]]]] = [{} for _ in self.sizes]
         self.parents = list(range(len(self.sizes)))
         self.ages = [0] * len(self.sizes)
@@ -143,7 +143,7 @@ class _Graph:
             self._border(region, other, length, steps)
 
     def offer(self, region: int, other: int) -> None:
-        """Offer to join two regions, at their rise in energy for each pixel's length of border."""
+        """Offer to join two regions at their rise in energy per pixel of border."""
         length, steps = self.borders[region][other]
         apart = sum((a - b) ** 2 for a, b in zip(self.means[region], self.means[other], strict=True))
         step = sum((total / length) ** 2 for total in steps)
@@ -177,7 +177,7 @@ class _Graph:
         self.borders[other][region] = length, [-step for step in steps]
 
     def roots(self) -> NDArray[np.int64]:
-        """Return what each region is part of now."""
+        """Return the region that each region is now part of."""
         roots = np.array(self.parents)
         while (roots != roots[roots]).any():
             roots = roots[roots]
@@ -189,7 +189,7 @@ def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> _Regio
     own = regions[regions > 0] - 1
     sizes = np.bincount(own, minlength=n_regions)
     sums = [np.bincount(own, values[..., dim][regions > 0], n_regions) for dim in range(values.shape[2])]
-    # Numbers that are not in use are regions without pixels and borders.
+    # Unused numbers are regions without pixels and borders.
     means = np.stack(sums, axis=1) / np.maximum(sizes, 1)[:, None]
     keys, steps = zip(*(_steps(regions, values, axis) for axis in (0, 1)), strict=True)
     found, border, lengths = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
@@ -201,12 +201,12 @@ def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> _Regio
 def _steps(
     regions: NDArray[np.int32], values: NDArray[np.float32], axis: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return to which pair of regions each pixel of the borders along an axis belongs, and the step across it."""
+    """Return the pair of regions at each border pixel along an axis, as one number, and the step across it."""
     region, value = np.moveaxis(regions, axis, 0), np.moveaxis(values, axis, 0)
     before, across = np.nonzero((region[1:] != region[:-1]) & (region[1:] > 0) & (region[:-1] > 0))
     after, last = before + 1, len(region) - 1
     first, second = region[before, across].astype(np.int64) - 1, region[after, across].astype(np.int64) - 1
-    # A border is blurred: look beyond it, but not beyond the mask.
+    # Borders are blurred: look beyond them, but not beyond the mask.
     near, far = np.maximum(before - _BEYOND_BORDER, 0), np.minimum(after + _BEYOND_BORDER, last)
     near = np.where(region[near, across] > 0, near, before)
     far = np.where(region[far, across] > 0, far, after)

@@ -1,7 +1,7 @@
-"""Borders of segments as lines and polygons: neighbours share their border, with no gap and no overlap between them.
+"""Borders of segments as lines and polygons: neighbors share their border, without gaps or overlaps.
 
-From junction to junction runs a line, which two regions share. Whatever is done to borders, such as to simplify
-them, is done to lines, once, and polygons are put together from lines.
+A line runs from junction to junction and belongs to the two regions beside it. Operations on borders, such as
+simplification, act on each line once; polygons are then assembled from lines.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from cvtimg.labels.cracks import OUTSIDE, Pieces, Walk, cut_at_junctions, pixels
 from cvtimg.labels.figures import region_means
 from cvtimg.labels.simplification import simplify
 
-#: How near to the center of a pixel a border may come, in pixels: at 0 a region of one pixel could lose its area.
+#: How close a border may come to the center of a pixel, in pixels: at 0, a region of one pixel could lose its area.
 CLEARANCE = 1 / 256
 
-#: A ring of less area, in squared pixels, may have none but for rounding; such rings keep all of their places.
+#: A ring of less area than this, in squared pixels, may have none but for rounding; such rings keep all their points.
 _NO_AREA = 1e-3
 
 _Points = NDArray[np.float64]
@@ -34,11 +34,11 @@ class Polygon:
     Attributes
     ----------
     label : int
-        The segment.
+        Label of the segment.
     rings : tuple of (N, 2) float64 arrays
-        Places (x, y), the last the same as the first: the outer ring, then one for each hole. By the shoelace formula
-        the area in the outer ring is positive, that in a hole negative. No ring passes a place twice, and rings meet
-        in single places at most.
+        Closed rings of points (x, y), the last equal to the first: the outer ring, then one per hole. By the shoelace
+        formula, the outer ring has positive area and holes have negative area. No ring passes a point twice, and rings
+        meet at single points at most.
     """
 
     label: int
@@ -52,19 +52,19 @@ class Polygon:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contours:
-    """The borders of all segments of a picture.
+    """The borders of all segments of an image.
 
-    Places are (x, y) in pixels, x to the right and y down; the first pixel spans 0..1 by 0..1.
+    Points are (x, y) in pixels, x to the right and y down; the first pixel spans 0..1 by 0..1.
 
     Attributes
     ----------
     lines : tuple of (N, 2) float64 arrays
-        The borders, each once, from junction to junction, or closed where a border meets no other.
+        The borders, each once: from junction to junction, or closed if they meet no other.
     sides : (L, 2) int32 array
-        Labels to the right and to the left of each line as it runs (on a screen, with y down); -1 where the picture
-        ends.
+        Labels to the right and to the left of each line in its direction (on a screen, with y down); -1 beyond the
+        image.
     polygons : tuple of Polygon
-        The connected pieces of all segments, by label; pixels that share a side are connected. Label 0 has none.
+        The connected pieces of all segments but label 0, by label; pixels that share a side are connected.
     """
 
     lines: tuple[_Points, ...]
@@ -83,15 +83,15 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     Parameters
     ----------
     labels : (H, W) integer array
-        Segment of each pixel; 0 is what is masked.
+        Segment of each pixel; 0 for masked pixels.
     image : (H, W) or (H, W, C) array, optional
-        What the segments are of. Borders then run between the centers of pixels, where the picture, interpolated
-        from center to center, is equally far from the means of the two segments. Where it does not cross there, as
-        under noise, and beside masked pixels, the border is half way. Without a picture borders run along the sides
-        of pixels, and the areas of polygons are exact.
+        The segmented image, for sub-pixel borders. They run between the centers of pixels, where the interpolated
+        image is equally far from the means of the two segments. Where the image does not cross that level, as under
+        noise, and beside masked pixels, the border is half way. Without an image, borders run along the sides of
+        pixels, and the areas of polygons are exact.
     tolerance : float
-        Leave out places of lines that are no farther than this from what remains, in pixels. Junctions stay, no
-        polygon vanishes, and no line crosses another: near to others a line may keep more of its places.
+        Leave out points that are within this distance of the simplified line, in pixels. Junctions stay, no polygon
+        vanishes, and no line crosses another: where it would, it keeps more of its points.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid; the message names it.
 
     Notes
     -----
@@ -137,7 +137,7 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
         areas = _ring_areas(lines, pieces)
 
         def spoiled(simple: Sequence[_Points]) -> NDArray[np.intp]:
-            """Find the lines of rings that have vanished or turned over."""
+            """Find the lines of rings that have vanished or flipped."""
             lost = np.sign(areas) * _ring_areas(simple, pieces) < _NO_AREA
             return np.unique(pieces.lines[lost[pieces.rings]])
 
@@ -147,7 +147,7 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
 
 
 def _along_sides(walk: Walk, pieces: Pieces) -> list[_Points]:
-    """Draw the lines along the sides of pixels, with places where they turn."""
+    """Draw the lines along the sides of pixels, with points where they turn."""
     turns = np.append(True, walk.directions[1:] != walk.directions[:-1])
     turns[pieces.starts] = False
     corners = walk.corners[:, ::-1].astype(np.float64)
@@ -156,7 +156,7 @@ def _along_sides(walk: Walk, pieces: Pieces) -> list[_Points]:
 
 
 def _between_centers(walk: Walk, pieces: Pieces, crossings: _Points) -> list[_Points]:
-    """Draw the lines through the crossings of their steps; junctions are in the middle of the crossings around."""
+    """Draw the lines through the crossings of their steps; junctions lie in the middle of the crossings around them."""
     corners = walk.corners[:, ::-1].astype(np.float64)
     junctions = _junctions(walk, corners, crossings)
     ends = junctions[pieces.starts], junctions[_next_starts(pieces)]
@@ -166,7 +166,7 @@ def _between_centers(walk: Walk, pieces: Pieces, crossings: _Points) -> list[_Po
 
 
 def _crossings(walk: Walk, labels: NDArray[np.int32], picture: NDArray[Any]) -> _Points:
-    """(n, 2) places (x, y) where the line from pixel to pixel across each step meets the border."""
+    """(n, 2) points (x, y) where the line from pixel to pixel across each step meets the border."""
     means = region_means(labels, picture)
     right, left = (np.stack(place, axis=1) - 1 for place in pixels_beside(walk.corners, walk.directions))
     part = np.full(len(right), 0.5)
@@ -182,7 +182,7 @@ def _crossings(walk: Walk, labels: NDArray[np.int32], picture: NDArray[Any]) -> 
 
 
 def _junctions(walk: Walk, corners: _Points, crossings: _Points) -> _Points:
-    """(n, 2) places of the corners that steps leave: moved for junctions, and for starts of rings without one."""
+    """(n, 2) positions of the corners that steps leave, moved at junctions and at the starts of rings without one."""
     places = crossings.copy()
     frame = corners.max(axis=0)
     counted = walk.at_junction & (walk.sides != OUTSIDE).all(axis=1)
@@ -200,7 +200,7 @@ def _junctions(walk: Walk, corners: _Points, crossings: _Points) -> _Points:
 
 
 def _next_starts(pieces: Pieces) -> NDArray[np.int64]:
-    """For each piece the start of the next of its ring: where it ends."""
+    """Return where each piece ends: the start of the next piece of its ring."""
     n_pieces = len(pieces.rings)
     is_last = np.append(pieces.rings[1:] != pieces.rings[:-1], True)
     firsts = np.flatnonzero(np.append(True, is_last[:-1]))
@@ -209,7 +209,7 @@ def _next_starts(pieces: Pieces) -> NDArray[np.int64]:
 
 
 def _draw(places: _Points, inner: NDArray[np.bool_], ends: tuple[_Points, _Points], pieces: Pieces) -> list[_Points]:
-    """Make the lines of their first place, those of their steps that are `inner`, and their last."""
+    """Assemble each line from its first point, those of its steps that are `inner`, and its last point."""
     before = np.append(0, np.cumsum(inner))
     drawn = places[inner]
     chosen = np.flatnonzero(pieces.is_line)
@@ -221,20 +221,20 @@ def _draw(places: _Points, inner: NDArray[np.bool_], ends: tuple[_Points, _Point
 
 
 def _moment(line: _Points) -> float:
-    """Compute what a line adds to the area of a ring that it is part of."""
+    """Return the contribution of a line to the area of a ring."""
     x, y = line.T
     return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
 
 
 def _ring_areas(lines: Sequence[_Points], pieces: Pieces) -> NDArray[np.float64]:
-    """Signed area in each ring; the places of a line count once each way."""
+    """Signed area of each ring; a line counts once in each direction."""
     moments = np.array([_moment(line) for line in lines])
     signed: NDArray[np.float64] = np.where(pieces.is_line, moments[pieces.lines], -moments[pieces.lines])
     return np.bincount(pieces.rings, signed).astype(np.float64, copy=False)
 
 
 def _polygons(lines: Sequence[_Points], walk: Walk, pieces: Pieces) -> tuple[Polygon, ...]:
-    """Put rings together from lines, and polygons from the rings of each region: the outer one encloses the most."""
+    """Assemble rings from lines, and polygons from the rings of each region; the outer ring encloses the most."""
     bounds = np.append(np.flatnonzero(np.append(True, np.diff(pieces.rings) > 0)), len(pieces.rings))
     labels, regions = walk.sides[walk.ring_starts, 0], walk.regions[walk.ring_starts]
     order = np.lexsort((-_ring_areas(lines, pieces), regions, labels))
@@ -247,7 +247,7 @@ def _polygons(lines: Sequence[_Points], walk: Walk, pieces: Pieces) -> tuple[Pol
 
 
 def _ring(lines: Sequence[_Points], pieces: Pieces, numbers: range) -> _Points:
-    """Join the lines of a ring, each as it is walked there."""
+    """Join the lines of a ring, each in the direction in which it is walked there."""
     walked = [
         lines[pieces.lines[number]] if pieces.is_line[number] else lines[pieces.lines[number]][::-1]
         for number in numbers

@@ -1,7 +1,7 @@
-"""Cracks between the pixels of different segments, walked along, and how they make lines and rings.
+"""Walks along the cracks between pixels of different segments, and the lines and rings that they make.
 
-A crack is one side of a pixel. Corners of pixels where other than two cracks meet are junctions, and so are the four
-corners of the picture. Every crack is walked twice, once around each of its regions; a region is a connected piece
+A crack is one side of a pixel. Pixel corners where any number of cracks but two meet are junctions, and so are the
+four corners of the image. Each crack is walked twice, once around each of its regions; a region is a connected piece
 of a segment.
 """
 
@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from cvtimg.labels import _cracks
 
-#: What is beyond the picture, in place of a label.
+#: Stands for a label beyond the image.
 OUTSIDE = -1
 
 _Index = NDArray[np.int64]
 
-#: For the directions east, south, west and north: the step (down, right) from corner to corner, and the pixel at the
-#: right hand, counted from the corner in a picture with a rim of one pixel.
+#: For the directions east, south, west and north: the step (down, right) from corner to corner, and the pixel to its
+#: right, relative to the corner in an image with a rim of one pixel.
 _STEPS = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])
 _RIGHT_HAND = np.array([(1, 1), (1, 0), (0, 0), (0, 1)])
-#: Bits of a corner, beside a bit for each crack that leaves it.
+#: Bits of a corner, in addition to one bit for each crack that leaves it.
 _SADDLE_EAST_WEST, _SADDLE_SOUTH_NORTH, _JUNCTION = 16, 32, 64
 
 
@@ -39,11 +39,11 @@ class Walk(NamedTuple):
     at_junction : (n,) bool array
         Whether the corner is a junction.
     sides : (n, 2) int32 array
-        Labels to the right and to the left, OUTSIDE beyond the picture.
+        Labels to the right and to the left; OUTSIDE beyond the image.
     regions : (n,) int array
-        Number of the region to the right; 0 is beyond the picture.
+        Number of the region to the right; 0 beyond the image.
     ring_starts : (r,) array
-        Where the rings begin: at a junction, or else at their first corner by row and column.
+        Where the rings begin: at a junction, otherwise at their first corner by row and column.
     """
 
     corners: _Index
@@ -64,9 +64,9 @@ class Pieces(NamedTuple):
     starts, stops : (p,) array
         The steps of each piece.
     is_line : (p,) bool array
-        Whether the line runs as this piece does; of two pieces one does.
+        Whether the line runs in the direction of this piece; exactly one of its two pieces does.
     lines : (p,) array
-        Number of the line that a piece walks, among those with `is_line`.
+        Number of the line along which a piece runs, among those with `is_line`.
     rings : (p,) array
         Number of the ring that a piece is part of.
     """
@@ -79,11 +79,11 @@ class Pieces(NamedTuple):
 
 
 def walk_cracks(labels: NDArray[np.int32]) -> Walk:
-    """Walk around every region of an (H, W) picture of labels >= 0, and around the picture itself."""
+    """Walk around every region of (H, W) labels >= 0, and around the image itself."""
     from skimage.measure import label
 
     rimmed = np.pad(labels, 1, constant_values=OUTSIDE)
-    # The library knows one label that is no region: what is beyond the picture.
+    # scikit-image leaves out one label: the one that stands for what is beyond the image.
     inside = label(labels, background=OUTSIDE, connectivity=1)  # type: ignore[no-untyped-call]
     regions = np.pad(inside.astype(np.int32), 1)
     marks = _mark_corners(rimmed, regions)
@@ -100,7 +100,7 @@ def walk_cracks(labels: NDArray[np.int32]) -> Walk:
 
 
 def pixels_beside(corners: _Index, directions: _Index) -> tuple[tuple[_Index, _Index], tuple[_Index, _Index]]:
-    """Index the pixels to the right and to the left of steps, (rows, columns) each, in a picture with a rim of one."""
+    """Index the pixels to the right and to the left of steps, (rows, columns) each, in an image with a rim of one."""
     right = corners + _RIGHT_HAND[directions]
     left = corners + _RIGHT_HAND[directions - 1]
     return (right[:, 0], right[:, 1]), (left[:, 0], left[:, 1])
@@ -143,6 +143,6 @@ def cut_at_junctions(walk: Walk) -> Pieces:
 
 
 def _numbers(corners: _Index, directions: _Index, walk: Walk) -> _Index:
-    """One number for each step."""
+    """Give each step a number of its own."""
     numbers: _Index = (corners[:, 0] * (walk.corners[:, 1].max() + 1) + corners[:, 1]) * 4 + directions
     return numbers

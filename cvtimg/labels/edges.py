@@ -7,27 +7,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_labels
 
-#: How the label of an edge point compares with that of its neighbour, by the name of the mode.
+#: How the label of an edge point compares with that of its neighbor, by mode.
 EDGE_MODES = {"inner": np.greater, "outer": np.less, "thick": np.not_equal}
 
 
 def find_edges(
     labels: ArrayLike, *, mode: str = "inner", connectivity: int = 1, ignore: int | None = None
 ) -> NDArray[np.bool_]:
-    """Find the pixels where one segment borders on another.
+    """Find the pixels where one segment borders another.
 
     Parameters
     ----------
     labels : (H, W) integer array
-        Segment of each pixel, 0 or higher.
+        Segment of each pixel, >= 0.
     mode : {"inner", "outer", "thick"}
-        Of two neighbours with different labels, "inner" takes the one with the higher label, "outer" the one with
-        the lower, "thick" both. Inner and outer edges are one pixel wide. Where labels go from dark to bright, as in
-        a `Segmentation`, inner edges lie within the brighter segment; of an object on label 0 they are its rim.
+        Which of two neighbors with different labels is an edge point: "inner" takes the one with the higher label,
+        "outer" the one with the lower label, "thick" both. Inner and outer edges are one pixel wide. Where labels
+        run from dark to bright, as in a `Segmentation`, inner edges lie within the brighter segment. The inner edges
+        of an object on label 0 are its rim.
     connectivity : {1, 2}
-        1: the four pixels that share a side are neighbours. 2: so are the four across a corner.
+        1: pixels that share a side are neighbors. 2: so are pixels that share a corner.
     ignore : int, optional
-        A label whose borders are no edges: 0 for the masked pixels of a `Segmentation`.
+        Label whose borders are not edges: 0 for the masked pixels of a `Segmentation`.
 
     Returns
     -------
@@ -36,12 +37,12 @@ def find_edges(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid; the message names it.
 
     Notes
     -----
     For objects on label 0 that do not touch, the modes are those of ``skimage.segmentation.find_boundaries``. Where
-    objects touch, that marks the rims of both in mode "inner"; here it stays one pixel wide.
+    objects touch, scikit-image marks the rims of both in mode "inner"; here the edge stays one pixel wide.
 
     References
     ----------
@@ -69,12 +70,12 @@ def find_edges(
 
 
 def _shifted(step: int) -> slice:
-    """Take of an axis what remains when its first `step` places, or its last if that is negative, have no partner."""
+    """Leave out the first `step` places of an axis, or its last if `step` is negative."""
     return slice(max(step, 0), min(step, 0) or None)
 
 
 def _is_edge(side: NDArray[np.int32], other: NDArray[np.int32], mode: str, ignore: int | None) -> NDArray[np.bool_]:
-    """Tell the pixels of one side that are edge points for their neighbours on the other side."""
+    """Find the pixels of one side that are edge points next to their neighbors on the other side."""
     edges: NDArray[np.bool_] = EDGE_MODES[mode](side, other)
     if ignore is not None:
         edges &= (side != ignore) & (other != ignore)

@@ -1,6 +1,6 @@
-"""Regions in numbers: means, tables and run lengths.
+"""Measures of regions: means, tables and run lengths.
 
-A region is all pixels of one label, in one piece or many; label 0 is what is masked, and no region.
+A region is all pixels of one label, in one piece or several. Label 0 marks masked pixels and is not a region.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     Parameters
     ----------
     labels : (H, W) integer array
-        Region of each pixel, 0 for what is masked.
+        Region of each pixel; 0 for masked pixels.
     image : (H, W) or (H, W, C) array
-        Anything finite; masked pixels may be NaN.
+        Finite values; masked pixels may be NaN.
 
     Returns
     -------
     (max label + 1, C) float64 array
-        A row for each label. Row 0 and rows of labels that do not occur are NaN.
+        One row per label. Row 0 and rows of labels that do not occur are NaN.
 
     Examples
     --------
@@ -58,19 +58,19 @@ def region_table(labels: ArrayLike, image: Any) -> dict[str, NDArray[Any]]:
     Returns
     -------
     dict of (K,) arrays
-        Columns by name, a row for each label but 0 that occurs, in order. ``label``; ``area`` and ``perimeter`` in
-        pixels; ``x`` and ``y`` of the centroid; ``left``, ``top``, ``right`` and ``bottom`` of the box around it;
-        ``mean_1``, ``mean_2``, ... and ``std_1``, ``std_2``, ... of each band. Places are in pixels, x to the right
-        and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`.
+        Columns by name, with one row per label that occurs, except 0, in order: ``label``; ``area`` and ``perimeter``
+        in pixels; ``x`` and ``y`` of the centroid; ``left``, ``top``, ``right`` and ``bottom`` of the bounding box;
+        ``mean_1``, ``mean_2``, ... and ``std_1``, ``std_2``, ... of each band. Coordinates are in pixels, x to the
+        right and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid; the message names it.
 
     Notes
     -----
-    Measured by ``skimage.measure.regionprops_table``, which counts places from the center of the first pixel.
+    Measured by ``skimage.measure.regionprops_table``, whose coordinates start at the center of the first pixel.
 
     Examples
     --------
@@ -97,18 +97,18 @@ def region_table(labels: ArrayLike, image: Any) -> dict[str, NDArray[Any]]:
 
 
 def run_lengths(labels: ArrayLike) -> dict[int, list[int]]:
-    """Count how long each region is absent and present by turns, down the columns of the picture.
+    """Encode each region as the lengths of its runs, absent and present in turn, down the columns of the image.
 
     Parameters
     ----------
     labels : (H, W) integer array
-        Region of each pixel; 0 is none.
+        Region of each pixel; 0 for none.
 
     Returns
     -------
     dict of int to list of int
-        For each label but 0 that occurs, in order, the lengths of the runs, the first of absence. Their sum is H W.
-        This is the run-length encoding of COCO, uncompressed.
+        Lengths of the runs by label, in order, without label 0. The first run is of absence, and the lengths sum to
+        H W: the uncompressed run-length encoding of COCO.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Lines with fewer places, that cross no others for it.
+"""Simplification of lines that keeps them from crossing each other.
 
-A line that leaves out places sweeps over what lies between it and what it was. Where no place of any line lies in
-there, it can have crossed none, and nothing has come to lie on its other side.
+A simplified line sweeps over the area between it and the original. If no point of any line lies in that area, the line
+has crossed no other, and nothing has moved to its other side.
 
 A. Saalfeld, Topologically consistent line simplification with the Douglas-Peucker algorithm, Cartography and
 Geographic Information Science 26 (1999) 7-18, doi 10.1559/152304099782424901.
@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 
 _Points = NDArray[np.float64]
 
-#: Below this tolerance, in pixels, a line is left as it is.
+#: Below this tolerance, in pixels, a line stays as it is.
 _LEAST_TOLERANCE = 1 / 16
-#: A place that is no farther than this from a line is on it, in pixels: more than rounding in files moves it.
+#: A point within this distance of a line is on it, in pixels: more than rounding in files moves a point.
 _ON_LINE = 1e-3
 
 
 def simplify(
     lines: Sequence[_Points], tolerance: float, spoiled: Callable[[Sequence[_Points]], NDArray[np.intp]]
 ) -> list[_Points]:
-    """Leave out places that are no farther than `tolerance` from what remains, by Douglas and Peucker.
+    """Leave out points within `tolerance` of the line that remains, by the method of Douglas and Peucker.
 
-    Lines that sweep over a place of another line, or are `spoiled`, are simplified again by half the tolerance, and
-    again until they are not. First and last places stay.
+    Lines that sweep over a point of another line, or are `spoiled`, are simplified again with half the tolerance until
+    they are neither. First and last points stay.
     """
     tolerances = np.full(len(lines), float(tolerance))
     simple = [_shorter(line, tolerance) for line in lines]
@@ -54,7 +54,7 @@ def _shorter(line: _Points, tolerance: float) -> _Points:
 
 
 def _sweeping(lines: Sequence[_Points], simple: Sequence[_Points], suspects: Sequence[int]) -> Iterator[int]:
-    """Find the lines among `suspects` that sweep over a place of any line."""
+    """Find the lines among `suspects` that sweep over a point of any line."""
     from scipy.spatial import cKDTree
 
     swept = [(number, chain) for number in suspects for chain in _left_out(lines[number], simple[number])]
@@ -70,14 +70,14 @@ def _sweeping(lines: Sequence[_Points], simple: Sequence[_Points], suspects: Seq
 
 
 def _left_out(line: _Points, simple: _Points) -> Iterator[_Points]:
-    """Cut a line at the places that remain, where others between them do not."""
+    """Return the stretches of a line between points that remain, where points between them were left out."""
     numbers = line.view(np.complex128)[:, 0]
     kept = np.flatnonzero(np.isin(numbers, simple.view(np.complex128)[:, 0]))
     return (line[start : end + 1] for start, end in pairwise(kept.tolist()) if end > start + 1)
 
 
 def _is_over(chain: _Points, places: _Points) -> bool:
-    """Tell whether any place but those of the chain is between the chain and the step from its first to its last."""
+    """Tell whether a point of another line lies between a chain and the step from its first point to its last."""
     from skimage.measure import points_in_poly
 
     others = places[~np.isin(places.view(np.complex128)[:, 0], chain.view(np.complex128)[:, 0])]
