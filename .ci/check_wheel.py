@@ -1,16 +1,16 @@
-"""Check what a wheel holds: ``python .ci/check_wheel.py WHEEL``."""
+"""Check the contents of a wheel: ``python .ci/check_wheel.py WHEEL``."""
 
 import sys
 import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-#: Of the package folder, what builds the wheel and does not go into it.
+#: Files of the package that build the wheel and do not go into it.
 NOT_INSTALLED = {".build", ".h", ".pyx"}
 
 
 def main(wheel: str) -> None:
-    """Compare the wheel's files with the package folder, and its top level with what may be installed."""
+    """Compare the files of the wheel with the package, and its extension modules with their sources."""
     names = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         path.relative_to(ROOT).as_posix()
@@ -19,12 +19,13 @@ def main(wheel: str) -> None:
     }
     in_package = {name for name in names if name.startswith("cvtimg/")}
     compiled = {name for name in in_package if name.endswith((".so", ".pyd"))}
-    modules = sorted(path.stem for path in (ROOT / "cvtimg").rglob("*.pyx"))
+    modules = {path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "cvtimg").rglob("*.pyx")}
+    built = {name.partition(".")[0] for name in compiled}
     others = {name for name in names - in_package if ".dist-info/" not in name}
     problems = [f"missing: {name}" for name in sorted(wanted - in_package)]
     problems += [f"unexpected: {name}" for name in sorted((in_package - wanted - compiled) | others)]
-    if sorted(Path(name).name.partition(".")[0] for name in compiled) != modules:
-        problems.append(f"compiled modules: {sorted(compiled)}, not one for each of {modules}")
+    problems += [f"not compiled: {name}" for name in sorted(modules - built)]
+    problems += [f"compiled from nothing: {name}" for name in sorted(built - modules)]
     print(f"{Path(wheel).name}: {len(names)} files", *problems, sep="\n")
     sys.exit(bool(problems))
 

@@ -1,7 +1,7 @@
-"""Damage a picture: noisy, incomplete versions of it, so that everyone can measure how well it comes back.
+"""Make noisy, incomplete versions of an image, to measure how well they are restored.
 
-Each version loses something else. Holes, blocks and scratches are known to be lost: alpha 0 marks them. Occlusions
-are not: they are painted over in the color of the background, and nothing tells.
+Each version loses different parts. Holes, blocks and scratches are marked by alpha 0. Occlusions are painted over in
+the color of the background and not marked.
 
 Run it from anywhere: ``python sample_images/damage.py sample_images/coffee.png --noise 0.1 --holes 0.3``. The same
 seed gives the same versions.
@@ -26,27 +26,27 @@ from skimage.morphology import disk as round_brush
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Sides of a block and radius of an occlusion, as shares of the shorter side of the picture.
+#: Sides of a block and radius of an occlusion, as shares of the shorter side of the image.
 BLOCK_SIDES = (0.15, 0.3)
 OCCLUSION_RADIUS = 0.09
 SCRATCH_RADIUS = 2
-#: An occlusion that would hide more than the other versions show is tried elsewhere so many times.
+#: An occlusion that would hide what no other version shows is moved at most this many times.
 TRIALS = 200
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """What each version suffers.
+    """Kinds and amounts of damage to each version.
 
     Attributes
     ----------
     noise : float
         Standard deviation of Gaussian noise, independent in each channel, where white is 1.
     holes : float
-        Share of the pixels that are lost one by one.
+        Share of the pixels lost independently of each other.
     blocks, scratches, occlusions : int
-        How many rectangles and scratches are lost, and how many round parts of what is not background are painted
-        over by it.
+        Numbers of lost rectangles, of lost scratches, and of disks outside the background that are painted over in its
+        color.
     """
 
     noise: float = 0.0
@@ -57,25 +57,25 @@ class Damage:
 
 
 def damaged_versions(clean: Floats, n_versions: int, damage: Damage, seed: int = 0) -> tuple[list[Floats], list[Mask]]:
-    """Damage a picture in several ways.
+    """Damage an image in several ways.
 
     Parameters
     ----------
     clean : (H, W, C) or (H, W) array
         In 0..1.
     n_versions : int
-        How many versions to make. No place is painted over in two of them.
+        Number of versions. No pixel is painted over in two of them.
     damage : Damage
-        What each suffers, at other places in each.
+        Damage to each version, in different places.
     seed : int
         The same seed gives the same versions.
 
     Returns
     -------
     versions : list of arrays like `clean`
-        Noise may leave 0..1. What is lost is 0.
+        Values may leave 0..1 because of the noise. Lost pixels are 0.
     known : list of (H, W) bool arrays
-        False where a version is lost. What is painted over counts as known.
+        False where pixels are lost. Painted-over pixels count as known.
     """
     rng = np.random.default_rng(seed)
     background = commonest_color(clean)
@@ -144,13 +144,15 @@ def save(path: Path, version: Floats, known: Mask) -> None:
 
 
 def main() -> None:
-    """Read, damage, write."""
-    parser = argparse.ArgumentParser(description="Make damaged versions of a picture: NAME_1.png, NAME_2.png, ...")
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description="Make damaged versions of an image: NAME_1.png, NAME_2.png, ...")
     parser.add_argument("picture", type=Path)
     parser.add_argument("--out-dir", type=Path, default=Path("out"), help="folder to write to (default: out)")
-    parser.add_argument("--versions", type=int, default=3, help="how many (default: 3)")
-    parser.add_argument("--noise", type=float, default=0.1, help="standard deviation, where white is 1 (default: 0.1)")
-    parser.add_argument("--holes", type=float, default=0.0, help="share of pixels lost one by one (default: 0)")
+    parser.add_argument("--versions", type=int, default=3, help="number of versions (default: 3)")
+    parser.add_argument(
+        "--noise", type=float, default=0.1, help="standard deviation of the noise, with white = 1 (default: 0.1)"
+    )
+    parser.add_argument("--holes", type=float, default=0.0, help="share of pixels lost independently (default: 0)")
     parser.add_argument("--blocks", type=int, default=0, help="rectangles lost in each version (default: 0)")
     parser.add_argument("--scratches", type=int, default=0, help="scratches in each version (default: 0)")
     parser.add_argument("--occlusions", type=int, default=0, help="parts painted over by the background (default: 0)")

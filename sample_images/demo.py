@@ -1,7 +1,7 @@
-"""Show what cvtimg does: the sample pictures in 4, 16, 64 and 256 colours, in segments, and restored.
+"""Quantize the sample images to 4, 16, 64 and 256 colors, segment one, and restore another.
 
-Run it from anywhere: ``python sample_images/demo.py [OUT_DIR]``. It writes each picture in each number of colours,
-a sheet of all of them side by side and one of the other uses, and prints what it cost. Pictures of an earlier run are
+Run it from anywhere: ``python sample_images/demo.py [OUT_DIR]``. It writes each image in each number of colors, a sheet
+with all of them side by side and a sheet of the other uses, and prints errors and times. Files of an earlier run are
 replaced.
 """
 
@@ -33,17 +33,17 @@ PICTURES = (
     "drawing.png",
 )
 N_COLORS = (4, 16, 64, 256)
-#: Colours in the strip below an original.
+#: Number of colors in the strip below an original.
 N_SHOWN = 1024
-TITLE = "cvtimg: pictures in the 4, 16, 64 and 256 colours that stand best for them"
+TITLE = "cvtimg: images reduced to 4, 16, 64 and 256 colors"
 
-HEADER = ("picture", "size", "colours", "KB", "k", "energy", "PSNR", "ms", "KB")
+HEADER = ("image", "size", "colors", "KB", "k", "energy", "PSNR", "ms", "KB")
 COLUMNS = "{:<14} {:>9} {:>9} {:>6} {:>6} {:>9} {:>9} {:>7} {:>6}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """A picture in few colours, and what that took."""
+    """A quantized image, and its cost."""
 
     result: Quantized
     milliseconds: float
@@ -51,24 +51,24 @@ class Outcome:
 
     @property
     def energy(self) -> str:
-        """Summed squared error a pixel."""
+        """Summed squared error per pixel."""
         energy = self.result.energy / self.result.indices.size
         return f"{energy:,.0f}" if energy >= 100 else f"{energy:.1f}"
 
     @property
     def psnr(self) -> str:
-        """In dB, or that nothing was lost."""
+        """Quality in dB, or "exact"."""
         return "exact" if self.exact else f"{self.result.psnr:.1f} dB"
 
     @property
     def exact(self) -> bool:
-        """Whether the picture had no more colours than were asked for."""
+        """Whether the image has no more colors than requested."""
         return self.result.tessellation is None
 
 
 def main() -> None:
-    """Quantize, write, print."""
-    parser = argparse.ArgumentParser(description="Quantize the sample pictures to 4, 16, 64 and 256 colours.")
+    """Run the demo from the command line."""
+    parser = argparse.ArgumentParser(description="Quantize the sample images to 4, 16, 64 and 256 colors.")
     parser.add_argument("out_dir", nargs="?", type=Path, default=Path("out"), help="folder to write to (default: out)")
     out = parser.parse_args().out_dir
     try:
@@ -79,8 +79,8 @@ def main() -> None:
 
 
 def run(out: Path) -> None:
-    """Write the pictures and the sheet to `out`, and print a table."""
-    quantize(np.arange(9, dtype=np.uint8).reshape(3, 3), 2)  # so that no picture pays for loading the library
+    """Write the images and the sheets to `out`, and print a table."""
+    quantize(np.arange(9, dtype=np.uint8).reshape(3, 3), 2)  # load the library before the first timing
     print(COLUMNS.format(*HEADER))
     rows = []
     for name in PICTURES:
@@ -91,29 +91,31 @@ def run(out: Path) -> None:
         rows[-1] += [panel(k, outcome) for k, outcome in zip(N_COLORS, outcomes, strict=True)]
     sheet = out / "sheet.png"
     write_image(sheet, contact_sheet(rows, title=TITLE), overwrite=True)
-    print("\nenergy: squared error a pixel, summed over the channels; ms: time to quantize alone, files left out")
-    print(f"{len(PICTURES) * len(N_COLORS)} pictures are in {out}; see them side by side in {sheet}")
+    print(
+        "\nenergy: squared error per pixel, summed over the channels; ms: time to quantize, without reading and writing"
+    )
+    print(f"{len(PICTURES) * len(N_COLORS)} images are in {out}; {sheet} shows them side by side")
     uses = out / "uses.png"
     write_image(uses, contact_sheet([segmented("coffee.png"), restored()]), overwrite=True)
-    print(f"segments, superpixels and a picture restored from three bad ones are in {uses}")
+    print(f"{uses} shows segments, superpixels and an image restored from three damaged versions")
 
 
 def segmented(name: str) -> list[Panel]:
-    """Show a picture, as many colours as its elbow picks, segments with their edges, and superpixels."""
+    """Show an image, its elbow palette, its segments with their edges, and superpixels."""
     image = read_image(FOLDER / name)
     few = quantize(image, "auto")
     segments = segment(image, 6, space="lab", edge_weight="auto", components=True, min_size=100)
     cells = superpixels(image, 400)
     return [
         Panel(image, (Path(name).stem,)),
-        Panel(few.image, (f"{len(few.palette)} colours, by the elbow",), few.palette),
-        Panel(draw_edges(image, segments.labels), (f"{segments.labels.max()} regions of 6 colours",)),
+        Panel(few.image, (f"{len(few.palette)} colors, from the elbow",), few.palette),
+        Panel(draw_edges(image, segments.labels), (f"{segments.labels.max()} regions in 6 colors",)),
         Panel(draw_edges(image, cells.labels), (f"{cells.labels.max()} superpixels",)),
     ]
 
 
 def restored() -> list[Panel]:
-    """Show three bad versions of a drawing, and what is restored from them."""
+    """Show three damaged versions of a drawing, and the restored image."""
     versions = [read_image(FOLDER / f"drawing_{number}.png") for number in (1, 2, 3)]
     result = restore(versions, 6)
     shown = [Panel(version, ("noise, holes and a gap",)) for version in versions]
@@ -121,7 +123,7 @@ def restored() -> list[Panel]:
 
 
 def quantized(image: NDArray[Any], n_colors: int, path: Path) -> Outcome:
-    """Quantize a picture and write it."""
+    """Quantize an image and write it."""
     start = perf_counter()
     result = quantize(image, n_colors)
     milliseconds = 1000 * (perf_counter() - start)
@@ -133,7 +135,7 @@ def quantized(image: NDArray[Any], n_colors: int, path: Path) -> Outcome:
 
 
 def print_rows(source: Path, image: NDArray[Any], outcomes: list[Outcome]) -> None:
-    """Print a line for each number of colours; what they share stands in the first."""
+    """Print one line per number of colors; the first also has the figures of the image."""
     height, width = image.shape[:2]
     kilobytes = f"{source.stat().st_size / 1024:.0f}"
     shared = (source.stem, f"{width}x{height}", f"{outcomes[0].result.n_distinct:,}", kilobytes)
@@ -144,21 +146,21 @@ def print_rows(source: Path, image: NDArray[Any], outcomes: list[Outcome]) -> No
 
 
 def original_panel(name: str, image: NDArray[Any]) -> Panel:
-    """Show a picture as it was, over its colours from dark to bright: so many that only some of them fit."""
+    """Show an original image above a selection of its colors, from dark to bright."""
     height, width = image.shape[:2]
     colors = color_samples(image).colors
     ordered = colors[np.argsort(colors.sum(axis=1, dtype=np.int64), kind="stable")]
     some = ordered[np.linspace(0, len(ordered) - 1, min(len(ordered), N_SHOWN)).astype(int)]
-    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {len(colors):,} colours"), some)
+    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {len(colors):,} colors"), some)
 
 
 def panel(n_colors: int, outcome: Outcome) -> Panel:
-    """Show a picture in few colours."""
+    """Show a quantized image."""
     result = outcome.result
-    figures = f"energy {outcome.energy} a pixel, {outcome.psnr}"
+    figures = f"energy {outcome.energy} per pixel, {outcome.psnr}"
     if outcome.exact:
-        figures = f"exact: it has {result.n_distinct} colours"
-    return Panel(result.image, (f"{n_colors} colours", figures), result.palette)
+        figures = f"exact: the image has {result.n_distinct} colors"
+    return Panel(result.image, (f"{n_colors} colors", figures), result.palette)
 
 
 if __name__ == "__main__":

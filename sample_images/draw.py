@@ -1,9 +1,8 @@
-"""Draw the sample pictures that no camera took.
+"""Draw the synthetic sample images.
 
-Some uses need a picture whose truth is known: a grey two-phase texture to segment, and a flat
-drawing beside damaged copies of it to restore. They are drawn here, not borrowed, so that anyone
-may use them and see exactly what was done to them. Seeds are fixed: a second run with the same
-libraries writes the same bytes.
+Some examples need an image with a known truth: a gray two-phase texture to segment, and a flat drawing beside damaged
+copies of it to restore. They are drawn here, so anyone may use them and see how they were made. Seeds are fixed: a
+second run with the same libraries writes the same bytes.
 
 Run it from anywhere: ``python sample_images/draw.py``.
 """
@@ -34,7 +33,7 @@ BONE_SEED = 2
 
 DRAWING_SHAPE = (192, 256)
 # Channels keep away from 0 and 255, because noise that clips there shifts the mean of a region, and
-# averaging many noisy pixels no longer gives quite the true colour back.
+# averaging many noisy pixels no longer gives quite the true color back.
 SKY = (128, 184, 216)
 SUN = (216, 192, 72)
 HILL = (136, 176, 88)
@@ -79,19 +78,19 @@ def bone_struts(rng: np.random.Generator) -> Mask:
 
 
 def draw_bone() -> Bytes:
-    """Return a grey picture, (256, 256) uint8, that looks like a micro-CT slice of spongy bone."""
+    """Return a gray picture, (256, 256) uint8, that looks like a micro-CT slice of spongy bone."""
     rng = np.random.default_rng(BONE_SEED)
     struts = gaussian(bone_struts(rng).astype(np.float64), 1.6, mode="wrap")
     mineral = 1.0 + 0.13 * random_field(rng, BONE_SIDE, (40.0, 40.0), 0.5)
     # A scanner's noise is not independent from pixel to pixel: reconstruction smooths it.
     noise = gaussian(rng.standard_normal(struts.shape), 0.9, mode="wrap")
     noise /= noise.std()
-    grey = 34.0 + 150.0 * struts * mineral + 13.0 * noise
-    return np.asarray(np.clip(np.rint(grey), 0, 255), dtype=np.uint8)
+    gray = 34.0 + 150.0 * struts * mineral + 13.0 * noise
+    return np.asarray(np.clip(np.rint(gray), 0, 255), dtype=np.uint8)
 
 
 def draw_scene() -> Bytes:
-    """Return a house and a tree on a hill under the sun: (192, 256, 3) uint8, six flat colours."""
+    """Return a house and a tree on a hill under the sun: (192, 256, 3) uint8, six flat colors."""
     height, width = DRAWING_SHAPE
     scene = np.empty((height, width, 3), dtype=np.uint8)
     scene[:] = SKY
@@ -144,7 +143,7 @@ def spoil(scene: Bytes, gap: Mask, sigma: float, rng: np.random.Generator) -> By
     spoiled = np.zeros((*DRAWING_SHAPE, 4), dtype=np.uint8)
     spoiled[..., :3] = np.clip(np.rint(noisy), 0, 255)
     spoiled[..., 3] = 255
-    # The colour under a hole is wiped as well, or a reader that drops alpha would see it.
+    # The color under a hole is wiped as well, or a reader that drops alpha would see it.
     spoiled[lost] = 0
     return spoiled
 

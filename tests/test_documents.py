@@ -1,0 +1,125 @@
+"""What the pages show is what happens: their Python lines, their commands, the options and files that they name."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Set
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cvtimg.cli.app import app
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*EXAMPLES, ROOT / "CONTRIBUTING.md", ROOT / "benchmarks" / "README.md", ROOT / "sample_images" / "README.md"]
+#: Pages whose commands take over three seconds.
+SLOW = {"README.md", "batch.md", "elbow.md", "restoration.md", "segment_outputs.md"}
+
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+pytestmark = [
+    pytest.mark.skipif(not EXAMPLES[0].exists(), reason="the tests run without the checkout"),
+    pytest.mark.timeout(120),
+]
+
+
+def blocks(page: Path, *languages: str) -> list[str]:
+    """Return the blocks of code of a page that are marked with one of these languages."""
+    return [code for language, code in BLOCK.findall(page.read_text()) if language in languages]
+
+
+def parameters(pages: list[Path], slow: Set[str] = frozenset()) -> list[object]:
+    """Name the parameters by the pages, and mark the slow ones."""
+    return [
+        pytest.param(page, id=str(page.relative_to(ROOT)), marks=[pytest.mark.slow] if page.name in slow else [])
+        for page in pages
+    ]
+
+
+def commands_of(page: Path) -> list[list[str]]:
+    """Return each command of a page's console blocks, and the output that the page shows below it."""
+    found = []
+    for block in blocks(page, "console"):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, _, output = part.replace("\\\n", " ").partition("\n")
+            found.append([command, output.strip()])
+    return found
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Go to a folder that looks like the root of the checkout, and may be written to."""
+    shutil.copytree(ROOT / "sample_images", tmp_path / "sample_images")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if blocks(page, "python")]))
+@pytest.mark.usefixtures("checkout")
+def test_the_python_examples_print_what_is_said(page: Path) -> None:
+    for block in blocks(page, "python"):
+        assert block.startswith(">>> "), f"is not checked: {block}"
+    results = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
+    assert results.attempted > 0
+    assert results.failed == 0
+
+
+@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if commands_of(page)], SLOW))
+@pytest.mark.usefixtures("checkout")
+def test_the_commands_run_and_print_what_is_said(page: Path) -> None:
+    for command, expected in commands_of(page):
+        words = shlex.split(command, comments=True)
+        if words[0] == "python":
+            done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, timeout=60)
+            status, output = done.returncode, done.stdout + done.stderr
+        else:
+            assert words[0] == "cvtimg", f"is not checked: {command}"
+            result = CliRunner().invoke(app, words[1:])
+            status, output = result.exit_code, result.output
+        assert status == 0, f"{command}: {output}"
+        if expected:
+            assert doctest.OutputChecker().check_output(expected, output, FLAGS), f"{command} prints:\n{output}"
+
+
+@pytest.mark.parametrize("page", parameters(PAGES))
+def test_the_commands_have_the_options_that_are_named(page: Path) -> None:
+    command = typer.main.get_command(app)
+    known = {name: {opt for param in sub.params for opt in param.opts} for name, sub in command.commands.items()}
+    for line in "\n".join(blocks(page, "sh", "console")).replace("\\\n", " ").splitlines():
+        for name, rest in re.findall(r"\bcvtimg ([a-z]+)\b((?:(?! #|\|).)*)", line):
+            assert name in known, line
+            assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= known[name] | {"--help", "-h"}, line
+
+
+@pytest.mark.parametrize("page", parameters(PAGES))
+def test_the_files_that_are_linked_are_there(page: Path) -> None:
+    text = BLOCK.sub("", page.read_text())
+    for target in re.findall(r"\]\(([^)#\s]+)", text):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", parameters(PAGES))
+def test_the_scripts_that_are_named_are_there(page: Path) -> None:
+    for script in re.findall(
+        r"python ((?:docs|examples|benchmarks|sample_images|tests|\.ci)/[\w/]+\.py)", page.read_text()
+    ):
+        assert (ROOT / script).exists(), script
+
+
+def test_the_extra_all_holds_every_optional_part() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    named = re.fullmatch(r"cvtimg\[(.*)\]", *extras["all"])
+    assert named
+    assert set(named[1].split(",")) == set(extras) - {"all", "bench", "docs", "lint", "test"}
