@@ -11,6 +11,7 @@ import sys
 import tomllib
 from collections.abc import Set
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -94,8 +95,10 @@ def test_the_commands_run_and_print_what_is_said(page: Path) -> None:
 
 @pytest.mark.parametrize("page", parameters(PAGES))
 def test_the_commands_have_the_options_that_are_named(page: Path) -> None:
-    command = typer.main.get_command(app)
-    known = {name: {opt for param in sub.params for opt in param.opts} for name, sub in command.commands.items()}
+    group: Any = typer.main.get_command(app)
+    context = typer.Context(group)
+    commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    known = {name: {opt for param in command.params for opt in param.opts} for name, command in commands.items()}
     for line in "\n".join(blocks(page, "sh", "console")).replace("\\\n", " ").splitlines():
         for name, rest in re.findall(r"\bcvtimg ([a-z]+)\b((?:(?! #|\|).)*)", line):
             assert name in known, line
