@@ -1,17 +1,17 @@
-"""The one door: arguments are checked here and nowhere else.
+"""Checks of arguments: the one door through which all of them pass.
 
 Every message gives the name, the value and what is allowed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: Sample types that the kernels read as they are.
+#: Types of samples that the kernels read.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
 #: Pillow's modes whose samples are grey or RGB, perhaps with alpha: others have indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
@@ -31,6 +31,32 @@ def check_count(name: str, value: int, largest: int, reason: str) -> int:
     if not 1 <= value <= largest:
         raise ValueError(f"{name}={value} must be in 1..{largest}, {reason}")
     return int(value)
+
+
+def check_at_least(name: str, value: int, least: int, reason: str) -> int:
+    """Return an integer that is at least `least`; `reason` says what sets that, or what else is allowed."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        error = ValueError if isinstance(value, (int, np.integer)) else TypeError
+        raise error(f"{name}={value!r} must be an integer >= {least}, {reason}")
+    return int(value)
+
+
+def check_shares(shares: Mapping[str, float]) -> None:
+    """Refuse named shares of a whole that are negative or do not add up to 1."""
+    if not (min(shares.values()) >= 0 and abs(sum(shares.values()) - 1) <= 1e-12):
+        given = " and ".join(f"{name}={float(share)}" for name, share in shares.items())
+        raise ValueError(f"{given} must be >= 0, with sum 1")
+
+
+def raise_unsupported(name: str, value: object, what: str, able: Collection[str]) -> NoReturn:
+    """Refuse a combination of arguments that `value` does not support and those named in `able` do."""
+    raise ValueError(f"{name}={value!r} does not support {what}; {' or '.join(able)} does")
+
+
+def check_one_dimension(name: str, n_dims: int) -> None:
+    """Refuse samples of more than one dimension where one is needed."""
+    if n_dims != 1:
+        raise ValueError(f"{name} needs samples of one dimension, not D={n_dims}")
 
 
 def check_alone(name: str, others: Collection[str]) -> None:

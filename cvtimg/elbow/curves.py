@@ -19,8 +19,7 @@ from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, explained
 from cvtimg.engine.all_counts import chain
-from cvtimg.engine.methods import METHODS, Callback, Conditions, Iteration, Stopping, Watch
-from cvtimg.engine.methods.optimal1d import optimal1d
+from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.points import Points, pack
 from cvtimg.engine.search import EFFORTS
@@ -180,9 +179,11 @@ def energy_curve(
     watch = Watch(callback, points.frame.energy)
     conditions = Conditions(EFFORTS["balanced"].stopping, np.random.default_rng(rng), 0, power, watch)
     n_max = min(n_max, int(np.count_nonzero(points.density)))
-    method = METHODS["transfer" if power else "lloyd"]
-    exact = points.n_dims == 1 and not power
-    ends = _optimal(points, n_max) if exact else chain(points, n_max, method, conditions, alone)
+    method = choose_method(n_dims=points.n_dims, volume_power=power)
+    if method.exact_in_one_dimension:
+        ends = _optimal(points, n_max, method, conditions)
+    else:
+        ends = chain(points, n_max, method, conditions, alone)
     return EnergyCurve(
         np.array([points.frame.energy(end.energies[-1]) for end in ends]),
         tuple(points.frame.outward(end.generators) for end in ends),
@@ -213,11 +214,10 @@ def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[i
     return curve.elbow(), curve
 
 
-def _optimal(points: Points, n_max: int) -> list[Iteration]:
-    conditions = Conditions(Stopping(0, 1), np.random.default_rng(0))
+def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     ends: list[Iteration] = []
-    while len(ends) < n_max and not (ends and ends[-1].energies[-1] == 0):
-        ends.append(optimal1d(points, np.zeros((len(ends) + 1, 1)), conditions))
+    while len(ends) < n_max and not (ends and (ends[-1].energies[-1] == 0 or conditions.watch.stopped)):
+        ends.append(method(points, np.zeros((len(ends) + 1, 1)), conditions))
     return ends
 
 

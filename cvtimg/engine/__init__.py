@@ -1,4 +1,4 @@
-"""Centroidal Voronoi tessellations of weighted samples: the engine that everything else in cvtimg stands on."""
+"""Centroidal Voronoi tessellations of weighted samples: the engine that the rest of cvtimg is built on."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-from .methods import METHODS, Callback, Conditions, Iteration, Method, Probabilistic, Stopping, Watch
+from .methods import METHODS, Callback, Conditions, Iterate, Iteration, Method, Probabilistic, Stopping, Watch
 from .samples import WeightedSamples
 from .search import EFFORTS, Effort
 from .seeding import SEEDINGS
@@ -11,6 +11,7 @@ __all__ = [
     "Callback",
     "Conditions",
     "Effort",
+    "Iterate",
     "Iteration",
     "Method",
     "Probabilistic",

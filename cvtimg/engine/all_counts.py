@@ -1,8 +1,8 @@
-"""Generators of every number from 1 to K, each found from those of one more or one less.
+"""Tessellations for every number of generators from 1 to K, each found from its neighbors.
 
-A solution of k generators is nearly one of k + 1, with its worst cell divided, and of k - 1, without the generator
-that is missed least. So a few searches from scratch, at numbers that double, serve all numbers between them: upwards
-by dividing and downwards by taking away. All of this goes over fewer points; the last moves alone are on all.
+A solution with k generators is nearly one with k + 1, once its worst cell is divided, and with k - 1, once the
+generator that helps least is removed. So a few searches from scratch, at numbers that double, serve all numbers in
+between: upwards by dividing, downwards by removing. All of this uses fewer points; only the last moves are on all.
 """
 
 from __future__ import annotations
@@ -12,26 +12,23 @@ from itertools import pairwise
 
 import numpy as np
 
-from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
+from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import add, breathe, remove
-from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
-from cvtimg.engine.search import Effort, fewer_points, search
+from cvtimg.engine.search import EFFORTS, Effort, fewer_points, search
 from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
 
-#: The chain goes over so many points at least for each generator and in all.
+#: Minimum number of points, per generator and in total.
 _POINTS_PER_GENERATOR = 36
 _ENOUGH_POINTS = 1 << 11
-#: From one number of generators to the next little moves.
+#: Little moves from one number of generators to the next.
 _LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
-#: On all points, where fewer have shown the way.
+#: On all points, from generators found with fewer.
 _LAST = Stopping(tolerance=0, max_iterations=1)
-#: Energies below this part of that about the origin are summed point by point.
+#: Energies below this fraction of the energy about the origin are summed point by point.
 _SMALL = 1e-7
-#: Shares of the generators that come and go at first and at last, where a search begins from scratch.
-_BREATHS = (1 / 6, 1 / 16)
 
 
 def chain(
@@ -39,8 +36,8 @@ def chain(
 ) -> list[Iteration]:
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
 
-    The last energy of each end never rises from one to the next. With an effort each number is searched by itself
-    too, and the better end kept.
+    The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
+    better end kept.
     """
     ends: list[Iteration] = []
     for found in _over_fewer(points, n_max, method, conditions):
@@ -58,16 +55,15 @@ def chain(
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_max, _ENOUGH_POINTS), conditions.rng)
-    if method is lloyd:
-        method = lloyd_in_rounds
-    links = _links(fewer, n_max, method, conditions)
+    iterate = method.over_few or method
+    links = _links(fewer, n_max, iterate, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
-    return _links(points, n_max, method, conditions)  # among fewer points rare samples can be lost
+    return _links(points, n_max, iterate, conditions)  # fewer points may lack rare samples
 
 
-def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
-    """Go up and down between searches from scratch, then once more over all; of each number keep the best."""
+def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions) -> list[Iteration]:
+    """Go up and down between searches from scratch, then once more from end to end; keep the best of each number."""
     best: dict[int, Iteration] = {}
 
     def offer(end: Iteration) -> None:
@@ -80,26 +76,21 @@ def _links(points: Points, n_max: int, method: Method, conditions: Conditions) -
             if number not in best:
                 return
             move = add if step > 0 else remove
-            offer(method(points, move(points, best[number].generators, 1, 0), conditions.until(_LINK)))
+            offer(iterate(points, move(points, best[number].generators, 1, 0), conditions.until(_LINK)))
 
     numbers = sorted({*(1 << power for power in range(n_max.bit_length())), n_max})
     for number in numbers:
         try:
-            offer(_fresh(points, number, method, conditions))
+            start = split(points, number, conditions.rng)
         except TooFewSamplesError:
-            break  # steps upwards will come to the last that there is
+            break  # steps upwards will reach the last number there is
+        offer(breathe(points, start, iterate, conditions.until(_FRESH), EFFORTS["balanced"].breaths))
         if conditions.watch.stopped:
             break
     for few, many in [*pairwise(numbers), (1, n_max)]:
         follow(range(few, many), 1)
         follow(range(many, few, -1), -1)
     return [best[number] for number in range(1, n_max + 1) if number in best]
-
-
-def _fresh(points: Points, n_generators: int, method: Method, conditions: Conditions) -> Iteration:
-    start = split(points, n_generators, conditions.rng)
-    largest, least = (max(1, int(share * n_generators)) for share in _BREATHS)
-    return breathe(points, start, method, conditions.until(_FRESH), largest, least)
 
 
 def _alone(points: Points, n_generators: int, method: Method, conditions: Conditions, effort: Effort) -> Iteration:
@@ -109,8 +100,8 @@ def _alone(points: Points, n_generators: int, method: Method, conditions: Condit
 
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
-    """Sum the energy of the cells point by point where it is small, and the moments of the cells lose digits."""
-    if end.energies and end.energies[-1] > _SMALL * points.spread:
+    """Sum a small energy point by point, where the moments of the cells lose digits."""
+    if end.energies and end.energies[-1] > _SMALL * points.energy_about_origin:
         return end
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, len(end.generators))
@@ -120,7 +111,7 @@ def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iterati
 
 
 def _divided(points: Points, end: Iteration, method: Method, conditions: Conditions) -> Iteration:
-    """Divide the worst cell of an end, which lowers the energy whatever the method then does."""
+    """Divide the worst cell of an end, which lowers the energy even if the method then fails to."""
     labels = assign(points, end.generators) if end.labels is None else end.labels
     generators, labels = divide_worst(points, end.generators, labels)
     divided = _measured(points, Iteration(generators, [], False, labels), conditions)

@@ -1,4 +1,4 @@
-"""Weighted points as the kernels read them, and the three passes over them that every method is made of."""
+"""Weighted points in the layout that the kernels read, and the passes over them that every method is made of."""
 
 from __future__ import annotations
 
@@ -12,57 +12,59 @@ from numpy.typing import NDArray
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 
-#: Points are summed in this many parts at most, each of this many tiles at least. The parts depend on the data
-#: alone: the sums have the same bits whatever the number of threads.
+#: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
+#: so that sums have the same bits for any number of threads.
 _MAX_PARTS = 32
 _MIN_TILES = 256
-#: Finding which generators can be nearest pays from this number of generators.
+#: Ruling out generators that cannot be nearest pays off from this number of generators on.
 _GROUPED_FROM = 40
-#: Any center near the points serves: their mean over so many rows.
+#: Any center near the points will do: the mean of at most this many rows.
 _CENTER_ROWS = 1 << 20
 _TILES_AT_ONCE = 1 << 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """The center, about the mean of the points, and the scale that let float32 hold what matters."""
+    """An origin near the mean of the points, and a scale, so that float32 holds the digits that matter."""
 
     center: NDArray[np.float64]
     scale: float
 
     def inward(self, places: NDArray[Any]) -> NDArray[np.float64]:
-        """(n, D) places in the units of the samples, as places in the frame."""
+        """Transform (n, D) places from the units of the samples to the frame."""
         inside: NDArray[np.float64] = (places - self.center) * self.scale
         return inside
 
     def outward(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, D) places in the frame, as places in the units of the samples."""
+        """Transform (n, D) places from the frame to the units of the samples."""
         return places / self.scale + self.center
 
     def energy(self, energy: float) -> float:
-        """Return an energy in the frame in the squared units of the samples."""
+        """Convert an energy from the frame to squared units of the samples."""
         return float(energy) / self.scale**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Weighted points, packed in tiles for the kernels and centered.
+    """Weighted points in their frame, packed in tiles for the kernels.
+
+    Only this module and the kernels know the layout of the tiles; others use the methods here.
 
     Attributes
     ----------
     tiles : (n_tiles, D, TILE) float32 array
-        Points in the frame, the last one repeated to fill the last tile.
+        The points; the last one is repeated to fill the last tile.
     boxes : (n_tiles, 2, D) float32 array
-        Least and greatest coordinates in each tile.
+        Smallest and largest coordinates in each tile.
     density : (n_tiles * TILE,) float64 array
         Weight of each point, 0 in the padding.
     frame : Frame
         Where the origin of the tiles is.
     n_points : int
-        Points without the padding.
+        Number of points, padding not included.
     in_order : bool
-        Whether points that follow each other are near each other.
-    spread : float
+        Whether consecutive points are near each other.
+    energy_about_origin : float
         Sum of density times squared distance to the origin of the frame.
     """
 
@@ -72,7 +74,7 @@ class Points:
     frame: Frame
     n_points: int
     in_order: bool
-    spread: float
+    energy_about_origin: float
 
     @property
     def n_dims(self) -> int:
@@ -80,9 +82,21 @@ class Points:
         return int(self.tiles.shape[1])
 
     def rows(self, members: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
-        """(m, D) places of some points in the frame."""
+        """Return the (m, D) places of some points in the frame, all by default."""
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
+
+    def coordinate(self, dim: int) -> NDArray[np.float32]:
+        """Return one coordinate of all points, padding included, in the order of `density`."""
+        return self.tiles[:, dim].reshape(-1)
+
+    def take(self, members: NDArray[np.intp], density: NDArray[np.float64]) -> Points:
+        """Return some of the points, by their (m,) indices in ascending order, with (m,) new weights."""
+        index = np.pad(members, (0, -len(members) % _kernels.TILE), "edge")
+        rows = self.tiles[index // _kernels.TILE, :, index % _kernels.TILE]
+        tiles = np.ascontiguousarray(rows.reshape(-1, _kernels.TILE, self.n_dims).swapaxes(1, 2))
+        padded = np.pad(density, (0, len(index) - len(members)))
+        return _points(tiles, padded, self.frame, len(members), self.in_order)
 
 
 def pack(
@@ -92,7 +106,7 @@ def pack(
     center: NDArray[np.float64] | None = None,
     in_order: bool = False,
 ) -> Points:
-    """Pack (N, D) rows and their weights; the rows are copied once, here. The center is their mean by default."""
+    """Pack (N, D) rows and their weights, in a frame about their mean or another center. Rows are copied only here."""
     if center is None:
         some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
         center = (
@@ -102,32 +116,26 @@ def pack(
         )
         if rows.dtype.kind == "u":
             center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
-    scale = _scale(rows, center) if rows.dtype.kind == "f" else 1.0
-    tiles, padded = _tiles(rows, density, center, scale)
-    return _points(tiles, padded, Frame(center, scale), len(rows), in_order)
-
-
-def _scale(rows: NDArray[Any], center: NDArray[np.float64]) -> float:
-    """Return a power of two that brings points to a size whose squares float32 holds, mostly 1."""
-    size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
-    return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
-
-
-def _tiles(
-    rows: NDArray[Any], density: NDArray[np.float64], offset: NDArray[np.float64], scale: float
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Tiles of rows less an offset, scaled, and their density with 0 in the padding."""
+    scale = 1.0
+    if rows.dtype.kind == "f":
+        size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
+        scale = scale_for_float32(size)
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
 
     def pack_part(start: int, stop: int) -> None:
-        _kernels.pack_tiles(rows, offset, scale, start, tiles[start:stop])
+        _kernels.pack_tiles(rows, center, scale, start, tiles[start:stop])
 
     in_parts(pack_part, n_tiles, work=rows.size)
     padded = np.zeros(n_tiles * _kernels.TILE)
     padded[:n_points] = density
-    return tiles, padded
+    return _points(tiles, padded, Frame(center, scale), n_points, in_order)
+
+
+def scale_for_float32(size: float) -> float:
+    """Return a power of two, usually 1, that brings places of this size to one whose squares float32 holds."""
+    return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
 
 
 def _points(
@@ -138,20 +146,20 @@ def _points(
     in_order: bool,
 ) -> Points:
     boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
-    # Part by part: the squares of all at once would be a second copy of the points.
-    spread = 0.0
+    # In parts: the squares of all points at once would be a second copy of them.
+    total = 0.0
     for start in range(0, len(tiles), _TILES_AT_ONCE):
         part = tiles[start : start + _TILES_AT_ONCE]
         squares = np.einsum("tdi,tdi->ti", part, part, dtype=np.float64).reshape(-1)
         first = start * _kernels.TILE
-        spread += float(np.einsum("n,n->", density[first : first + len(squares)], squares))
-    return Points(tiles, boxes, density, frame, n_points, in_order, spread)
+        total += float(np.einsum("n,n->", density[first : first + len(squares)], squares))
+    return Points(tiles, boxes, density, frame, n_points, in_order, total)
 
 
 def coarsen(points: Points, factor: int) -> Points:
-    """Replace each `factor` points that follow each other, a divisor of the tile, by their center of mass.
+    """Replace every `factor` consecutive points by their center of mass; `factor` divides the size of a tile.
 
-    Where points that follow each other are near each other, generators that suit the fewer points nearly suit all.
+    Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
     """
     n_tiles, n_dims, width = points.tiles.shape
     n_missing = -n_tiles % factor
@@ -161,25 +169,32 @@ def coarsen(points: Points, factor: int) -> Points:
     masses = density.sum(axis=3)
     sums = np.einsum("tdgi,tegi->tdg", groups, density)
     means = np.divide(sums, masses, out=groups[..., 0].astype(np.float64), where=masses > 0).astype(np.float32)
-    # Each `factor` tiles of few points become one tile.
+    # Every `factor` tiles become one tile.
     means = means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
     return _points(np.ascontiguousarray(means), masses.reshape(-1), points.frame, masses.size, in_order=True)
 
 
 def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
-    """Draw one of each `factor` points."""
+    """Draw one point in `factor`."""
     drawn = np.sort(rng.choice(points.n_points, points.n_points // factor, replace=False))
-    tiles, density = _tiles(points.rows(drawn), points.density[drawn], np.zeros(points.n_dims), 1.0)
-    return _points(tiles, density, points.frame, len(drawn), points.in_order)
+    return points.take(drawn, points.density[drawn])
 
 
-def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Label each point, padding too, with its nearest generator; the first one on a tie."""
+def assign(
+    points: Points, generators: NDArray[np.float64], *, offsets: NDArray[np.float64] | None = None
+) -> NDArray[np.int32]:
+    """Label each point, padding included, with its nearest generator; the first one on a tie.
+
+    The nearest generator z of a point y has the least ``offset - y . z``, where the offset is ``|z|^2 / 2``. With other
+    (K,) `offsets` this is the least affine function of y.
+    """
     single, half_norms = _for_kernels(generators)
+    if offsets is not None:
+        half_norms = offsets.astype(np.float32)
     labels = np.empty(len(points.density), np.int32)
     columns = np.full((points.n_dims, -(-len(single) // _kernels.TILE) * _kernels.TILE), 1e18, np.float32)
     columns[:, : len(single)] = single.T
-    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= _GROUPED_FROM
+    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= _GROUPED_FROM and offsets is None
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
@@ -188,7 +203,7 @@ def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]
         else:
             _kernels.assign(points.tiles[part], single, half_norms, labels[ends])
 
-    # Of many generators in a group only some dozens are compared with each point.
+    # With many generators only a few dozen are compared with each point.
     n_compared = _GROUPED_FROM if grouped else len(single)
     in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * n_compared)
     return labels
@@ -197,9 +212,9 @@ def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]
 def assign_two(
     points: Points, generators: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
-    """Label each point with its nearest and its second nearest generator, and tell how much farther that is.
+    """Return the nearest and the second nearest generator of each point, and how much farther the second is.
 
-    The third array is the squared distance to the second nearest less that to the nearest.
+    The third array is the difference of the two squared distances.
     """
     labels, seconds = np.empty((2, len(points.density)), np.int32)
     gaps = np.empty(len(points.density), np.float32)
@@ -216,7 +231,7 @@ def assign_two(
 def cell_moments(
     points: Points, labels: NDArray[np.int32], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(K,) mass of each cell and (K, D) sum of density times point."""
+    """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
     parts = np.zeros((_n_parts(points), n_cells, points.n_dims + 1))
 
     def accumulate(part: int, tiles: slice, ends: slice) -> None:
@@ -230,14 +245,14 @@ def cell_moments(
 def energy(
     points: Points, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
 ) -> float:
-    """Sum of density times squared distance to the own generator, from the moments of the cells."""
+    """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
     cross = np.einsum("kd,kd->", generators, sums)
     norms = np.einsum("k,kd,kd->", masses, generators, generators)
-    return float(max(points.spread - 2 * cross + norms, 0.0))
+    return float(max(points.energy_about_origin - 2 * cross + norms, 0.0))
 
 
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(K,) energy of each cell, summed point by point: exact where `energy` cancels."""
+    """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
     parts = np.zeros((_n_parts(points), len(generators)))
 
     def measure(part: int, tiles: slice, ends: slice) -> None:
@@ -249,7 +264,7 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
 
 
 def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return generators in float32, and half their squared norms."""
+    """Convert generators to float32, and compute half their squared norms."""
     single = np.ascontiguousarray(generators, dtype=np.float32)
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""Samples and their density: what the engine tessellates."""
+"""Weighted samples: what the engine tessellates."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeightedSamples:
-    """Samples and their density.
+    """Samples and their weights.
 
     Attributes
     ----------
     rows : (M, D) array
-        A sample in each row: uint8, uint16, float32 or float64.
+        One sample per row: uint8, uint16, float32 or float64.
     density : (M,) float64 array
         The weight of each sample, >= 0.
     in_order : bool
-        Whether samples that follow each other are near each other.
+        Whether consecutive samples are near each other, which makes computations faster.
     """
 
     rows: NDArray[Any]
@@ -30,6 +30,11 @@ class WeightedSamples:
     def __post_init__(self) -> None:
         for array in (self.rows, self.density):
             array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        """Tell size and type in one line."""
+        n_samples, n_dims = self.rows.shape
+        return f"{type(self).__name__}({n_samples} x {n_dims} {self.rows.dtype}, mass {self.density.sum():g})"
 
     @property
     def n_samples(self) -> int:

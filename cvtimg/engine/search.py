@@ -1,7 +1,7 @@
-"""How long to look for a low energy: searches over fewer points that breathe, before the descent on all points.
+"""Searches over fewer points for a low energy, before the descent on all points.
 
 The energy has many local minima. Fewer points show where the low ones are at a fraction of the cost, so most of the
-looking happens there.
+search happens there.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long to look for a low energy.
+    """How much work to spend on finding a low energy.
 
     Attributes
     ----------
     n_starts : int
-        Searches on coarsened samples at most, each from seeds of its own; the one that ends lowest is followed. From
-        43 generators on they become fewer, down to a third: each costs more, and the ends differ less.
+        Maximum number of searches over fewer points, each from its own seeds; the lowest end is continued on all
+        points. From 43 generators on there are fewer, down to a third: each costs more, and the ends differ less.
     breaths : tuple of float
-        When such a search breathes, the largest and the least share of the generators that come and go; 0 for none.
+        Largest and smallest breath in such a search, as fractions of the generators; (0, 0) for no breathing.
     stopping : Stopping
-        When the descent on all samples, which follows, has come to rest.
+        When the descent on all samples stops.
     """
 
     n_starts: int
@@ -37,18 +37,18 @@ class Effort:
     stopping: Stopping
 
 
-#: The registry: names for `effort` and ``--effort``; `tessellate` says what each costs.
+#: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, Effort] = {
     "fast": Effort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
     "balanced": Effort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300)),
     "best": Effort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
-#: No search follows once so many ended within this share of the lowest energy: with few generators nearly all do.
+#: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _COARSER = (32, 16, 8, 4, 2)
-#: A search goes over so many points at least for each generator and in all.
+#: Minimum number of points of a search, per generator and in total.
 _POINTS_PER_GENERATOR = 50
 _ENOUGH_POINTS = 1 << 14
 _STARTS_TIMES_GENERATORS = 512
@@ -63,51 +63,36 @@ def search(
     effort: Effort,
     conditions: Conditions,
 ) -> NDArray[np.float64]:
-    """Return generators for all points, the fixed ones first, at the best end of some searches over fewer points."""
+    """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
 
     def search_over(some: Points) -> NDArray[np.float64]:
         ends: list[Iteration] = []
         while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
-            # Seeds that draw nothing serve once.
+            # A deterministic seeding is of use only once.
             seeding = SEEDINGS["random" if ends else init]
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            ends.append(_breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
+            ends.append(breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
         return min(ends, key=lambda end: end.energies[-1]).generators
 
-    n_enough = max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS)
-    fewer = fewer_points(points, n_enough, conditions.rng)
+    fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS), conditions.rng)
     try:
         return search_over(fewer)
     except TooFewSamplesError:
         if fewer is points:
             raise
-        return search_over(points)  # among fewer points rare samples can be lost
+        return search_over(points)  # fewer points may lack rare samples
 
 
 def _agree(ends: list[Iteration]) -> bool:
-    """Whether so many searches ended at about the lowest energy that another would hardly end below."""
+    """Whether enough searches ended near the lowest energy that another would hardly end below it."""
     energies = [end.energies[-1] for end in ends]
     return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
 
 
 def fewer_points(points: Points, n_enough: int, rng: np.random.Generator) -> Points:
-    """Return as many times fewer points as leave enough, or the points themselves."""
+    """Return the fewest points that are enough, or the points themselves."""
     for factor in _COARSER:
         if points.n_points >= factor * n_enough:
             return coarsen(points, factor) if points.in_order else thin(points, factor, rng)
     return points
-
-
-def _breathe(
-    points: Points,
-    generators: NDArray[np.float64],
-    method: Method,
-    conditions: Conditions,
-    breaths: tuple[float, float],
-) -> Iteration:
-    """Follow a method to its end, breathing if `breaths`, shares of the generators, are not 0."""
-    if not any(breaths):
-        return method(points, generators, conditions)
-    largest, least = (max(1, int(share * len(generators))) for share in breaths)
-    return breathe(points, generators, method, conditions, largest, least)

@@ -1,7 +1,7 @@
-"""Initial generators, by name.
+"""Initial generators.
 
-`split` is the default: deterministic, fast, and nearer to the optimum after Lloyd's iteration than the others on
-photographs. The registry `SEEDINGS` is where the names for `init` and ``--init`` come from.
+`split` is the default: deterministic and fast, and on photographs Lloyd's method ends lower from it than from the
+others.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies, cell_moments
 
-#: From points, the number of generators and a random generator to (K, D) initial generators, centered as the points.
+#: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.
 Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cells:
-    """Room for K cells: points of positive density in each, and the moments of `_kernels.divide_cells`."""
+    """Counts of the points of positive density in K cells, and the moments of `_kernels.divide_cells`."""
 
     counts: NDArray[np.int64]
     moments: NDArray[np.float64]
@@ -32,32 +32,32 @@ class _Cells:
 
     @property
     def means(self) -> NDArray[np.float64]:
-        """(K, D) centers of mass, 0 where there is none."""
+        """(K, D) centers of mass; 0 for empty cells."""
         masses, sums = self.moments[:, :1, 0], self.moments[:, 1:, 0]
         return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0)
 
     @property
     def energies(self) -> NDArray[np.float64]:
-        """(K,) sum of density times squared distance to the mean; 0 for less than two points."""
+        """(K,) sums of density times squared distance to the mean; 0 for fewer than two points."""
         about_origin = np.einsum("kdd->k", self.moments[:, 1:, 1:])
         energies = about_origin - np.einsum("kd,kd->k", self.moments[:, 1:, 0], self.means)
         return np.where(self.counts > 1, np.maximum(energies, 0), 0)
 
     def main_axes(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(n, D) direction of greatest variance in some cells, and (n,) that variance."""
+        """Return the (n, D) directions of greatest variance in some cells, and the (n,) variances."""
         moments, means = self.moments[cells], self.means[cells]
         masses = moments[:, 0, 0, None, None]
-        # Only the lower triangle is there, and only that is read.
+        # The moments hold only the lower triangle, and only that is read.
         covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
         variances, axes = np.linalg.eigh(covariances, UPLO="L")
         return axes[:, :, -1], np.maximum(variances[:, -1], 0)
 
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Divide the cells of greatest energy at their mean, across their main axis, until there are enough.
+    """Divide the cells of highest energy at their mean, across their main axis, until there are enough.
 
     Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
-    (1991), doi 10.1109/78.107417. All cells of more than half the greatest energy are divided in one pass.
+    (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the highest energy.
     """
     cells = _Cells.empty(n_generators, points.n_dims)
     labels = np.zeros(len(points.density), np.int32)
@@ -71,7 +71,7 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
             raise TooFewSamplesError(n_generators, n_generators - vacant.size)
         children = vacant[: large.size]
         _divide(points, labels, large, children, cells)
-        # Points that only rounding tells apart may all lie on one side.
+        # Points that differ only by rounding may all end on one side.
         divided = (cells.counts[large] > 0) & (cells.counts[children] > 0)
         divisible[large] = divisible[children] = divided
     return cells.means
@@ -80,14 +80,14 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
 def halves(
     points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, D) means, nearly, of the two halves of some cells; the same twice where a cell is a single point."""
+    """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
     cells = _Cells.empty(n_cells, points.n_dims)
     _gather(points, labels, chosen, cells)
     means = cells.means[chosen]
     full = np.flatnonzero(cells.counts[chosen])
     axes, variances = cells.main_axes(chosen[full])
     steps = np.zeros_like(means)
-    # Half of a normal distribution has its mean so far from the middle.
+    # The mean of half a normal distribution is this far from the middle.
     steps[full] = axes * np.sqrt(2 / np.pi * variances)[:, None]
     return means - steps, means + steps
 
@@ -99,7 +99,7 @@ def refill(
     free: NDArray[np.bool_],
     empty: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Give empty cells half of the free cells of greatest energy, where a generator lowers the energy most."""
+    """Give each empty cell half of a free cell of high energy, where a generator lowers the energy most."""
     energies = np.where(free, cell_energies(points, generators, labels), 0)
     n_divided = min(np.count_nonzero(empty), np.count_nonzero(energies))
     worst = np.argsort(-energies, kind="stable")[:n_divided]
@@ -111,7 +111,7 @@ def refill(
 def divide_worst(
     points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """(K + 1, D) means and labels of the points after the cell of greatest energy was divided across its main axis."""
+    """Divide the cell of highest energy across its main axis; return the (K + 1, D) means and the new labels."""
     worst = np.argsort(cell_energies(points, generators, labels))[-1:]
     lower, upper = halves(points, labels, worst, len(generators))
     members = np.flatnonzero((labels == worst) & (points.density > 0))
@@ -124,9 +124,9 @@ def divide_worst(
 
 
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw points in proportion to their energy; of several draws keep the one that leaves least energy.
+    """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy.
 
-    D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws each time.
+    D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
     """
     n_draws = 2 + int(np.log(n_generators))
     chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
@@ -144,7 +144,7 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
 
 
 def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Take the point nearest to the mean, then always the point farthest from those taken.
+    """Take the point nearest to the mean, then repeatedly the point farthest from those taken.
 
     Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985),
     doi 10.1016/0304-3975(85)90224-5.
@@ -162,7 +162,7 @@ def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDAr
 
 
 def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw points by density, without repetition."""
+    """Draw distinct points by density."""
     n_weighted = int(np.count_nonzero(points.density))
     if n_weighted < n_generators:
         raise TooFewSamplesError(n_generators, n_weighted)
@@ -170,6 +170,7 @@ def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArr
     return points.rows(rng.choice(len(share), n_generators, replace=False, p=share))
 
 
+#: The registry of seedings: the values of `init` and ``--init``.
 SEEDINGS: dict[str, Seeding] = {
     "split": split,
     "k-means++": kmeans_plus_plus,
@@ -179,14 +180,14 @@ SEEDINGS: dict[str, Seeding] = {
 
 
 class TooFewSamplesError(ValueError):
-    """More generators were asked for than there are distinct samples of positive density."""
+    """There are fewer distinct samples of positive density than generators."""
 
     def __init__(self, n_generators: int, n_distinct: int) -> None:
         super().__init__(f"n_generators={n_generators} must be in 1..{n_distinct}, the number of distinct samples")
 
 
 def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], cells: _Cells) -> None:
-    """Count the points of some cells and sum their moments: division by a plane that leaves nothing below."""
+    """Count the points of some cells and sum their moments, by a division that puts all points on one side."""
     children = np.full(len(cells.counts), -1, np.int32)
     children[chosen] = chosen
     axes = np.zeros((len(children), points.n_dims))
@@ -201,7 +202,7 @@ def _divide(
     children: NDArray[np.intp],
     cells: _Cells,
 ) -> None:
-    """Move what is above the middle of some cells to their children."""
+    """Move the points above the middle of some cells to their children."""
     axes = np.zeros((len(cells.counts), points.n_dims))
     axes[chosen], _ = cells.main_axes(chosen)
     offsets = np.einsum("kd,kd->k", axes, cells.means)
@@ -213,8 +214,8 @@ def _divide(
 
 
 def _distances(points: Points, member: int, bound: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Squared distances to a point, or `bound` where that is less."""
-    return _distances_to(points, points.tiles[member // _kernels.TILE, :, member % _kernels.TILE].copy(), bound)
+    """Return squared distances to a point, or `bound` where that is smaller."""
+    return _distances_to(points, points.rows(slice(member, member + 1))[0].astype(np.float32), bound)
 
 
 def _distances_to(points: Points, place: NDArray[np.float32], bound: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,6 +1,6 @@
-"""Centroidal Voronoi tessellations of weighted samples: the engine that everything else in cvtimg stands on.
+"""Centroidal Voronoi tessellations of weighted samples.
 
-A tessellation is a CVT when each generator is the center of mass of its own Voronoi cell. Generators that minimise
+A tessellation is a CVT when each generator is the center of mass of its own Voronoi cell. Generators that minimize
 the energy, the sum of density times squared distance to the nearest generator, form a CVT.
 """
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
+    check_alone,
     check_choice,
     check_count,
     check_density,
@@ -20,18 +21,16 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_rows,
 )
-from cvtimg.engine.methods import METHODS, Callback, Conditions, Method, Watch
-from cvtimg.engine.methods.lloyd import lloyd
-from cvtimg.engine.methods.optimal1d import optimal1d
-from cvtimg.engine.methods.transfer import transfer, weighted_energy
+from cvtimg.engine.methods import Callback, Conditions, Iterate, Watch, choose_method
+from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.engine.search import EFFORTS, search
 from cvtimg.engine.seeding import SEEDINGS
 
-#: Rows of a table are sorted along a curve, so that near ones are compared with few generators, where there are
-#: generators enough to gain by it and not so many rows that sorting costs more.
+#: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
+#: are enough generators for a gain and not so many rows that sorting costs more.
 _MANY_GENERATORS = 40
 _FEW_ENOUGH_TO_SORT = 1 << 23
 
@@ -45,24 +44,24 @@ class Tessellation:
     generators : (K, D) float64 array
         In the units of the samples.
     labels : (M,) int32 array
-        For each sample the index of its nearest generator, the lowest on a tie; with a `volume_power`, of the
-        generator that it was transferred to.
+        Index of the nearest generator of each sample, the lowest on a tie; with a `volume_power`, of the generator
+        that the sample was transferred to.
     masses : (K,) float64 array
         Sum of the density over each cell.
     energy : float
         Sum of density times squared distance to the own generator.
     weighted_energy : float
-        The same with each cell times its share of the mass to the power `volume_power`.
+        The same, with each cell weighted by its fraction of the mass to the power `volume_power`.
     energies : tuple of float
-        The weighted energy before each move of the generators on all samples, and at the end; it never rises.
+        Weighted energy before each move of the generators on all samples, and at the end; it never rises.
     n_iter : int
-        Steps between these energies.
+        Number of steps between these energies.
     converged : bool
-        Whether the energy had come to rest when the iteration stopped.
+        Whether the energy had converged when the iteration stopped.
 
     Notes
     -----
-    In scikit-learn's words: generators are ``cluster_centers_``, labels ``labels_``, energy ``inertia_``.
+    scikit-learn calls the generators ``cluster_centers_``, the labels ``labels_`` and the energy ``inertia_``.
     """
 
     generators: NDArray[np.float64]
@@ -78,13 +77,22 @@ class Tessellation:
         for array in (self.generators, self.labels, self.masses):
             array.flags.writeable = False
 
+    def __repr__(self) -> str:
+        """Tell size, energy and convergence in one line."""
+        n_generators, n_dims = self.generators.shape
+        ended = "converged" if self.converged else "not converged"
+        return (
+            f"Tessellation({len(self.labels)} samples, {n_generators} generators, D={n_dims}, "
+            f"energy={self.energy:.6g}, {ended} after {self.n_iter} steps)"
+        )
+
 
 def tessellate(
     samples: WeightedSamples | ArrayLike,
     n_generators: int,
     *,
     density: ArrayLike | None = None,
-    method: str | Method | None = None,
+    method: str | Iterate | None = None,
     init: str | ArrayLike = "split",
     effort: str = "balanced",
     volume_power: float = 0,
@@ -97,36 +105,34 @@ def tessellate(
     Parameters
     ----------
     samples : WeightedSamples or (N, D) array
-        Colors of an image with their density, or the rows of any table: uint8, uint16, float32 or float64; other
-        integers are converted to float64.
+        Colors of an image with their density, or the rows of a table: any integer or floating point type.
     n_generators : int
         Number of generators K, at most the number of distinct samples.
     density : (N,) array, optional
-        Weights >= 0 for the rows of a table, 1 each by default. WeightedSamples have a density of their own.
+        Weights >= 0 of the rows of a table, 1 by default. Weighted samples carry their own.
     method : {"lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"} or Method, optional
-        How generators move: by default "transfer" if `volume_power` is not 0, else "optimal1d", the global optimum,
-        for samples of one dimension if neither `locked` nor initial generators are given, else "lloyd".
+        How generators move. By default "transfer" if `volume_power` is not 0; otherwise "optimal1d", the global
+        optimum, for samples of one dimension if neither `locked` nor initial generators are given; otherwise "lloyd".
     init : {"split", "k-means++", "maximin", "random"} or (K, D) array
-        Initial generators. "split" and "maximin" draw nothing. From given generators the iteration starts as they
-        are, without a search.
+        Initial generators. "split" and "maximin" are deterministic. From an array the iteration starts without a
+        search.
     effort : {"fast", "balanced", "best"}
-        Each level first searches over fewer points: neighbouring colors of an image taken together, or a part of
-        the rows of a table. "fast" then moves the generators at most 4 times. "balanced" breathes in that search,
-        which leaves most local minima, and then moves until that lowers the energy by 1e-4 of it or less: up to
-        twice the time of "fast". "best" searches up to 12 times (4 from K = 128 on), until three searches end alike,
-        breathes longer, and moves until 1e-6: 2 to 10 times the time of "balanced" on photographs, for an energy some
-        tenths of a percent lower.
+        All efforts first search over fewer points: means of neighboring colors, or some of the rows of a table. "fast"
+        then moves the generators at most 4 times. "balanced" also breathes in the search, which leaves most local
+        minima, and then moves until a pass lowers the energy by at most 1e-4 of it: up to twice the time of "fast".
+        "best" searches up to 12 times (4 from K = 128 on), until three searches end alike, breathes longer, and moves
+        until 1e-6: on photographs 2 to 10 times the time of "balanced", for an energy a few tenths of a percent lower.
     volume_power : float
-        Power p >= 0 of the volume in the weighted energy, the sum of (mass of the cell / mass of all)^p times the
-        energy of the cell. With 0 all cells are equal; with 1 or 2 a heavy cell counts for more, so that rare
-        colors lose generators to frequent ones. Only the method "transfer" takes another value than 0.
+        Power p >= 0 in the weighted energy, the sum over the cells of (mass of the cell / total mass)^p times the
+        energy of the cell. With 0 all cells count the same; with 1 or 2 a heavy cell counts more, so that rare colors
+        lose generators to frequent ones. Only the method "transfer" takes values other than 0.
     locked : (L, D) array, optional
         Generators that stay in place: the first L of the K. Those of `init`, if given, come after them.
     rng : int or numpy.random.Generator
-        Seed of what is drawn. The same seed gives the same result, bit by bit, whatever the number of threads.
+        Seed of all random numbers. The same seed gives the same result, bit for bit, with any number of threads.
     callback : callable, optional
-        Called before each step with its number and the energy; it stops the computation by returning True, and
-        the best generators so far are the result. In the search the energy is that of fewer points.
+        Called before each step with its number and the energy. It stops the computation by returning True; the result
+        then has the best generators so far. During the search the energy is that of the fewer points.
 
     Returns
     -------
@@ -135,7 +141,7 @@ def tessellate(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     References
     ----------
@@ -152,13 +158,15 @@ def tessellate(
     points, order = _points(samples, density, n_generators)
     fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     power = check_non_negative("volume_power", volume_power)
-    move = _method(method, power, exact=points.n_dims == 1 and isinstance(init, str) and not len(fixed))
+    move = choose_method(
+        method, n_dims=points.n_dims, volume_power=power, n_locked=len(fixed), has_start=not isinstance(init, str)
+    )
     watch = Watch(callback, points.frame.energy)
     conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, watch)
     if isinstance(init, str):
         check_choice("init", init, SEEDINGS)
-        if move is optimal1d:
-            initial = np.zeros((n_generators, points.n_dims))  # it takes no account of them
+        if move.exact_in_one_dimension:
+            initial = np.zeros((n_generators, points.n_dims))  # only their number matters
         else:
             initial = search(points, fixed, n_generators, init, move, settings, conditions)
     else:
@@ -183,7 +191,7 @@ def tessellate(
 def _points(
     samples: WeightedSamples | ArrayLike, density: ArrayLike | None, n_generators: int
 ) -> tuple[Points, NDArray[np.intp] | None]:
-    """Pack samples, checking that there are enough; also the order in which they were taken, if not as given."""
+    """Pack samples, at least as many as generators; also return their order, if it is not the given one."""
     if not isinstance(samples, WeightedSamples):
         rows = check_rows("samples", samples)
         weights = check_density(density, len(rows))
@@ -194,7 +202,7 @@ def _points(
         order = along_curve(rows)
         return pack(rows[order], weights[order], in_order=True), order
     if density is not None:
-        raise ValueError("density must not be given with weighted samples, which have one of their own")
+        check_alone("density", ["weighted samples"])
     check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
     return pack(samples.rows, samples.density, in_order=samples.in_order), None
 
@@ -204,13 +212,3 @@ def _given_order(labels: NDArray[np.int32], order: NDArray[np.intp] | None) -> N
     if order is not None:
         given[order] = labels
     return given
-
-
-def _method(method: str | Method | None, volume_power: float, exact: bool) -> Method:
-    if method is None and volume_power:
-        return transfer
-    if method is None:
-        return optimal1d if exact else lloyd
-    if volume_power and method not in ("transfer", transfer):
-        raise ValueError(f"volume_power={volume_power} needs method='transfer', not {method!r}")
-    return METHODS[check_choice("method", method, METHODS)] if isinstance(method, str) else method

@@ -194,10 +194,10 @@ def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
     inside = points.frame.inward(places)
     if points.n_dims > 1:
         return assign(points, inside)[: points.n_points]
-    # In the float32 of `assign` thousands of levels are too near to each other to tell.
+    # `assign` works in float32, which cannot separate thousands of grey levels.
     order = np.argsort(inside[:, 0], kind="stable")
     levels = inside[order, 0]
-    which = np.searchsorted((levels[1:] + levels[:-1]) / 2, points.tiles.reshape(-1)[: points.n_points])
+    which = np.searchsorted((levels[1:] + levels[:-1]) / 2, points.coordinate(0)[: points.n_points])
     return order[which].astype(np.int32)
 
 

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts
-from cvtimg.engine import _kernels
-from cvtimg.engine.points import pack
+from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation.averaging import Averaging, average_segments
 
@@ -78,15 +76,8 @@ def _nearest(rows: Floats, loads: Floats, known: NDArray[np.bool_]) -> _Move:
     )
 
     def move(generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.int32]:
-        places = np.concatenate([-(generators**2) / 2, generators], axis=1).astype(np.float32)
-        nearest = np.empty(len(points.density), np.int32)
-
-        def assign(start: int, stop: int) -> None:
-            ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
-            _kernels.assign(points.tiles[start:stop], places, np.zeros(len(places), np.float32), nearest[ends])
-
-        in_parts(assign, len(points.tiles), work=points.tiles.size / 8 * len(places))
-        return nearest[: points.n_points] + 1
+        places = np.concatenate([-(generators**2) / 2, generators], axis=1)
+        return assign(points, places, offsets=np.zeros(len(places)))[: points.n_points] + 1
 
     return move
 

@@ -1,21 +1,84 @@
-"""How generators move from where they start to a centroidal Voronoi tessellation: one short file a method."""
+"""How generators move to a centroidal Voronoi tessellation: one short file per method, one line each in the registry.
+
+A new method is a function like `lloyd` in a file of its own, and a line in `METHODS` that declares what it can do.
+"""
 
 from __future__ import annotations
 
-from cvtimg.engine.methods._iteration import Callback, Conditions, Iteration, Method, Stopping, Watch
-from cvtimg.engine.methods.lloyd import lloyd
+from cvtimg._shared.checks import check_choice, raise_unsupported
+from cvtimg.engine.methods._iteration import Callback, Conditions, Iterate, Iteration, Method, Stopping, Watch
+from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.engine.methods.macqueen import macqueen
 from cvtimg.engine.methods.optimal1d import optimal1d
-from cvtimg.engine.methods.probabilistic import Probabilistic, probabilistic
+from cvtimg.engine.methods.probabilistic import Probabilistic
 from cvtimg.engine.methods.transfer import transfer
 
-#: The registry: names for `method`, for tests and for the documentation.
+#: The registry of methods: the values of `method` and ``--method``. The first that can do a job is the default.
 METHODS: dict[str, Method] = {
-    "lloyd": lloyd,
-    "transfer": transfer,
-    "macqueen": macqueen,
-    "probabilistic": probabilistic,
-    "optimal1d": optimal1d,
+    "lloyd": Method(lloyd, over_few=lloyd_in_rounds),
+    "transfer": Method(transfer, takes_power=True),
+    "macqueen": Method(macqueen),
+    "probabilistic": Method(Probabilistic()),
+    "optimal1d": Method(optimal1d, takes_locked=False, exact_in_one_dimension=True),
 }
 
-__all__ = ["METHODS", "Callback", "Conditions", "Iteration", "Method", "Probabilistic", "Stopping", "Watch"]
+__all__ = [
+    "METHODS",
+    "Callback",
+    "Conditions",
+    "Iterate",
+    "Iteration",
+    "Method",
+    "Probabilistic",
+    "Stopping",
+    "Watch",
+    "choose_method",
+]
+
+
+def choose_method(
+    method: str | Iterate | None = None,
+    *,
+    n_dims: int,
+    volume_power: float = 0,
+    n_locked: int = 0,
+    has_start: bool = False,
+) -> Method:
+    """Return a method by its name, or by default the first in the registry that can do the job.
+
+    Parameters
+    ----------
+    method : str, Method, callable or None
+        A callable that is no `Method` is taken to lock generators and to take no volume power.
+    n_dims : int
+        Number of coordinates of the samples.
+    volume_power : float
+        Power that weights the cells.
+    n_locked : int
+        Number of locked generators.
+    has_start : bool
+        Whether initial generators are given. An exact method, which takes no account of them, is no default then.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method, or it cannot do the job.
+    """
+    if method is None:
+        exact = n_dims == 1 and not (volume_power or n_locked or has_start)
+        return next(
+            known
+            for known in METHODS.values()
+            if known.exact_in_one_dimension == exact and known.takes_power >= bool(volume_power)
+        )
+    if isinstance(method, str):
+        chosen = METHODS[check_choice("method", method, METHODS)]
+    else:
+        chosen = method if isinstance(method, Method) else Method(method)
+    if volume_power and not chosen.takes_power:
+        able = [name for name, known in METHODS.items() if known.takes_power]
+        raise_unsupported("method", method, f"volume_power={volume_power:g}", able)
+    if n_locked and not chosen.takes_locked:
+        able = [name for name, known in METHODS.items() if known.takes_locked]
+        raise_unsupported("method", method, "locked generators", able)
+    return chosen

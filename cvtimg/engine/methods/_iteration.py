@@ -1,4 +1,4 @@
-"""What every method is given and what it gives back."""
+"""What every method receives and returns."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from cvtimg.engine.points import Points
 
-#: Sees the number of the step and the energy before it; returns True to stop.
+#: Receives the number of the step and the energy before it; returns True to stop.
 Callback = Callable[[int, float], bool | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """When an iteration has gone far enough.
+    """When an iteration stops.
 
     Attributes
     ----------
     tolerance : float
-        It has converged when a pass lowers the energy by this share of it or less.
+        The iteration has converged when a pass lowers the energy by at most this fraction of it.
     max_iterations : int
-        It stops after so many passes in any case.
+        Maximum number of passes.
     """
 
     tolerance: float
@@ -37,7 +37,7 @@ class Stopping:
 
 
 class Watch:
-    """Counts the steps of all iterations that serve one result, and asks the callback whether to go on."""
+    """Counts the steps of all iterations that contribute to one result, and asks the callback whether to stop."""
 
     def __init__(self, callback: Callback | None = None, outward: Callable[[float], float] = float) -> None:
         self._callback = callback
@@ -62,11 +62,11 @@ class Conditions:
     stopping : Stopping
         When to stop.
     rng : numpy.random.Generator
-        Where everything that is drawn comes from.
+        Source of all random numbers.
     n_locked : int
-        So many generators, the first ones, stay in place.
+        The first `n_locked` generators stay in place.
     volume_power : float
-        How a cell counts by its mass; 0 for methods that take no other.
+        Cells are weighted by their mass to this power; 0 unless the method takes another.
     watch : Watch
         To be called with the energy before each step.
     """
@@ -94,13 +94,13 @@ class Iteration:
     Attributes
     ----------
     generators : (K, D) float64 array
-        Centered as the points.
+        In the frame of the points.
     energies : list of float
         Before each step and at the end, weighted by `Conditions.volume_power`.
     converged : bool
-        Whether it came to rest.
+        Whether the iteration converged.
     labels : int32 array or None
-        The cell of each point, padding too, where that is not the nearest generator's.
+        The cell of each point, padding included, where that is not the cell of its nearest generator.
     """
 
     generators: NDArray[np.float64]
@@ -109,5 +109,36 @@ class Iteration:
     labels: NDArray[np.int32] | None = None
 
 
-#: From points, initial generators (K, D) and conditions to the end of the iteration.
-Method = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
+#: Takes points, initial generators (K, D) and conditions, and returns the end of the iteration.
+Iterate = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A way to move generators, and what it can do: a line in the registry.
+
+    Attributes
+    ----------
+    iterate : callable
+        The iteration itself.
+    takes_power : bool
+        Whether it minimizes the energy weighted by a `volume_power` other than 0.
+    takes_locked : bool
+        Whether it can leave some generators in place.
+    exact_in_one_dimension : bool
+        Whether it finds the global optimum of samples of one dimension, and works for no others. Of the initial
+        generators only the number matters then.
+    over_few : callable or None
+        The same iteration, faster for so few points that a pass takes less time than calling for it; it locks no
+        generator. By default `iterate`.
+    """
+
+    iterate: Iterate
+    takes_power: bool = False
+    takes_locked: bool = True
+    exact_in_one_dimension: bool = False
+    over_few: Iterate | None = None
+
+    def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+        """Iterate from these generators."""
+        return self.iterate(points, generators, conditions)

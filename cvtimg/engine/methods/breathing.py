@@ -1,7 +1,7 @@
-"""Breathing: leave a local minimum by adding generators where they are missed and taking away those least missed.
+"""Breathing: leave a local minimum by adding generators where they help most and removing those that help least.
 
-B. Fritzke, The breathing k-means algorithm, arXiv:2006.15666. Here cells are divided as seeding divides them, and
-the number of generators that come and go is halved when a breath was in vain.
+B. Fritzke, The breathing k-means algorithm, arXiv:2006.15666. Here cells are divided as in seeding, and the number of
+generators added and removed is halved after each breath that did not help.
 """
 
 from __future__ import annotations
@@ -11,30 +11,36 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.engine.methods._iteration import Conditions, Iteration, Method, Stopping
+from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration, Stopping
 from cvtimg.engine.points import Points, assign, assign_two, cell_energies
 from cvtimg.engine.seeding import halves
 
-#: After breathing in, the iteration need not come to rest; after breathing out, nearly.
+#: After adding generators the iteration need not converge; after removing them, nearly.
 _IN = Stopping(tolerance=1e-2, max_iterations=5)
 _OUT = Stopping(tolerance=1e-3, max_iterations=100)
-#: A breath that lowers the energy by less than this share was in vain.
+#: A breath helps if it lowers the energy by more than this fraction.
 _WORTHWHILE = 1e-4
 
 
 def breathe(
     points: Points,
     generators: NDArray[np.float64],
-    descend: Method,
+    descend: Iterate,
     conditions: Conditions,
-    largest_breath: int,
-    least_breath: int = 1,
+    breaths: tuple[float, float],
 ) -> Iteration:
-    """Breathe until no breath, of `largest_breath` generators down to the least, lowers the energy; then descend."""
+    """Breathe until no breath lowers the energy, then descend.
+
+    `breaths` are the largest and the smallest breath as fractions of the generators, at least one each; with (0, 0)
+    this is the descent alone.
+    """
+    if not any(breaths):
+        return descend(points, generators, conditions)
+    breath, smallest = (max(1, int(share * len(generators))) for share in breaths)
     n_locked = conditions.n_locked
-    best, breath = descend(points, generators, conditions.until(_OUT)), largest_breath
+    best = descend(points, generators, conditions.until(_OUT))
     energies = list(best.energies)
-    while breath >= least_breath and energies[-1] > 0 and not conditions.watch.stopped:
+    while breath >= smallest and energies[-1] > 0 and not conditions.watch.stopped:
         more = descend(points, add(points, best.generators, breath, n_locked), conditions.until(_IN))
         n_added = len(more.generators) - len(best.generators)
         if not n_added:
@@ -46,14 +52,14 @@ def breathe(
         else:
             breath //= 2
     end = descend(points, best.generators, conditions)
-    # A method with labels of its own begins again from nearest generators, where its energy may be a little higher.
+    # A method with labels of its own starts again from nearest generators, where its energy may be slightly higher.
     if end.energies[-1] > energies[-1]:
         return replace(best, energies=energies)
     return replace(end, energies=energies + [lower for lower in end.energies if lower < energies[-1]])
 
 
 def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
-    """Divide the cells of greatest energy, `n_more` or as many as can be; locked generators stay as well."""
+    """Divide the `n_more` cells of highest energy, or as many as can be divided; locked generators stay as well."""
     labels = assign(points, generators)
     energies = cell_energies(points, generators, labels)
     worst = np.argsort(-energies, kind="stable")[: min(n_more, np.count_nonzero(energies))]
@@ -65,11 +71,11 @@ def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: 
 
 
 def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
-    """Take away the generators whose removal raises the energy least, no two neighbours while there are others."""
+    """Remove the generators whose loss raises the energy least, and no two neighbors unless there is no other way."""
     labels, seconds, gaps = assign_two(points, generators)
     n_generators = len(generators)
     costs = np.bincount(labels, points.density * gaps, n_generators)
-    cells, neighbours = np.divmod(np.sort(labels * np.int64(n_generators) + seconds), n_generators)
+    cells, neighbors = np.divmod(np.sort(labels * np.int64(n_generators) + seconds), n_generators)
     first = np.searchsorted(cells, np.arange(n_generators + 1))
     removed: list[int] = []
     spared: list[int] = []
@@ -79,7 +85,7 @@ def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_lock
             spared.append(cell)
         else:
             removed.append(cell)
-            frozen[neighbours[first[cell] : first[cell + 1]]] = True
+            frozen[neighbors[first[cell] : first[cell + 1]]] = True
         if len(removed) == n_fewer:
             break
     removed += spared[: n_fewer - len(removed)]

@@ -1,4 +1,4 @@
-"""Lloyd's method: move every generator to the center of mass of its cell, and again.
+"""Lloyd's method: move every generator to the center of mass of its cell, and repeat.
 
 S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489.
 """
@@ -18,7 +18,7 @@ _MOVES = 4
 
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Iterate until the energy rests. It never rises, but for the rounding of distances to float32."""
+    """Iterate until the energy converges. It never rises, except by the rounding of distances to float32."""
     energies: list[float] = []
     locked = np.arange(len(generators)) < conditions.n_locked
     while True:
@@ -35,9 +35,9 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 
 
 def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Iterate as `lloyd` does, asking whether to stop after every few moves alone, and with no generator locked.
+    """Iterate as `lloyd` does, with no locked generators, checking only every few moves whether to stop.
 
-    For points so few that a pass over them takes less time than to call for it.
+    For so few points that a pass over them takes less time than the call that starts it.
     """
     n_generators, n_dims = generators.shape
     moved = generators.copy()
@@ -49,7 +49,7 @@ def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions:
         _kernels.move_often(points.tiles, points.density, moved, sums, single, half_norms, labels, some)
         if not sums[:, -1].all():
             return lloyd(points, moved, conditions)  # which refills empty cells
-        measured = np.maximum(points.spread + some, 0.0).tolist()
+        measured = np.maximum(points.energy_about_origin + some, 0.0).tolist()
         energies += measured[1:] if energies else measured
         if conditions.ended(energies):
             return Iteration(moved, energies, conditions.stopping.converged(energies))

@@ -1,10 +1,10 @@
-"""MacQueen: move the generator nearest to a point that is drawn, so that it is the mean of all that it has met.
+"""MacQueen's method: draw a point and move the nearest generator, so that it is the mean of all points it has met.
 
 J. MacQueen, Proc. 5th Berkeley Symposium on Mathematical Statistics and Probability 1 (1967) 281-297.
 
-The first of the probabilistic methods, `Probabilistic(draws=1, a1=1, a2=0, b1=0, b2=1)`, in a compiled loop. It gains
-most of what it can in the first pass, for no more memory than the generators, and then ever less: use it for a quick
-descent or to compare. The best generators so far are what is returned.
+This is the first of the probabilistic methods, `Probabilistic(draws=1, a1=1, a2=0, b1=0, b2=1)`, in a compiled loop. It
+gains most in the first pass and then less and less, with no more memory than the generators take: use it for a quick
+descent, or as a reference. It returns the best generators so far.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cvtimg.engine.points import Points
 
 
 def macqueen(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Iterate until the best energy rests; z becomes (j z + y) / (j + 1) where it is nearest to the point y drawn."""
+    """Iterate until the best energy converges; the generator z nearest to the point y becomes (j z + y) / (j + 1)."""
 
     def move(moving: NDArray[np.float64], counts: NDArray[np.float64], drawn: NDArray[np.int64]) -> None:
         columns = np.ascontiguousarray(moving.T)

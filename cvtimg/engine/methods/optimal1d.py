@@ -1,17 +1,17 @@
-"""Optimal1d: the least energy of all, where points have one dimension, as grey levels do.
+"""Optimal1d: the global minimum of the energy for points of one dimension, such as grey levels.
 
-Use it for one channel, whenever no generator is locked. Cells of sorted levels are intervals, and the least energy
-E(k) of k intervals is convex in k. So there is a price of a cell at which the cheapest cut of all has k cells, or at
-which two cuts cost the same, one with fewer and one with more; these join into one with k. One pass over the levels
-finds the cheapest cut at a price, and a few prices lead to the right one: mostly 1 to 5 passes, 30 where levels are
-far from even. That takes memory for M levels, whatever k, where dynamic programming over the cells takes k times as
-much to find the way back: 64 MB for 256 cells of 16-bit levels, 1 GB for a million levels.
+Cells of sorted levels are intervals, and the lowest energy E(k) of k intervals is convex in k. So there is a price per
+cell at which the cheapest cut has k cells, or at which two cuts cost the same, one with fewer and one with more cells;
+these two can be joined into one with k. One pass over the levels finds the cheapest cut at a given price, and a few
+prices lead to the right one: usually 1 to 5 passes, up to 30 for very uneven levels. Memory is proportional to the
+number of levels, whatever k; dynamic programming over the cells takes k times as much to trace its way back: 64 MB for
+256 cells of 16-bit levels, 1 GB for a million levels.
 
 Energies of intervals are differences of sums over all levels: the optimum is exact to k times 1e-14 of E(1), and
 better where no level is very far from the others.
 
 A. Aggarwal, B. Schieber, T. Tokuyama, Discrete & Computational Geometry 12 (1994) 263-280, doi 10.1007/BF02574380
-(prices, and how cuts join); A. Gronlund and others, arXiv:1701.07204 (k-means by prices).
+(prices, and how to join cuts); A. Gronlund and others, arXiv:1701.07204 (k-means by prices).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_one_dimension
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, cell_energies
@@ -29,30 +30,28 @@ from cvtimg.engine.seeding import TooFewSamplesError
 
 
 def optimal1d(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Find the global optimum. Of the initial generators only their number matters; nothing is drawn.
+    """Find the global optimum. Only the number of initial generators matters; nothing is drawn.
 
     Raises
     ------
     ValueError
-        If points have more than one dimension, or generators are locked.
+        If points have more than one dimension, or there are fewer distinct ones than generators.
     """
-    if conditions.n_locked:
-        raise ValueError("method='optimal1d' takes no locked generators; method='lloyd' does")
     levels = _levels(points)
     n_cells = len(generators)
     if n_cells > len(levels.values):
         raise TooFewSamplesError(n_cells, len(levels.values))
     means = levels.means(_cheapest(levels, n_cells))
-    # In the float32 of `assign` many generators, or a few far from the center, are too near to each other to tell.
+    # `assign` works in float32, which cannot separate many generators, or generators far from the center.
     middles = (means[1:, 0] + means[:-1, 0]) / 2
-    labels = np.searchsorted(middles, points.tiles.reshape(-1)).astype(np.int32)
+    labels = np.searchsorted(middles, points.coordinate(0)).astype(np.int32)
     end = float(cell_energies(points, means, labels).sum())
     conditions.watch(end)
     return Iteration(means, [end], converged=True, labels=labels)
 
 
 def optimal_energies(points: Points, n_max: int) -> NDArray[np.float64]:
-    """(n_max,) least energy of 1, 2, .. n_max generators; at most as many passes as two for each."""
+    """Return the (n_max,) lowest energies of 1, 2, .. n_max generators, in at most two passes for each."""
     levels = _levels(points)
     energies = np.zeros(n_max)  # from as many cells as levels on
     n_cells = np.arange(1, n_max + 1)
@@ -69,7 +68,7 @@ def optimal_energies(points: Points, n_max: int) -> NDArray[np.float64]:
 
 
 class _Cut(NamedTuple):
-    """Where each cell begins, and the number of levels; (k + 1,). The energy of the cells about their means."""
+    """Bounds of k cells, (k + 1,): where each begins, then the number of levels. And their energy."""
 
     bounds: NDArray[np.int32]
     energy: float
@@ -81,9 +80,10 @@ class _Cut(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Sorted levels (M,), their density > 0, and (M + 1, 3) moments.
+    """Sorted distinct values (M,), their density > 0, and moments (M + 1, 3).
 
-    These are the sums of density times (1, y, y^2) over the levels before each, with y the level less the mean.
+    The moments are the sums of density times (1, y, y^2) over the levels before each, where y is the level minus the
+    mean.
     """
 
     values: NDArray[np.float64]
@@ -101,14 +101,14 @@ class _Levels:
         return _Cut(np.arange(len(self.values) + 1, dtype=np.int32), 0.0)
 
     def cut(self, price: float) -> _Cut:
-        """Cut at the least sum of energies and prices of all cells."""
+        """Cut where the energy plus the price of all cells is lowest."""
         n_bounds = len(self.moments)
         firsts, queue, since, bounds = np.empty((4, n_bounds), np.int32)
         n_cells = _kernels.cut_levels(self.moments, price, np.empty(n_bounds), firsts, queue, since, bounds)
         return self._cut_at(bounds[: n_cells + 1].copy())
 
     def means(self, cut: _Cut) -> NDArray[np.float64]:
-        """(k, 1) means of the cells, summed over each: differences of `moments` would lose digits."""
+        """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""
         masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
         means: NDArray[np.float64] = (sums / masses)[:, None]
         return means
@@ -119,15 +119,14 @@ class _Levels:
 
 
 def _levels(points: Points) -> _Levels:
-    if points.n_dims != 1:
-        raise ValueError(f"method='optimal1d' needs samples of one dimension, not D={points.n_dims}")
+    check_one_dimension("method='optimal1d'", points.n_dims)
     weighted = points.density > 0
-    given = points.tiles.reshape(-1)[weighted]
+    given = points.coordinate(0)[weighted]
     distinct = np.unique(given)
     density = np.bincount(np.searchsorted(distinct, given), points.density[weighted]).astype(np.float64)
     values = distinct.astype(np.float64)
     centered = values - np.average(values, weights=density)
-    # Where the platform has longer numbers, sums of many levels keep the digits that their differences need.
+    # Extended precision, where the platform has it, keeps the digits that differences of long sums need.
     moments = np.zeros((len(values) + 1, 3))
     for power in range(3):
         moments[1:, power] = np.cumsum(density * centered**power, dtype=np.longdouble)
@@ -135,13 +134,13 @@ def _levels(points: Points) -> _Levels:
 
 
 def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
-    """Cut into `n_cells` cells of least energy, by narrowing the prices that buy fewer cells and more."""
+    """Cut into `n_cells` cells of lowest energy, by narrowing down the price per cell."""
     few, many = levels.whole, levels.single
     for end in (few, many):
         if end.n_cells == n_cells:
             return end
     prices: dict[int, float] = {}
-    # A price halfway between two cuts shows whether there are any between them. A guess gets near sooner.
+    # The price at which two cuts cost the same shows whether there is a cut between them. A guess is faster at first.
     guess = True
     while True:
         price = _guess(few, many, n_cells, prices) if guess else _price_between(few, many)
@@ -158,12 +157,12 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
 
 
 def _price_between(few: _Cut, many: _Cut) -> float:
-    """Return the price at which both cost the same."""
+    """Return the price at which both cuts cost the same."""
     return (few.energy - many.energy) / (many.n_cells - few.n_cells)
 
 
 def _guess(few: _Cut, many: _Cut, n_cells: int, prices: dict[int, float]) -> float:
-    """Return the price of `n_cells` if E(k) is in proportion to a power of k: to k^-2, where nothing is known."""
+    """Estimate the price of `n_cells` cells, assuming that E(k) is proportional to a power of k, at first k^-2."""
     known = [cut.n_cells for cut in (few, many) if cut.n_cells in prices]
     if not known:
         return 2 * few.energy / n_cells**3
@@ -174,9 +173,9 @@ def _guess(few: _Cut, many: _Cut, n_cells: int, prices: dict[int, float]) -> flo
 
 
 def _join(few: NDArray[np.int32], many: NDArray[np.int32], n_cells: int) -> NDArray[np.int32]:
-    """Follow `many` to a cell that lies within one of `few`, then `few`, so that there are `n_cells` in all.
+    """Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total.
 
-    As both are cheapest, what the other halves cost together is no less; so neither is dearer than before.
+    Both cuts are cheapest, so the two other halves together cost no less: the joined cut is cheapest too.
     """
     n_more = n_cells - (len(few) - 1)
     cell = int(np.argmax(many[n_more + 1 : n_more + len(few)] <= few[1:]))

@@ -1,10 +1,10 @@
-"""Transfer: move single points to the cell where the energy is least, and both means with them.
+"""Transfer: move single points to the cell where the energy is lowest, and update both means at once.
 
-The energy may count cells by their mass: E_p is the sum of (n_k / N)^p S_k, with S_k the energy of cell k about its
-mean, n_k its mass and N that of all. Moving the means with the weights frozen, as Lloyd's method would, can raise
-E_p; single transfers, whose change of E_p is known exactly, never do. With p = 0 this is Hartigan's method
-(J. Hartigan, M. Wong, Applied Statistics 28, 1979, doi 10.2307/2346830), and its fixed points are fixed points of
-Lloyd's method too. Slower than that: every point is compared with every generator, one after the other.
+Cells may be weighted by their mass: E_p is the sum of (n_k / N)^p S_k, where S_k is the energy of cell k about its
+mean, n_k its mass and N the total mass. Moving the means with the weights frozen, as Lloyd's method would, can raise
+E_p; single transfers, whose effect on E_p is known exactly, never do. With p = 0 this is Hartigan's method
+(J. Hartigan, M. Wong, Applied Statistics 28, 1979, doi 10.2307/2346830), whose fixed points are fixed points of
+Lloyd's method too. It is slower than Lloyd's method: each point in turn is compared with every generator.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cvtimg.engine.seeding import refill
 
 
 def transfer(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Sweep over the points until no transfer lowers the energy, or hardly. No cell loses its last point."""
+    """Sweep over the points until transfers lower the energy by next to nothing. No cell loses its last point."""
     locked = np.arange(len(generators)) < conditions.n_locked
     labels = _labels_of_full_cells(points, generators, locked)
     energies: list[float] = []
@@ -47,14 +47,14 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
 
 
 def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], volume_power: float) -> float:
-    """Sum of the energies of the cells, each times its share of the mass to the power `volume_power`."""
+    """Sum the energies of the cells, each times its fraction of the mass to the power `volume_power`."""
     return float((masses / masses.sum()) ** volume_power @ energies)
 
 
 def _labels_of_full_cells(
     points: Points, generators: NDArray[np.float64], locked: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
-    """Nearest generators, after those of empty cells were moved."""
+    """Label points with their nearest generators, after moving the generators of empty cells."""
     labels = assign(points, generators)
     masses, _ = cell_moments(points, labels, len(generators))
     empty = ~locked & (masses == 0)
