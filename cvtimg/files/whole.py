@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -115,7 +114,7 @@ def scratch_folder(path: StrPath) -> Iterator[Path]:
 
 
 def _hidden(target: Path) -> Path:
-    return target.with_name(f"{_PART}{secrets.token_hex(8)}.part")
+    return target.with_name(f"{_PART}{os.urandom(8).hex()}.part")
 
 
 def remove_leftovers(folder: StrPath) -> None:

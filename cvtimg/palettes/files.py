@@ -5,38 +5,52 @@ A format is a module of `cvtimg.palettes`, registered here by its suffix. A pict
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.palettes.formats import act, ase, css, gpl, hexlist, jsonlist, picture
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
 __all__ = ["PALETTE_FORMATS", "read_palette", "write_palette"]
 
 
-class PaletteFormat(NamedTuple):
-    """How a palette is read from the bytes of a file, and written."""
+@dataclass(frozen=True, slots=True)
+class PaletteFormat:
+    """A palette format: a module of `cvtimg.palettes.formats`, imported when it is first used."""
 
-    read: Callable[[bytes], NDArray[np.uint8]]
-    write: Callable[[Swatches], bytes]
+    module: str
+
+    def read(self, content: bytes) -> NDArray[np.uint8]:
+        """Return the colors in the bytes of a file."""
+        colors: NDArray[np.uint8] = self._functions.read(content)
+        return colors
+
+    def write(self, swatches: Swatches) -> bytes:
+        """Return the bytes of a file with these colors."""
+        content: bytes = self._functions.write(swatches)
+        return content
+
+    @property
+    def _functions(self) -> Any:
+        return import_module(f"cvtimg.palettes.formats.{self.module}")
 
 
 #: By suffix.
 PALETTE_FORMATS = {
-    ".gpl": PaletteFormat(gpl.read, gpl.write),
-    ".json": PaletteFormat(jsonlist.read, jsonlist.write),
-    ".hex": PaletteFormat(hexlist.read, hexlist.write),
-    ".act": PaletteFormat(act.read, act.write),
-    ".ase": PaletteFormat(ase.read, ase.write),
-    ".css": PaletteFormat(css.read, css.write),
-    ".png": PaletteFormat(picture.read, picture.write),
+    ".gpl": PaletteFormat("gpl"),
+    ".json": PaletteFormat("jsonlist"),
+    ".hex": PaletteFormat("hexlist"),
+    ".act": PaletteFormat("act"),
+    ".ase": PaletteFormat("ase"),
+    ".css": PaletteFormat("css"),
+    ".png": PaletteFormat("picture"),
 }
 
 

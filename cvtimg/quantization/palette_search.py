@@ -122,7 +122,8 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
     fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
     samples, fixed = agree(samples, fixed)
-    needed, there = (set(np.unique(kinds_of(colors)).tolist()) for colors in (samples.colors, fixed))
+    # np.unique would import numpy.ma.
+    needed, there = (set(np.flatnonzero(np.bincount(kinds_of(colors))).tolist()) for colors in (samples.colors, fixed))
     if CLEAR in needed - there:
         fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))

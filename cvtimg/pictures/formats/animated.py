@@ -17,6 +17,7 @@ from PIL import GifImagePlugin, Image
 
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
+from cvtimg.pictures.formats.opening import PNG_MAGIC
 from cvtimg.pictures.formats.png import chunk
 
 __all__ = ["FRAME_WRITERS", "Cel"]
@@ -123,7 +124,7 @@ def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
         box = _box(changed) if number else _Box(0, 0, width, height)
         chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata)))
         if not number:
-            file.write(b"\x89PNG\r\n\x1a\n")
+            file.write(PNG_MAGIC)
             for name, data in chunks[: [name for name, _ in chunks].index(b"IDAT")]:
                 file.write(chunk(name, data))
             file.write(chunk(b"acTL", struct.pack(">II", len(cels), plays)))

@@ -17,7 +17,6 @@ from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, decode_tiff, tags_of
-from cvtimg.pictures.profiles import apply_profile
 
 __all__ = ["decode", "depth", "to_srgb"]
 
@@ -91,6 +90,8 @@ def to_srgb(image: Image.Image) -> Image.Image:
     mode = "RGBA" if image.has_transparency_data else opaque
     plain = image if image.mode == mode else image.convert(mode)
     if icc:
+        from cvtimg.pictures.profiles import apply_profile
+
         plain = apply_profile(plain, icc, grey)
     # Pillow has undone the inversion of Adobe's CMYK JPEG when it decoded.
     return plain.convert("RGB") if plain.mode == "CMYK" else plain

@@ -21,7 +21,6 @@ from cvtimg.pictures.formats.tiff import (
     tags_of,
     tiff_tags,
 )
-from cvtimg.pictures.profiles import profile_name
 
 __all__ = ["ImageInfo", "read_header"]
 
@@ -90,6 +89,14 @@ def read_header(file: BinaryIO) -> ImageInfo:
         return _of_picture(image)
 
 
+def _profile_name(icc: bytes | None) -> str | None:
+    if not icc:
+        return None
+    from cvtimg.pictures.profiles import profile_name
+
+    return profile_name(icc)
+
+
 def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
     width, height = image.size
     # Pillow states the size of a TIFF upright already. A PNG's EXIF behind the pixels would
@@ -107,7 +114,7 @@ def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
         bits=depth(image),
         frames=getattr(image, "n_frames", 1),
         has_alpha=image.has_transparency_data,
-        icc=profile_name(image.info.get("icc_profile")),
+        icc=_profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),
     )
 
@@ -129,7 +136,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             bits=layout.bits,
             frames=len(tiff.pages),
             has_alpha=layout.alpha,
-            icc=profile_name(icc_profile(tags)),
+            icc=_profile_name(icc_profile(tags)),
             **asdict(Place.of(tags)),
         )
 

@@ -6,14 +6,16 @@ import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from PIL import Image, ImageFile, TiffImagePlugin, UnidentifiedImageError
+from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.png import chunk
 from cvtimg.pictures.formats.tiff import GEO_TYPES, TIFF_MAGICS, geo_tags, tags_of, tiff_tags
-from cvtimg.pictures.profiles import kept_profile, profile_space
+
+if TYPE_CHECKING:
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 __all__ = ["Metadata", "decode_metadata"]
 
@@ -49,17 +51,18 @@ class Metadata:
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
-        grey = mode in ("1", "L", "I;16")
-        fits = self.icc and profile_space(self.icc) == ("GRAY" if grey else "RGB")
-        values: dict[str, Any] = {"icc_profile": self.icc if fits else None, "dpi": self.dpi, "exif": self.exif}
+        icc = self.icc if _serves(self.icc, mode) else None
+        values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
         given = {name: values[name] for name in kept if values[name]}
         if form == "TIFF":
             given["tiffinfo"] = self._tiff_tags(given.pop("exif", None))
         return given
 
-    def _tiff_tags(self, exif: bytes | None) -> TiffImagePlugin.ImageFileDirectory_v2:
+    def _tiff_tags(self, exif: bytes | None) -> ImageFileDirectory_v2:
         """Give where the picture lies, and of EXIF the first part: Pillow compresses no TIFF that has more of it."""
-        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        from PIL.TiffImagePlugin import ImageFileDirectory_v2
+
+        tags = ImageFileDirectory_v2()
         for code, value in self.geo.items():
             tags.tagtype[code] = GEO_TYPES[code][0]
             tags[code] = value
@@ -84,6 +87,15 @@ class Metadata:
         return chunks
 
 
+def _serves(icc: bytes | None, mode: str) -> bool:
+    """Whether there is a profile, and it is for pictures of this mode."""
+    if not icc:
+        return False
+    from cvtimg.pictures.profiles import profile_space
+
+    return profile_space(icc) == ("GRAY" if mode in ("1", "L", "I;16") else "RGB")
+
+
 def decode_metadata(file: BinaryIO) -> Metadata:
     """Tell what can be kept of a file, as `read_metadata` does."""
     try:
@@ -96,9 +108,11 @@ def decode_metadata(file: BinaryIO) -> Metadata:
         dpi = _dpi(image)
         if dpi and exif.get(0x0112, 1) >= 5:
             dpi = dpi[::-1]
-        return Metadata(
-            kept_profile(icc, image.mode) if icc else None, dpi, _about_the_picture(exif), geo_tags(tags_of(image))
-        )
+        if icc:
+            from cvtimg.pictures.profiles import kept_profile
+
+            icc = kept_profile(icc, image.mode)
+        return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags_of(image)))
 
 
 def _of_tiff(file: BinaryIO) -> Metadata:

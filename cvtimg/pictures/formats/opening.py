@@ -19,6 +19,7 @@ from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.whole import StrPath
 
 __all__ = [
+    "PNG_MAGIC",
     "UnfitContentError",
     "check_size",
     "limit_pixels",
@@ -27,6 +28,9 @@ __all__ = [
     "pixels_limited",
     "reading",
 ]
+
+#: What every PNG begins with.
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 # Both log some of what they also raise; without a handler that goes to stderr a second time.
 for _library in ("PIL", "tifffile"):
@@ -86,6 +90,14 @@ def reading(path: StrPath) -> Iterator[BinaryIO]:
 
 def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
     """Open a picture with Pillow, which reads no pixels yet."""
+    if file.read(len(PNG_MAGIC)) == PNG_MAGIC:  # Image.open would import other formats first
+        from PIL.PngImagePlugin import PngImageFile
+
+        file.seek(0)
+        png = PngImageFile(file)
+        check_size(png.width * png.height)
+        return png
+    file.seek(0)
     image = Image.open(file)
     if image.format in NOT_RASTER:
         raise UnidentifiedImageError

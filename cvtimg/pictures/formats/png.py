@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from PIL import ImageFile
 
 from cvtimg.pictures.formats.arrays import upright
-from cvtimg.pictures.formats.opening import orientation
-from cvtimg.pictures.profiles import convert_deep
+from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
 
 __all__ = ["chunk", "decode_deep_png", "encode_deep_png", "encode_indexed_png", "optimized"]
 
-_MAGIC = b"\x89PNG\r\n\x1a\n"
 _HEADER_SIZE = 33
 _INDEXED = 3
 # Indexed pixels, unfiltered, bytes as a ratio to those of pngquant 2.17 for as many colors, mean of four photographs of
@@ -43,7 +41,11 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.ui
     icc = image.info.get("icc_profile")
     # Pillow would decode all pixels to look for EXIF behind them.
     has_exif = "exif" in image.info or b"eXIf" in content
-    return upright(convert_deep(values, icc) if icc else values, orientation(image) if has_exif else 1)
+    if icc:
+        from cvtimg.pictures.profiles import convert_deep
+
+        values = convert_deep(values, icc)
+    return upright(values, orientation(image) if has_exif else 1)
 
 
 def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None:
@@ -67,7 +69,7 @@ def encode_indexed_png(
     content = rows.tobytes()
     flat = len(imagecodecs.deflate_encode(content, 1)) < _FLAT * len(content)
     level = (_LEVELS_OF_FLAT if flat else _LEVELS)[indices.size > _LARGE]
-    file.write(_MAGIC + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, _INDEXED, 0, 0, 0)))
+    file.write(PNG_MAGIC + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, _INDEXED, 0, 0, 0)))
     file.write(chunks + chunk(b"PLTE", colors.tobytes()))
     if (alpha < 255).any():
         file.write(chunk(b"tRNS", alpha.tobytes().rstrip(b"\xff")))

@@ -14,7 +14,6 @@ from PIL import Image
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
-from cvtimg.pictures.profiles import convert_deep
 
 if TYPE_CHECKING:
     import tifffile
@@ -154,6 +153,8 @@ def decode_tiff(file: BinaryIO) -> NDArray[Any]:
         values = values[..., [0, 0, 0, 1]]
     icc = icc_profile(tags)
     if icc and values.dtype == np.uint16 and values.ndim == 3 and values.shape[2] == 3 + layout.alpha:
+        from cvtimg.pictures.profiles import convert_deep
+
         values = convert_deep(values, icc)
     return upright(values, _first(tags.get(_ORIENTATION, 1)))
 
