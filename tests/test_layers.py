@@ -16,8 +16,8 @@ PACKAGE = Path(cvtimg.__file__).parent
 LAYERS: list[set[str]] = [
     {"_shared"},
     {"files"},
-    {"engine", "pictures"},
-    {"colors", "tables", "labels", "batch"},
+    {"engine", "pictures", "batch"},
+    {"colors", "tables", "labels"},
     {"elbow", "palettes", "regions"},
     {"quantization", "segmentation", "bases", "placement"},
     {"restoration", "plotting"},

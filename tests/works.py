@@ -6,26 +6,26 @@ import os
 import signal
 import time
 
-from cvtimg.batch import Row, Task
+from cvtimg.batch import Row, Stopwatch, Task
 from cvtimg.files.whole import whole_file
 
 
-def copy(task: Task) -> Row:
+def copy(task: Task, stopwatch: Stopwatch) -> Row:
     """Copy the input to all outputs."""
     for path in task.outputs.values():
         with whole_file(path) as file:
             file.write(task.source.read_bytes())
-    return {"input": str(task.source), "width": 1000, "height": 1000}
+    return {"width": 1000, "height": 1000}
 
 
-def copy_or_die(task: Task) -> Row:
+def copy_or_die(task: Task, stopwatch: Stopwatch) -> Row:
     """Copy, unless the input says that the process shall be killed."""
     if task.source.read_bytes() == b"die":
         os.kill(os.getpid(), signal.SIGKILL)
-    return copy(task)
+    return copy(task, stopwatch)
 
 
-def half_a_copy(task: Task) -> Row:
+def half_a_copy(task: Task, stopwatch: Stopwatch) -> Row:
     """Begin to write, and go on for ever."""
     with whole_file(task.outputs["copy"]) as file:
         file.write(b"half")
@@ -34,13 +34,13 @@ def half_a_copy(task: Task) -> Row:
             time.sleep(0.01)
 
 
-def threads(task: Task) -> Row:
+def threads(task: Task, stopwatch: Stopwatch) -> Row:
     """Tell the number of threads."""
     from cvtimg._shared.threads import n_threads
 
-    return {"input": str(task.source), "threads": n_threads(), "process": os.getpid()}
+    return {"threads": n_threads(), "process": os.getpid()}
 
 
-def unsendable(task: Task) -> Row:
+def unsendable(task: Task, stopwatch: Stopwatch) -> Row:
     """Return what cannot go back to the process that asked."""
-    return {"input": str(task.source), "what": lambda: None}
+    return {"what": lambda: None}

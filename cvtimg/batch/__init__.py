@@ -1,37 +1,32 @@
 """Many inputs: which they are, where their outputs go, and a run in which one that fails stops no other.
 
-Nothing here knows what is done to an input: a command hands over the work, and the columns of its table.
+A command hands over the work, and the columns of its table.
 """
 
+from cvtimg.batch.plans import Outputs, Plan, check_suffix, find, plan_each, plan_one
 from cvtimg.batch.report import Report, complain, reason
-from cvtimg.batch.runner import Running, check_can_be_written, fold, run
-from cvtimg.batch.tasks import (
-    Missing,
-    Row,
-    Task,
-    Work,
-    WrongUsageError,
-    check_choice,
-    check_no_clash,
-    check_outputs,
-    find,
-)
+from cvtimg.batch.runner import Running, check_plan, fold, run
+from cvtimg.batch.tasks import InputsFailedError, Missing, Row, Stopwatch, Task, Work, WrongUsageError
 
 __all__ = [
+    "InputsFailedError",
     "Missing",
+    "Outputs",
+    "Plan",
     "Report",
     "Row",
     "Running",
+    "Stopwatch",
     "Task",
     "Work",
     "WrongUsageError",
-    "check_can_be_written",
-    "check_choice",
-    "check_no_clash",
-    "check_outputs",
+    "check_plan",
+    "check_suffix",
     "complain",
     "find",
     "fold",
+    "plan_each",
+    "plan_one",
     "reason",
     "run",
 ]

@@ -111,9 +111,9 @@ def _outcome(future: Future, task: Task) -> Outcome:
     try:
         outcome: Outcome = future.result()
     except KilledWorker as error:
-        return Outcome(None, f"{error.allowed_failures + 1} workers were lost while they worked on it")
+        return Outcome.failed(task, f"{error.allowed_failures + 1} workers were lost while they worked on it")
     except Exception as error:  # what cannot be sent, or a worker that has another cvtimg
-        return Outcome(None, reason(task.source, error))
+        return Outcome.failed(task, reason(task.name, error))
     return outcome
 
 

@@ -53,7 +53,7 @@ class Report:
 
     def skipped(self, task: Task) -> None:
         """Tell of an input whose outputs exist."""
-        self._hear("skipped", {"input": str(task.source), "output": str(next(iter(task.outputs.values()), ""))})
+        self._hear("skipped", task.facts)
 
     def failed(self, path: str | Path, why: str) -> None:
         """Name an input that failed, and why."""

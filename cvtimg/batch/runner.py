@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
+from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
-from cvtimg.batch.tasks import Attempt, Missing, Outcome, Row, Task, Work, check_choice, check_no_clash
+from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
 
-__all__ = ["Running", "check_can_be_written", "fold", "run"]
+__all__ = ["Running", "check_plan", "fold", "run"]
 
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
@@ -25,7 +26,7 @@ _LEAST_BYTES = 1 << 17
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """How a batch is run.
+    """How a plan is run.
 
     Attributes
     ----------
@@ -34,49 +35,34 @@ class Running:
         where there is work for them.
     skip_existing : bool
         Leave out inputs all of whose outputs exist: they are whole, for a file appears whole or not at all.
-    file : Path, optional
+    overwrite : bool
+        Let outputs replace files.
+    report_file : Path, optional
         A .csv or .jsonl file that gets a row for each input.
-    max_pixels : int, optional
-        The most pixels that a picture may have, before it is taken for a trap; some 179 million by default.
     dask : str, optional
         Address of the scheduler of a Dask cluster that does the work, or "local" for one of `jobs` processes here.
     """
 
-    jobs: int | None = None
+    jobs: int | None = 1
     skip_existing: bool = False
-    file: Path | None = None
-    max_pixels: int | None = None
+    overwrite: bool = False
+    report_file: Path | None = None
     dask: str | None = None
 
 
-def run(
-    tasks: Sequence[Task],
-    missing: Missing,
-    work: Work,
-    report: Report,
-    *,
-    out_dir: Path | None = None,
-    overwrite: bool = False,
-    running: Running | None = None,
-) -> int:
+def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     """Do all that can be done and name what fails.
 
     Parameters
     ----------
-    tasks : sequence of Task
-        Inputs with their outputs.
-    missing : list of (str, OSError)
-        Arguments that named no input.
+    plan : Plan
+        What is to be done.
     work : callable
-        From a task to its row in the report; whatever it raises is the failure of this input alone.
+        From a task and its stopwatch to the columns of its row; whatever it raises is the failure of this task alone.
     report : Report
         Hears of each input, in the order of the tasks.
-    out_dir : Path, optional
-        Folder of outputs, made if it is missing.
-    overwrite : bool
-        Whether outputs may replace files.
-    running : Running, optional
-        How many at a time, and what is left out; by default all one after the other in this process.
+    running : Running
+        How many at a time, and what is left out.
 
     Returns
     -------
@@ -87,38 +73,45 @@ def run(
     ------
     WrongUsageError
         If an output would replace an input or another output; nothing is done then.
+    OSError
+        If a file of all inputs together cannot be written; nothing is done then.
     """
-    how = running or Running(jobs=1)
-    if how.file:
-        check_choice("--report", how.file.suffix.lower(), FILE_SUFFIXES)
-    check_no_clash(tasks, how.file)
-    todo = [task for task in tasks if not (how.skip_existing and _is_done(task))]
-    with _folders(todo, out_dir), _rows_written(report, how, overwrite):
-        for text, error in missing:
+    check_plan(plan, running)
+    todo = [task for task in plan.tasks if not (running.skip_existing and _is_done(task))]
+    with _folders(todo, plan.out_dir), _rows_written(report, running):
+        for text, error in plan.missing:
             report.failed(text, reason(text, error))
-        attempt = partial(_attempt, work=work, overwrite=overwrite, how=how)
+        attempt = partial(_attempt, work=work, running=running)
         with progress(len(todo), report) as step:
-            outcomes = _in_order(_perform(attempt, todo, how), step)
+            outcomes = _in_order(_perform(attempt, todo, running), step)
             left = iter(todo)
             following = next(left, None)
-            for task in tasks:
+            for task in plan.tasks:
                 if task is not following:
                     report.skipped(task)
                     continue
                 outcome = next(outcomes)
-                if outcome.result is None:
-                    report.failed(task.source, outcome.why)
-                else:
+                for name, why in outcome.failures:
+                    report.failed(name, why)
+                if not outcome.failures:
                     report.done(outcome.result)
                 following = next(left, None)
     return report.close()
+
+
+def check_plan(plan: Plan, running: Running) -> None:
+    """Refuse, before any work, outputs that would replace inputs or each other, and joint ones that cannot be."""
+    check_suffix("--report", running.report_file, FILE_SUFFIXES)
+    check_no_clash(plan, running.report_file)
+    for path in plan.joint.values():
+        check_can_be_written(path, running.overwrite or running.skip_existing)
 
 
 def fold(
     tasks: Sequence[Task],
     work: Callable[[Task], Any],
     add: Callable[[Any, Any], Any],
-    running: Running | None = None,
+    running: Running,
 ) -> tuple[Any, dict[Path, str]]:
     """Add what `work` returns for each task, two by two as they are done.
 
@@ -129,7 +122,7 @@ def fold(
     work, add : callable
         From a task to anything that can be pickled, and from two of these to one, in whatever order; themselves
         picklable.
-    running : Running, optional
+    running : Running
         How many at a time, and where.
 
     Returns
@@ -137,17 +130,16 @@ def fold(
     total, dict of Path to str
         The sum of the inputs that did not fail, None of none; and why others failed.
     """
-    how = running or Running(jobs=1)
-    attempt = partial(_call, work=work, max_pixels=how.max_pixels)
-    if how.dask:
+    attempt = partial(_call, work=work)
+    if running.dask:
         from cvtimg.batch.on_dask import sum_on_dask
 
-        total, why = sum_on_dask(attempt, tasks, add, how.dask, how.jobs or n_threads())
+        total, why = sum_on_dask(attempt, tasks, add, running.dask, running.jobs or n_threads())
         return total, {tasks[place].source: text for place, text in why.items()}
     failed: dict[Path, str] = {}
 
     def results() -> Iterator[Any]:
-        with closing(_perform(attempt, tasks, how)) as outcomes:
+        with closing(_perform(attempt, tasks, running)) as outcomes:
             for place, outcome in outcomes:
                 if outcome.why:
                     failed[tasks[place].source] = outcome.why
@@ -157,38 +149,33 @@ def fold(
     return pairwise_sum(results(), add), failed
 
 
-def _call(task: Task, *, work: Callable[[Task], Any], max_pixels: int | None) -> Outcome:
+def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
     """Do one task and catch what fails: one bad input, whatever is wrong with it, must not stop the others."""
     try:
-        with _limits(max_pixels):
-            return Outcome(work(task))
+        return Outcome(work(task))
+    except InputsFailedError as error:
+        return Outcome(None, tuple((name, reason(name, why)) for name, why in error.failed))
     except Exception as error:
-        return Outcome(None, reason(task.source, error))
+        return Outcome.failed(task, reason(task.name, error))
 
 
 def _is_done(task: Task) -> bool:
     return bool(task.outputs) and all(path.exists() for path in task.outputs.values())
 
 
-def _limits(max_pixels: int | None) -> AbstractContextManager[None]:
-    if max_pixels is None:
-        return nullcontext()
-    from cvtimg.pictures.formats.opening import pixels_limited
-
-    return pixels_limited(max_pixels)
-
-
-def _attempt(task: Task, *, work: Work, overwrite: bool, how: Running) -> Outcome:
-    """Do one task that has outputs."""
+def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
+    """Do one task that has outputs, and make its row."""
 
     def checked(task: Task) -> Row:
         for path in task.outputs.values():
-            if how.skip_existing and not overwrite:
+            if running.skip_existing and not running.overwrite:
                 _remove(path)  # a run was stopped between the outputs of this task
-            check_can_be_written(path, overwrite)
-        return work(task)
+            check_can_be_written(path, running.overwrite)
+        stopwatch = Stopwatch()
+        row = {**task.facts, **work(task, stopwatch)}
+        return {**row, "seconds": stopwatch.laps} if stopwatch.laps else row
 
-    return _call(task, work=checked, max_pixels=how.max_pixels)
+    return _call(task, work=checked)
 
 
 def _remove(path: Path) -> None:
@@ -198,13 +185,13 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _perform(attempt: Attempt, tasks: Sequence[Task], how: Running) -> Generator[tuple[int, Outcome]]:
+def _perform(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Generator[tuple[int, Outcome]]:
     """Give the place of each task and its outcome, as they are done."""
-    if how.dask:
+    if running.dask:
         from cvtimg.batch.on_dask import on_dask
 
-        return on_dask(attempt, tasks, how.dask, how.jobs or n_threads())
-    jobs = min(how.jobs or _jobs_worthwhile(tasks), len(tasks))
+        return on_dask(attempt, tasks, running.dask, running.jobs or n_threads())
+    jobs = min(running.jobs or _jobs_worthwhile(tasks), len(tasks))
     if jobs > 1:
         from cvtimg.batch.workers import in_workers
 
@@ -217,8 +204,9 @@ def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
     n_bytes = 0
     for task in tasks:
         n_bytes += _LEAST_BYTES
-        with suppress(OSError):
-            n_bytes += task.source.stat().st_size
+        for source in task.sources:
+            with suppress(OSError):
+                n_bytes += source.stat().st_size
         if n_bytes > _WORTH_WORKERS:
             return n_threads()
     return 1
@@ -271,14 +259,14 @@ def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
 
 
 @contextmanager
-def _rows_written(report: Report, how: Running, overwrite: bool) -> Iterator[None]:
+def _rows_written(report: Report, running: Running) -> Iterator[None]:
     """Write the file of rows at the end, whatever ends the run."""
-    if how.file is None:
+    if running.report_file is None:
         yield
         return
-    replace = overwrite or how.skip_existing
-    check_can_be_written(how.file, replace)
+    replace = running.overwrite or running.skip_existing
+    check_can_be_written(running.report_file, replace)
     try:
         yield
     finally:
-        report.write(how.file, overwrite=replace)
+        report.write(running.report_file, overwrite=replace)

@@ -63,7 +63,7 @@ def in_workers(
 
 
 class _Worker:
-    """One process, and the place of the task that it has."""
+    """One process, and the task that it has, with its place."""
 
     def __init__(self, attempt: Attempt, n_threads: int) -> None:
         context = get_context("spawn")
@@ -73,14 +73,16 @@ class _Worker:
             self._process.start()
         theirs.close()  # so that the pipe ends when the worker does
         self.place: int | None = None
+        self._task = Task(())
         self.lives = True
 
     def take(self, task: tuple[int, Task] | None) -> None:
         """Begin a task, or rest."""
-        self.place = task[0] if task else None
+        self.place = None
         if task:
+            self.place, self._task = task
             with suppress(OSError):  # one that is dead by now is found out when its outcome is asked for
-                self.pipe.send(task[1])
+                self.pipe.send(self._task)
 
     def outcome(self) -> Outcome:
         """Wait for the end of the task, or of the worker."""
@@ -89,7 +91,7 @@ class _Worker:
         except (EOFError, OSError):
             self.lives = False
             self._process.join(_PATIENCE)
-            return Outcome(None, f"its worker process {_how_it_ended(self._process.exitcode)}")
+            return Outcome.failed(self._task, f"its worker process {_how_it_ended(self._process.exitcode)}")
         return outcome
 
     def end(self) -> None:
@@ -137,11 +139,12 @@ def _serve(pipe: Connection, attempt: Attempt, n_threads: int) -> None:
     limit_threads(n_threads)
     with suppress(EOFError, OSError):
         while True:
-            outcome = attempt(pipe.recv())
+            task = pipe.recv()
+            outcome = attempt(task)
             try:
                 pipe.send(outcome)
             except (TypeError, ValueError, AttributeError) as error:
-                pipe.send(Outcome(None, f"{type(error).__name__}: {one_line(error)}"))
+                pipe.send(Outcome.failed(task, f"{type(error).__name__}: {one_line(error)}"))
 
 
 def _stop(*_: object) -> NoReturn:

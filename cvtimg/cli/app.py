@@ -1,7 +1,6 @@
 """The command line: the commands under one name, and what is common to all of them.
 
-A command is a module ``NAME_command`` beside this one, imported only when it is asked for. It goes one way: plan inputs
-and outputs, run each input and catch what fails, report.
+A command is a module ``NAME_command`` beside this one, imported only when it is asked for.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from typer import Option
 from typer.core import TyperGroup
 
 from cvtimg.batch import WrongUsageError, complain, reason
+from cvtimg.cli.frame import with_groups
 from cvtimg.cli.plain_values import convert_plainly
 
 __all__ = ["app", "main"]
@@ -47,7 +47,7 @@ class _Commands(TyperGroup):
         if cmd_name not in self.commands:
             module = import_module(f"cvtimg.cli.{cmd_name}_command")
             alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            alone.command(cmd_name, epilog=module.EXAMPLES)(getattr(module, cmd_name))
+            alone.command(cmd_name, epilog=module.EXAMPLES)(with_groups(getattr(module, cmd_name)))
             self.commands[cmd_name] = convert_plainly(typer.main.get_command(alone))
         return self.commands[cmd_name]
 

@@ -6,15 +6,14 @@ import csv
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import for_many
+from cvtimg.cli.frame import run_plan
 
 EXAMPLES = """Examples:
 
@@ -28,25 +27,32 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
-Tables = Annotated[list[str], typer.Argument(metavar="TABLE", help="Tables, folders, or patterns like 'a/*.csv'.")]
-_COUNT = options.count_or_auto(1, 2**31 - 1)
+Tables = Annotated[
+    list[str],
+    typer.Argument(metavar="TABLE...", help="Tables (.csv, .tsv, .npy), folders, patterns like 'a/*.csv', or -."),
+]
 Number = Annotated[
-    Any, Option("-k", metavar="N|auto", parser=_COUNT, help="Number of generators; auto: the elbow of the energy.")
+    Any,
+    Option(
+        "-k",
+        metavar="N|auto",
+        parser=options.or_auto(options.whole_number(1, 2**31 - 1)),
+        help="Number of clusters; auto picks it at the elbow of the energy.",
+    ),
 ]
-Labels = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Labels, .csv or .npy; for one table.")]
-OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for NAME-labels.csv; made if it is missing.")]
+Labels = Annotated[
+    Path | None, Option("--output", "-o", metavar="FILE", help="Write the labels, .csv or .npy; for one table.")
+]
+OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.csv.")]
 Generators = Annotated[
-    Path | None, Option(metavar="FILE", help="Write the generators and the mass of each cell, .csv; for one table.")
+    Path | None, Option(metavar="FILE", help="Write the mean and the weight of each cluster, .csv; for one table.")
 ]
-Columns = Annotated[str | None, Option(metavar="A,B,C", help="Columns to take; all but the weight by default.")]
-Weight = Annotated[str | None, Option(metavar="COLUMN", help="Column that tells how much a row counts.")]
-Standardize = Annotated[bool, Option("--standardize", help="Let every column have mean 0 and variance 1.")]
-Missing = Annotated[str, Option(metavar="NAME", help="Rows without a value: error, or drop to leave them out.")]
-Init = Annotated[str, Option(metavar="NAME", help=f"Generators to begin with: {options.SEEDING_NAMES}.")]
-Seed = Annotated[int, Option(metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
+Columns = Annotated[str | None, Option(metavar="A,B,C", help="Columns to use; by default all but the weight.")]
+Weight = Annotated[str | None, Option(metavar="COLUMN", help="Column with the weight of each row.")]
+Standardize = Annotated[bool, Option("--standardize", help="Scale each column to mean 0 and variance 1.")]
+Missing = Annotated[Literal["error", "drop"], Option(help="What to do with rows that lack a value.")]
 
 
-@for_many
 def cluster(
     inputs: Tables,
     number: Number,
@@ -57,47 +63,32 @@ def cluster(
     weight: Weight = None,
     standardize: Standardize = False,
     missing: Missing = "error",
-    effort: options.Effort = "balanced",
-    method: options.Method = None,
-    volume_power: options.VolumePower = 0,
-    init: Init = "split",
-    seed: Seed = 0,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
-    quiet: options.Quiet = False,
+    skip_existing: options.SkipExisting = False,
     *,
-    running: Running,
-) -> None:
-    """Find the N generators that stand best for the rows of tables.
+    engine: options.EngineOptions,
+    common: options.BatchOptions,
+) -> int:
+    """Cluster the rows of tables: find the N means that represent them with the least error.
 
-    A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Its columns go by their names;
-    where it has none, they are col0, col1 and so on. Without -o and --out-dir, one table gives NAME-labels.csv beside
-    it: a line "label", then for each row the number of its generator, from 0. A row that is left out has "" there, or
-    -1 in a .npy. Generators are in the units of the table, with --standardize too; the energy then is not.
+    A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
+    col0, col1 and so on where the table has none. Without -o and --out-dir, the labels of one table go to
+    NAME-labels.csv beside it: a line "label", then for each row the number of its cluster, from 0. A row that is
+    dropped has an empty label, or -1 in a .npy file. Means are in the units of the table; the energy is in those of
+    the standardized columns if --standardize is given.
     """
-    from cvtimg.tables.files import LABEL_SUFFIXES, MISSING, find_tables
+    from cvtimg.tables.files import LABEL_SUFFIXES, find_tables
 
-    engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
-    check_choice("--missing", missing, MISSING)
     names = _split(columns) if columns is not None else None
-    columns_shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
-    report = Report(columns_shown, as_json=as_json, quiet=quiet)
-    sources, absent = find(inputs, find_tables, out_dir)
-    check_outputs(len(sources) + len(absent), out_dir, {"-o": output, "--generators": generators})
-    if output:
-        check_choice("-o", output.suffix.lower(), LABEL_SUFFIXES)
-    if generators:
-        check_choice("--generators", generators.suffix.lower(), [".csv"])
-    extra = {"generators": generators} if generators else {}
-    tasks = [
-        Task(source, {"labels": output or folder / f"{source.stem}-labels.csv", **extra})
-        for source, folder in sources.items()
-    ]
-    what = {"columns": names, "weight": weight, "missing": missing}
-    how = {"n_generators": number, **engine}
-
-    work = partial(_cluster, what=what, how=how, standardize=standardize, overwrite=overwrite)
-    raise typer.Exit(run(tasks, absent, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
+    check_suffix("-o", output, LABEL_SUFFIXES)
+    check_suffix("--generators", generators, [".csv"])
+    outputs = {"-o": output or "{}-labels.csv", "--generators": generators}
+    plan = plan_each(inputs, find_tables, outputs, out_dir=out_dir)
+    shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
+    read = {"columns": names, "weight": weight, "missing": missing}
+    work = partial(
+        _cluster, read=read, number=number, engine=engine, standardize=standardize, overwrite=common.overwrite
+    )
+    return run_plan(plan, work, shown, common, skip_existing=skip_existing)
 
 
 def _split(columns: str) -> list[str]:
@@ -108,30 +99,36 @@ def _split(columns: str) -> list[str]:
     return names
 
 
-def _cluster(task: Task, *, what: Mapping[str, Any], how: Mapping[str, Any], standardize: bool, overwrite: bool) -> Row:
+def _cluster(
+    task: Task,
+    stopwatch: Stopwatch,
+    *,
+    read: Mapping[str, Any],
+    number: int | str,
+    engine: options.EngineOptions,
+    standardize: bool,
+    overwrite: bool,
+) -> Row:
     from cvtimg import tessellate
     from cvtimg.elbow.curves import auto_count
     from cvtimg.tables.files import Scaling, read_table, spread, write_generators, write_labels
 
-    start = perf_counter()
-    table = read_table(task.source, **what)
-    read = perf_counter()
+    table = read_table(task.source, **read)
+    stopwatch.lap("read")
     scaling = Scaling.of(table.rows, table.weights) if standardize else None
     rows = scaling.apply(table.rows) if scaling else table.rows
-    n_generators, curve = how["n_generators"], None
-    if n_generators == "auto":
-        n_generators, curve = auto_count(rows, density=table.weights, volume_power=how["volume_power"], rng=how["rng"])
-    result = tessellate(rows, density=table.weights, **{**how, "n_generators": n_generators})
+    n_generators, curve = number, None
+    if number == "auto":
+        n_generators, curve = auto_count(rows, density=table.weights, volume_power=engine.volume_power, rng=engine.seed)
+    result = tessellate(rows, int(n_generators), density=table.weights, **engine.keywords)
     generators = scaling.undo(result.generators) if scaling else result.generators
-    clustered = perf_counter()
-    write_labels(task.outputs["labels"], result.labels, table.kept, overwrite=overwrite)
-    if "generators" in task.outputs:
-        write_generators(task.outputs["generators"], table.names, generators, result.masses, overwrite=overwrite)
-    written = perf_counter()
+    stopwatch.lap("cluster")
+    write_labels(task.output, result.labels, table.kept, overwrite=overwrite)
+    if "--generators" in task.outputs:
+        write_generators(task.outputs["--generators"], table.names, generators, result.masses, overwrite=overwrite)
+    stopwatch.lap("write")
     total = spread(rows, table.weights)
     return {
-        "input": str(task.source),
-        "output": str(task.outputs["labels"]),
         "rows": len(rows),
         "left_out": len(table.kept) - len(rows),
         "columns": table.names,
@@ -141,5 +138,4 @@ def _cluster(task: Task, *, what: Mapping[str, Any], how: Mapping[str, Any], sta
         "explained": 1 - result.energy / total if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
-        "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }

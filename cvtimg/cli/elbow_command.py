@@ -7,17 +7,15 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from io import StringIO
-from itertools import combinations
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import with_running
+from cvtimg.cli.frame import run_plan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,95 +35,83 @@ COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
 TABLE_SUFFIXES = (".csv", ".tsv", ".npy")  # as in tables.py
 
 Inputs = Annotated[
-    list[str], typer.Argument(metavar="INPUT", help="Pictures, tables (.csv, .tsv, .npy), folders or patterns.")
+    list[str],
+    typer.Argument(metavar="INPUT...", help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
 ]
 KMax = Annotated[
-    int, Option("--k-max", metavar="N", parser=options.whole_number(1, 4096), help="Greatest number, 64 by default.")
+    int, Option(metavar="N", parser=options.whole_number(1, 4096), help="Largest number of generators to try.")
 ]
 RuleName = Annotated[
-    str, Option("--rule", metavar="NAME", help="What picks k: chord, chord-linear, kneedle, variance or psnr.")
+    Literal["chord", "chord-linear", "kneedle", "variance", "psnr"],
+    Option("--rule", help="Rule that picks the number of generators."),
 ]
 Target = Annotated[
     float | None,
-    Option(metavar="X", parser=options.number(0), help="Share to explain, 0.95, of variance; dB, 30, of psnr."),
+    Option(
+        metavar="X",
+        parser=options.number(0),
+        help="Target of --rule variance (share explained, 0.95 by default) or psnr (decibels, 30 by default).",
+    ),
 ]
-Space = Annotated[str, Option(metavar="NAME", help="Where distances are measured: rgb, linear, lab or oklab.")]
-AveragingName = Annotated[
-    str, Option("--averaging", metavar="NAME", help="As cvtimg segment will average: none, before or after.")
-]
+Averaging = Annotated[options.AveragingName, Option(help="Measure segments made with this --averaging.")]
 EdgeWeight = Annotated[
-    float | None,
-    Option("--edge-weight", metavar="L", parser=options.number(0), help="As cvtimg segment will weigh edges, >= 0."),
+    float | None, Option(metavar="L", parser=options.number(0), help="Measure segments made with this --edge-weight.")
 ]
 Effort = Annotated[
-    str, Option(metavar="NAME", help="fast: all k in one pass. balanced, best: each k is searched by itself too.")
+    options.EffortName, Option(help="fast: all numbers in one pass; balanced, best: also search each by itself.")
 ]
-CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, a line for each k.")]
-PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw all curves, .png or .svg.")]
-Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn for tables.")]
+CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, one line for each k.")]
+PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Plot all curves, .png or .svg.")]
 
 
-@with_running("jobs", "report_file", "max_pixels", "dask")
 def elbow(
     inputs: Inputs,
     k_max: KMax = 64,
     rule: RuleName = "chord",
     target: Target = None,
-    space: Space = "rgb",
+    space: options.Space = "rgb",
     volume_power: options.VolumePower = 0,
-    averaging: AveragingName = "none",
+    averaging: Averaging = "none",
     edge_weight: EdgeWeight = None,
     effort: Effort = "fast",
     csv_file: CsvFile = None,
     plot: PlotFile = None,
-    seed: Seed = 0,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
-    quiet: options.Quiet = False,
+    seed: options.Seed = 0,
+    max_pixels: options.MaxPixels = None,
     *,
-    running: Running,
-) -> None:
-    """Suggest how many generators pictures and tables need, by the elbow of their energy.
+    common: options.BatchOptions,
+) -> int:
+    """Suggest how many colors or clusters images and tables need, by the elbow of the energy.
 
-    The energy falls with each generator; up to the number of colors that a picture really has it falls fast. Each
-    input has a line with the number that the rule picks, and what the other rules would. One input has its whole
-    curve below. All columns of a table are taken, as cvtimg cluster -k auto does when it is not told which.
+    The energy falls with each generator: fast up to the number of colors that an image really has, slowly beyond it.
+    Each input has a line with the number that the rule picks, and those of the other rules. One input is followed by
+    its whole curve. All columns of a table are used, as by cvtimg cluster -k auto without --columns.
     """
-    from cvtimg.colors.spaces import SPACES
-    from cvtimg.elbow.rules import RULES, TARGETED
-    from cvtimg.engine import EFFORTS
+    from cvtimg import find_images
+    from cvtimg.elbow.rules import TARGETED
     from cvtimg.plotting.energy_curves import PLOT_SUFFIXES
 
-    check_choice("--rule", rule, RULES)
-    check_choice("--space", space, SPACES)
-    check_choice("--effort", effort, EFFORTS)
-    check_choice("--averaging", averaging, ("none", "before", "after"))
     if target is not None and rule not in TARGETED:
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
-    if plot:
-        check_choice("--plot", plot.suffix.lower(), PLOT_SUFFIXES)
-    report = _Curves(COLUMNS, as_json=as_json, quiet=quiet)
-    sources, missing = find(inputs, _find)
-    outputs = {"--csv": csv_file, "--plot": plot, "--report": running.file}
-    _check_outputs({option: path for option, path in outputs.items() if path}, list(sources), overwrite)
-    how: dict[str, Any] = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
+    check_suffix("--plot", plot, PLOT_SUFFIXES)
+    report = _Curves(COLUMNS, as_json=common.as_json, quiet=common.quiet)
+    plan = plan_each(inputs, find_images, joint={"--csv": csv_file, "--plot": plot})
+    curve: dict[str, Any] = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
     segments: dict[str, Any] = {"averaging": averaging} if averaging != "none" else {}
     if edge_weight:
         segments["edge_weight"] = edge_weight
     if segments and effort != "fast":
-        raise WrongUsageError(
-            "--effort is not for --averaging and --edge-weight, where each k has a descent of its own"
-        )
+        raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
     if not segments:
-        how["effort"] = effort
-    work = partial(_measure, how=how, segments=segments, rule=rule, target=target, keep=plot is not None)
-    status = run([Task(source) for source in sources], missing, work, report, overwrite=overwrite, running=running)
+        curve["effort"] = effort
+    work = partial(_measure, curve=curve, segments=segments, rule=rule, target=target, keep=plot is not None)
+    status = run_plan(plan, work, report, common, max_pixels=max_pixels)
     done = report.plotted
-    if len(done) == 1 and not (as_json or quiet):
+    if len(done) == 1 and not (common.as_json or common.quiet):
         _print_curve(done[0].curve, {**done[0].curve.elbows(), rule: done[0].k})
     if done:
-        _write(csv_file, plot, done, rule, overwrite)
-    raise typer.Exit(status)
+        _write(csv_file, plot, done, rule, common.overwrite)
+    return status
 
 
 class _Curves(Report):
@@ -141,54 +127,38 @@ class _Curves(Report):
         super().done(row)
 
 
-def _find(text: str) -> list[Path]:
-    from cvtimg import find_images
-
-    return find_images(text)
-
-
-def _check_outputs(outputs: Mapping[str, Path], sources: list[Path], overwrite: bool) -> None:
-    """Refuse, before any work, files that would replace an input, each other, or what exists."""
-    from cvtimg.batch import check_can_be_written
-
-    for (one, path), (other, same) in combinations(outputs.items(), 2):
-        if path.resolve() == same.resolve():
-            raise WrongUsageError(f"{one} and {other} would both become {path}")
-    for path in outputs.values():
-        if path.exists() and any(path.samefile(source) for source in sources):
-            raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
-        check_can_be_written(path, overwrite)
-
-
 def _measure(
-    task: Task, *, how: Mapping[str, Any], segments: Mapping[str, Any], rule: str, target: float | None, keep: bool
+    task: Task,
+    stopwatch: Stopwatch,
+    *,
+    curve: Mapping[str, Any],
+    segments: Mapping[str, Any],
+    rule: str,
+    target: float | None,
+    keep: bool,
 ) -> Row:
     from cvtimg import energy_curve
     from cvtimg.plotting.energy_curves import Plotted
     from cvtimg.segmentation import segment_curve
 
-    source = task.source
-    start = perf_counter()
-    samples, image = _read(source, how["space"])
-    read = perf_counter()
+    samples, image = _read(task.source, curve["space"])
+    stopwatch.lap("read")
     if segments and image is None:
-        raise ValueError("--averaging and --edge-weight are for pictures, not for tables")
-    curve = segment_curve(image, **how, **segments) if segments else energy_curve(samples, **how)
-    k = curve.elbow(rule, target)
-    measured = perf_counter()
-    psnr = None if curve.psnr is None else [value if math.isfinite(value) else None for value in curve.psnr.tolist()]
+        raise ValueError("--averaging and --edge-weight are for images, not for tables")
+    result = segment_curve(image, **curve, **segments) if segments else energy_curve(samples, **curve)
+    k = result.elbow(rule, target)
+    stopwatch.lap("cluster")
+    psnr = None if result.psnr is None else [value if math.isfinite(value) else None for value in result.psnr.tolist()]
     return {
-        "input": str(source),
         "k": k,
         "rule": rule,
-        "energy": float(curve.energies[k - 1]),
-        "explained": float(curve.explained[k - 1]),
+        "energy": float(result.energies[k - 1]),
+        "explained": float(result.explained[k - 1]),
         "psnr": psnr[k - 1] if psnr else None,
-        "elbow": curve.elbows(),
-        "n_max": curve.n_max,
-        "energies": curve.energies.tolist(),
-        "seconds": {"read": read - start, "cluster": measured - read},
-        "plotted": Plotted(source.stem, curve, k, image if keep and not segments else None, how["space"]),
+        "elbow": result.elbows(),
+        "n_max": result.n_max,
+        "energies": result.energies.tolist(),
+        "plotted": Plotted(task.source.stem, result, k, image if keep and not segments else None, curve["space"]),
     }
 
 
@@ -201,7 +171,7 @@ def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
         image = read_image(source)
         return image, image
     if space != "rgb":
-        raise ValueError(f"--space {space} is for pictures; a table has no color space")
+        raise ValueError(f"--space {space} is for images; a table has no color space")
     return read_table(source).rows, None
 
 

@@ -5,28 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 
-import typer
-
-from cvtimg.batch import Report, Row, Running, Task, find, run
+from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import for_many
+from cvtimg.cli.frame import run_plan
 
 EXAMPLES = "Example:  cvtimg info photos/ --json"
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
 
 
-@for_many
-def info(inputs: options.Pictures, as_json: options.AsJson = False, *, running: Running) -> None:
-    """Tell size, format, bands, depth and number of distinct colors of pictures."""
+def info(inputs: options.Images, max_pixels: options.MaxPixels = None, *, common: options.BatchOptions) -> int:
+    """Show the size, format, bands, bit depth and number of distinct colors of images."""
     from cvtimg import find_images
 
-    report = Report(COLUMNS, as_json=as_json)
-    sources, missing = find(inputs, find_images)
-    raise typer.Exit(run([Task(source) for source in sources], missing, _info, report, running=running))
+    return run_plan(plan_each(inputs, find_images), _info, COLUMNS, common, max_pixels=max_pixels)
 
 
-def _info(task: Task) -> Row:
+def _info(task: Task, _: Stopwatch) -> Row:
     import numpy as np
 
     from cvtimg import read_image
@@ -41,4 +36,4 @@ def _info(task: Task) -> Row:
     pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
     known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
     n_colors = color_samples(known).n_colors if known.size else 0
-    return {"input": str(task.source), **header, "distinct_colors": n_colors}
+    return {**header, "distinct_colors": n_colors}

@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import Report, Row, Stopwatch, Task, check_suffix, plan_each
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import for_many
+from cvtimg.cli.frame import run_plan
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,53 +26,48 @@ EXAMPLES = """Examples:
 """
 DEFAULT_COLORS = 16
 
-_COUNT = options.whole_number(1, options.MAX_COLORS)
 Colors = Annotated[
     int | None,
     Option(
         "--colors",
         "-k",
         metavar="N",
-        parser=_COUNT,
-        help=f"Colors to reduce pictures to; by default those that have more than 256 to {DEFAULT_COLORS}.",
+        parser=options.whole_number(1, options.MAX_COLORS),
+        help=f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
     ),
 ]
-SavePalette = Annotated[Path | None, Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}.")]
+SavePalette = Annotated[
+    Path | None, Option(metavar="FILE", help=f"Write the palette, {options.PALETTE_NAMES}; for one input.")
+]
 
 _MOST_OWN = 256
 
 
-@for_many
 def palette(
-    inputs: options.Pictures,
+    inputs: options.Images,
     colors: Colors = None,
     save_palette: SavePalette = None,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
+    skip_existing: options.SkipExisting = False,
+    max_pixels: options.MaxPixels = None,
     *,
-    running: Running,
-) -> None:
-    """Print the colors of pictures, and the share of the pixels that has each.
+    common: options.BatchOptions,
+) -> int:
+    """Print the palette of images, and the share of the pixels that has each color.
 
-    Of a picture that has at most 256 colors, or at most N, these are its own. Others are reduced first, as
-    cvtimg quantize does. The most frequent color comes first.
+    An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
+    cvtimg quantize. The most frequent color comes first.
     """
     from cvtimg import find_images
     from cvtimg.palettes.files import PALETTE_FORMATS
 
-    if save_palette:
-        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
-    sources, missing = find(inputs, find_images)
-    if save_palette and len(sources) + len(missing) > 1:
-        raise WrongUsageError(f"--save-palette is for one input, and these are {len(sources) + len(missing)}")
-    tasks = [Task(source, {"palette": save_palette} if save_palette else {}) for source in sources]
-    report = _Palettes((), as_json=as_json)
-
-    work = partial(_palette, n_colors=colors, overwrite=overwrite)
-    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite, running=running))
+    check_suffix("--save-palette", save_palette, PALETTE_FORMATS)
+    plan = plan_each(inputs, find_images, {"--save-palette": save_palette})
+    report = _Palettes((), as_json=common.as_json, quiet=common.quiet)
+    work = partial(_palette, n_colors=colors, overwrite=common.overwrite)
+    return run_plan(plan, work, report, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
-def _palette(task: Task, *, n_colors: int | None, overwrite: bool) -> Row:
+def _palette(task: Task, stopwatch: Stopwatch, *, n_colors: int | None, overwrite: bool) -> Row:
     import numpy as np
 
     from cvtimg import quantize, read_image, write_palette
@@ -81,6 +75,7 @@ def _palette(task: Task, *, n_colors: int | None, overwrite: bool) -> Row:
     from cvtimg.colors.spaces import to_depth
 
     image = read_image(task.source)
+    stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
         raise ValueError(f"has {image.shape[2]} bands, which are no colors")
     image = to_depth(image, np.dtype(np.uint8))
@@ -90,14 +85,11 @@ def _palette(task: Task, *, n_colors: int | None, overwrite: bool) -> Row:
     counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
     order = np.argsort(-counts, kind="stable")
     found, counts = result.palette[order], counts[order]
-    if "palette" in task.outputs:
-        write_palette(task.outputs["palette"], found, density=counts, overwrite=overwrite)
-    return {
-        "input": str(task.source),
-        "distinct_colors": n_distinct,
-        "k": len(found),
-        "colors": _entries(found, counts),
-    }
+    stopwatch.lap("cluster")
+    if "--save-palette" in task.outputs:
+        write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=overwrite)
+        stopwatch.lap("write")
+    return {"distinct_colors": n_distinct, "k": len(found), "colors": _entries(found, counts)}
 
 
 def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:

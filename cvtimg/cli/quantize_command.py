@@ -1,22 +1,20 @@
-"""``cvtimg quantize``: pictures to few colors."""
+"""``cvtimg quantize``: images reduced to few colors."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, reason, run
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each, reason
 from cvtimg.cli import options
 from cvtimg.cli.animations import quantize_animation, stays_animated
-from cvtimg.cli.batch_options import for_many
+from cvtimg.cli.frame import run_plan
 from cvtimg.cli.sharing import share
 from cvtimg.cli.tiled import check_fit, goes_by_tiles, quantize_by_tiles
 
@@ -42,77 +40,89 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output")
 
-#: Options of `quantize` that are for one picture and not for a palette.
-ONLY_OF_ONE = ("psnr", "weights", "dither", "dither_strength")
-
-_COUNT = options.count_or_auto(1, options.MAX_COLORS)
 Colors = Annotated[
-    Any, Option("--colors", "-k", metavar="N|auto", parser=_COUNT, help="Colors to keep, at most 65536; see elbow.")
+    Any,
+    Option(
+        "--colors",
+        "-k",
+        metavar="N|auto",
+        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS)),
+        help=f"Number of colors, at most {options.MAX_COLORS}; auto picks it at the elbow of the energy.",
+    ),
 ]
 Psnr = Annotated[
     float | None,
-    Option("--psnr", metavar="DB", parser=options.number(0), help="Keep the fewest colors that reach this quality."),
+    Option(metavar="DB", parser=options.number(0), help="Use as few colors as reach this quality, in decibels."),
 ]
 MaxBytes = Annotated[
     int | None,
     Option(
         metavar="N",
         parser=options.whole_number(1, 1 << 62),
-        help="Keep the most colors, up to 256 or -k, whose file has no more bytes.",
+        help="Use as many colors, up to 256 or -k, as fit into a file of N bytes.",
     ),
 ]
 PaletteFile = Annotated[
-    Path | None, Option("--palette", metavar="FILE", help="Take the colors of a palette file or of a picture.")
+    Path | None, Option("--palette", metavar="FILE", help="Use the colors of a palette file or of an image.")
 ]
 Lock = Annotated[
     list[str] | None,
-    Option("--lock", metavar="COLOR", parser=options.color, help="Keep a color, '#rrggbb' or '#rrggbbaa', as it is."),
+    Option(
+        metavar="COLOR",
+        parser=options.color,
+        help="Keep this color, '#rrggbb' or '#rrggbbaa', in the palette; can be repeated.",
+    ),
 ]
-Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {options.SPACE_NAMES}.")]
-Dither = Annotated[str, Option(metavar="NAME", help=f"How colors are mixed: {options.DITHER_NAMES}.")]
+Dither = Annotated[
+    Literal["none", "floyd-steinberg", "blue-noise"], Option(help="Mix colors to show those between them.")
+]
 DitherStrength = Annotated[
-    float | None, Option(metavar="S", parser=options.number(0, 1), help="How much of that is done, 0 to 1.")
+    float | None, Option(metavar="S", parser=options.number(0, 1), help="Strength of dithering, 0 to 1.")
 ]
 WeightMap = Annotated[
-    Path | None, Option(metavar="FILE", help="Grey picture of the same size: how much each pixel counts.")
+    Path | None, Option(metavar="FILE", help="Gray image of the same size: the weight of each pixel.")
 ]
 Depth = Annotated[
-    str | None, Option(metavar="BITS", help="Work and write with 8 or 16 bits a sample; as the picture has by default.")
+    Literal["8", "16"] | None, Option(help="Bits per channel to work and write with; by default those of the image.")
 ]
-SharedPalette = Annotated[bool, Option("--shared-palette", help="Find one palette for all pictures together.")]
+SharedPalette = Annotated[bool, Option("--shared-palette", help="Use one palette for all images together.")]
 SavePalette = Annotated[
-    Path | None,
-    Option(metavar="FILE", help=f"Write the colors, {options.PALETTE_NAMES}; for one input."),
+    Path | None, Option(metavar="FILE", help=f"Write the palette, {options.PALETTE_NAMES}; for one input.")
 ]
 KeepMetadata = Annotated[
-    bool,
-    Option("--keep-metadata", help="Keep color profile, pixels an inch, EXIF and place, as far as they stay true."),
+    bool, Option("--keep-metadata", help="Keep the color profile, resolution, EXIF and georeference where still valid.")
 ]
-Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; takes longer.")]
+Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; slower.")]
 PerFrame = Annotated[
-    bool, Option("--palette-per-frame", help="Find a palette for each frame of an animation, not one for all.")
+    bool, Option("--palette-per-frame", help="Use a palette for each frame of an animation, not one for all.")
 ]
 
 
 @dataclass(frozen=True, slots=True)
-class _How:
-    """What is done to each picture: options of `quantize`, and what needs its file or its depth.
+class QuantizeOptions:
+    """What is done to each image.
 
     Attributes
     ----------
-    options : dict
-        For `quantize`.
+    mapping : dict
+        How pixels are mapped to a palette: options of `map_to_palette`.
+    search : dict
+        How a palette is found: options of `find_palette`; none where it is given.
+    target : dict
+        Options of `quantize` that neither is: a PSNR to reach, weights of the pixels.
     colors : dict
-        Options of `quantize` that are 8-bit colors, to be brought to the depth of the picture.
+        Arguments that are 8-bit colors, to be brought to the depth of the image: "palette" or "locked".
     depth : {"8", "16"} or None
-        Bits a sample to work with.
+        Bits per channel to work with.
     max_bytes : int or None
-        Size of the file.
+        Largest size of the file.
     keep_metadata, optimize, per_frame : bool
         As the options of these names.
     """
 
-    options: Mapping[str, Any]
+    mapping: Mapping[str, Any]
+    search: Mapping[str, Any]
+    target: Mapping[str, Any]
     colors: Mapping[str, Any]
     depth: str | None
     max_bytes: int | None
@@ -120,16 +130,41 @@ class _How:
     optimize: bool
     per_frame: bool
 
+    @property
+    def of_palette(self) -> dict[str, Any]:
+        """Options for a palette alone, without the pixels."""
+        return {**self.search, "space": self.mapping["space"]}
 
-@for_many
+    def colors_of(self, dtype: np.dtype[Any]) -> dict[str, Any]:
+        """Bring given colors to the depth of an image."""
+        from cvtimg.colors.spaces import to_depth
+
+        return {name: to_depth(colors, dtype) for name, colors in self.colors.items()}
+
+    def unfit(self, *names: str) -> dict[str, Any]:
+        """Return the options given among those that some inputs cannot have, by the names that people give them."""
+        known = {
+            "--psnr": self.target.get("psnr"),
+            "--weight-map": self.target.get("weights"),
+            "--max-bytes": self.max_bytes,
+            "-k auto": True if self.search.get("n_colors") == "auto" else None,
+            "--dither": self.mapping.get("dither"),
+            "--depth": self.depth,
+            "--depth 16": True if self.depth == "16" else None,
+            "--keep-metadata": self.keep_metadata or None,
+            "--optimize": self.optimize or None,
+        }
+        return {name: known[name] for name in names if known[name] is not None}
+
+
 def quantize(
-    inputs: options.Pictures,
+    inputs: options.Images,
     colors: Colors = None,
     psnr: Psnr = None,
     max_bytes: MaxBytes = None,
     palette: PaletteFile = None,
     lock: Lock = None,
-    space: Space = "rgb",
+    space: options.Space = "rgb",
     dither: Dither = "none",
     dither_strength: DitherStrength = None,
     weight_map: WeightMap = None,
@@ -137,33 +172,30 @@ def quantize(
     shared_palette: SharedPalette = False,
     output: options.Output = None,
     out_dir: options.OutDir = None,
-    effort: options.Effort = "balanced",
-    method: options.Method = None,
-    volume_power: options.VolumePower = 0,
-    init: options.Init = "split",
-    seed: options.Seed = 0,
     save_palette: SavePalette = None,
     keep_metadata: KeepMetadata = False,
     optimize: Optimize = False,
     per_frame: PerFrame = False,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
-    quiet: options.Quiet = False,
+    skip_existing: options.SkipExisting = False,
+    max_pixels: options.MaxPixels = None,
     *,
-    running: Running,
-) -> None:
-    """Reduce pictures to the N colors that stand best for them.
+    engine: options.EngineOptions,
+    common: options.BatchOptions,
+) -> int:
+    """Reduce images to the N colors that represent them with the least error.
 
-    N is given by -k (auto: by the elbow of the energy, see cvtimg elbow), or follows from --psnr or --max-bytes, with
-    -k for the most; or --palette gives the colors.
-    Without -o and --out-dir, one input gives NAME-quantized.png beside it. Up to 256 colors of 8 bits make an indexed
-    PNG of the fewest bits. A picture that has no more than N colors comes back exactly. The output of -o can also end
-    in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file. From TIFF to .tif a picture of
-    over 2^26 pixels goes by tiles, as does Zarr: its memory is bounded, whatever its size.
-    An animation stays one in .gif, .png and .webp, with one palette for all frames.
+    Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
+    take all colors from --palette.
+
+    Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
+    become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after
+    -o can also end in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
+
+    TIFF files of over 2^26 pixels with -o FILE.tif, and Zarr arrays, are read in tiles: memory stays bounded.
+    Animations stay animations in .gif, .png and .webp, with one palette for all frames.
     """
-    from cvtimg import find_images, read_palette
-    from cvtimg.palettes.files import PALETTE_FORMATS, write_palette
+    from cvtimg import find_images, read_palette, write_palette
+    from cvtimg.palettes.files import PALETTE_FORMATS
     from cvtimg.pictures.files import lossless_suffixes
 
     _check_aims(
@@ -171,43 +203,47 @@ def quantize(
         palette,
         shared_palette,
     )
-    engine = options.engine(effort=effort, method=method, init=init, volume_power=volume_power, seed=seed)
     mapping = _mapping(space, dither, dither_strength)
-    if depth:
-        check_choice("--depth", depth, ("8", "16"))
-    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
-    report = Report(columns, as_json=as_json, quiet=quiet)
-    sources, missing = find(inputs, find_images, out_dir)
-    single = {"-o": output} if shared_palette else {"-o": output, "--save-palette": save_palette}
-    check_outputs(len(sources) + len(missing), out_dir, single)
-    if output:
-        check_choice("-o", output.suffix.lower(), [*lossless_suffixes(), ".zarr"])
+    check_suffix("-o", output, [*lossless_suffixes(), ".zarr"])
+    check_suffix("--save-palette", save_palette, PALETTE_FORMATS)
     if optimize:
         _check_optimize(output)
     if save_palette and per_frame:
         raise WrongUsageError("--save-palette and --palette-per-frame exclude each other")
-    if save_palette:
-        check_choice("--save-palette", save_palette.suffix.lower(), PALETTE_FORMATS)
-    extra = {"palette": save_palette} if save_palette and not shared_palette else {}
-    name = "{}.png" if out_dir else "{}-quantized.png"
-    tasks = [
-        Task(source, {"picture": output or folder / name.format(source.stem), **extra})
-        for source, folder in sources.items()
-    ]
-    files = (keep_metadata, optimize, per_frame)
-    if palette:
-        how = _How(mapping, {"palette": _read("--palette", palette, read_palette)}, depth, None, *files)
-    else:
-        weights = _read("--weight-map", weight_map, _read_weights) if weight_map else None
-        sought = {"n_colors": colors, "psnr": psnr, "weights": weights, **mapping, **engine}
-        how = _How(sought, {"locked": _locked(lock)} if lock else {}, depth, max_bytes, *files)
+    saved = {"--save-palette": save_palette}
+    plan = plan_each(
+        inputs,
+        find_images,
+        {"-o": output or ("{}.png" if out_dir else "{}-quantized.png"), **({} if shared_palette else saved)},
+        out_dir=out_dir,
+        also_read=[palette, weight_map],
+        joint=saved if shared_palette else None,
+    )
+    given: dict[str, Any] = {"palette": _read("--palette", palette, read_palette)} if palette else {}
+    if lock:
+        given["locked"] = _locked(lock)
+    how = QuantizeOptions(
+        mapping=mapping,
+        search={} if palette else {"n_colors": colors, **engine.keywords},
+        target={"psnr": psnr, "weights": weight_map and _read("--weight-map", weight_map, _read_weights)},
+        colors=given,
+        depth=depth,
+        max_bytes=max_bytes,
+        keep_metadata=keep_metadata,
+        optimize=optimize,
+        per_frame=per_frame,
+    )
     if shared_palette:
-        tasks, shared = share(tasks, missing, partial(_palette_of_all, how=how), depth, running)
-        how = _How(mapping, {"palette": shared}, depth, None, *files)
+        running = common.running(skip_existing=skip_existing)
+        find = partial(_palette_of_all, how=how)
+        shared = share(plan, find, depth=depth, max_pixels=max_pixels, running=running)
+        how = replace(how, search={}, colors={"palette": shared})
         if save_palette and shared is not None:
-            write_palette(save_palette, shared, overwrite=overwrite or running.skip_existing)
-    work = partial(_quantize, overwrite=overwrite, how=how, max_pixels=running.max_pixels)
-    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
+            write_palette(save_palette, shared, overwrite=running.overwrite or skip_existing)
+            plan.joint = {}
+    work = partial(_quantize, how=how, overwrite=common.overwrite, max_pixels=max_pixels)
+    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
+    return run_plan(plan, work, columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _check_aims(aims: Mapping[str, Any], palette: Path | None, shared: bool) -> None:
@@ -234,28 +270,20 @@ def _check_optimize(output: Path | None) -> None:
         raise WrongUsageError("--optimize needs oxipng: pip install 'cvtimg[oxipng]'")
 
 
-def _palette_of_all(samples: ColorSamples, *, how: _How) -> NDArray[Any]:
-    """Find a palette as `quantize` would for one picture."""
+def _palette_of_all(samples: ColorSamples, *, how: QuantizeOptions) -> NDArray[Any]:
+    """Find a palette as `quantize` would for one image."""
     from cvtimg import find_palette
-    from cvtimg.colors.spaces import to_depth
 
-    given: dict[str, Any] = {name: to_depth(colors, samples.colors.dtype) for name, colors in how.colors.items()}
-    sought = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
-    return find_palette(samples, **sought, **given).colors
+    return find_palette(samples, **how.of_palette, **how.colors_of(samples.colors.dtype)).colors
 
 
 def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
-    """Check the options of mapping to a palette, and name them as `quantize` does."""
-    from cvtimg.colors import SPACES
-    from cvtimg.quantization import DITHERS
-
-    check_choice("--space", space, SPACES)
-    check_choice("--dither", dither, ["none", *DITHERS])
-    if dither == "none" and strength is not None:
+    """Name the options of mapping to a palette as `quantize` does."""
+    if dither != "none":
+        return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
+    if strength is not None:
         raise WrongUsageError("--dither-strength needs --dither")
-    if dither == "none":
-        return {"space": space}
-    return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
+    return {"space": space}
 
 
 def _locked(colors: list[str]) -> NDArray[np.uint8]:
@@ -286,26 +314,27 @@ def _read_weights(path: Path) -> NDArray[Any]:
     return weights[..., 0]
 
 
-def _quantize(task: Task, *, overwrite: bool, how: _How, max_pixels: int | None) -> Row:
+def _quantize(
+    task: Task, stopwatch: Stopwatch, *, how: QuantizeOptions, overwrite: bool, max_pixels: int | None
+) -> Row:
     from cvtimg import read_image
     from cvtimg.pictures import read_metadata
 
     if stays_animated(task):
-        return _quantize_animation(task, overwrite, how)
-    if goes_by_tiles(task.source, task.outputs["picture"]):
-        return _by_tiles(task, overwrite, how, max_pixels)
-    start = perf_counter()
+        return _quantize_animation(task, stopwatch, how, overwrite)
+    if goes_by_tiles(task.source, task.output):
+        unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes")
+        check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
+        return quantize_by_tiles(task, stopwatch, {**how.of_palette, **how.colors}, overwrite=overwrite)
     image = read_image(task.source)
     file = {"metadata": read_metadata(task.source) if how.keep_metadata else None, "optimize": how.optimize}
-    read = perf_counter()
-    result = _result(image, how, task.outputs["picture"].suffix, file)
-    clustered = perf_counter()
+    stopwatch.lap("read")
+    result = _result(image, how, task.output.suffix, file)
+    stopwatch.lap("cluster")
     _write(task.outputs, result, overwrite, file)
-    written = perf_counter()
-    tessellation = result.tessellation  # None: the picture had no more colors than asked for
+    stopwatch.lap("write")
+    tessellation = result.tessellation  # None: the image had no more colors than asked for
     return {
-        "input": str(task.source),
-        "output": str(task.outputs["picture"]),
         "width": image.shape[1],
         "height": image.shape[0],
         "channels": result.palette.shape[1],
@@ -317,40 +346,25 @@ def _quantize(task: Task, *, overwrite: bool, how: _How, max_pixels: int | None)
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
         "n_iter": tessellation.n_iter if tessellation else 0,
         "converged": tessellation.converged if tessellation else True,
-        "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
 
 
-def _by_tiles(task: Task, overwrite: bool, how: _How, max_pixels: int | None) -> Row:
-    unfit = {"--psnr": how.options.get("psnr"), "--weight-map": how.options.get("weights")}
-    unfit |= {"--dither": how.options.get("dither"), "-k auto": how.options.get("n_colors") == "auto"}
-    unfit |= {"--depth": how.depth, "--max-bytes": how.max_bytes}
-    unfit |= {"--keep-metadata": how.keep_metadata, "--optimize": how.optimize}
-    check_fit(task.source, unfit, max_pixels)
-    options = {name: value for name, value in how.options.items() if name not in ONLY_OF_ONE}
-    return quantize_by_tiles(task, {**options, **how.colors}, overwrite=overwrite)
-
-
-def _quantize_animation(task: Task, overwrite: bool, how: _How) -> Row:
+def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
     """Quantize all frames, if what is asked for can be done to them."""
-    aims = {"--psnr": how.options.get("psnr"), "--max-bytes": how.max_bytes, "--weight-map": how.options.get("weights")}
-    aims |= {"-k auto": True if how.options.get("n_colors") == "auto" else None}
-    aims |= {"--depth 16": how.depth == "16" or None, "--optimize": how.optimize or None}
-    for option, value in aims.items():
-        if value is not None:
-            raise ValueError(f"is an animation, which {option} cannot be used for")
-    given = {name: value for name, value in how.options.items() if name not in ("psnr", "weights")}
+    for option in how.unfit("--psnr", "--max-bytes", "--weight-map", "-k auto", "--depth 16", "--optimize"):
+        raise ValueError(f"is an animation, which {option} cannot be used for")
     return quantize_animation(
         task,
-        {**given, **how.colors},
+        stopwatch,
+        {**how.search, **how.mapping, **how.colors},
         per_frame=how.per_frame,
         keep_metadata=how.keep_metadata,
         overwrite=overwrite,
     )
 
 
-def _result(image: NDArray[Any], how: _How, suffix: str, file: Mapping[str, Any]) -> Quantized:
-    """Quantize a picture as its file and its depth need."""
+def _result(image: NDArray[Any], how: QuantizeOptions, suffix: str, file: Mapping[str, Any]) -> Quantized:
+    """Quantize an image as its file and its depth need."""
     import numpy as np
 
     from cvtimg import quantize
@@ -360,26 +374,25 @@ def _result(image: NDArray[Any], how: _How, suffix: str, file: Mapping[str, Any]
 
     if how.depth:
         image = to_depth(image, np.dtype(f"uint{how.depth}"))
-    given: dict[str, Any] = {name: to_depth(colors, image.dtype) for name, colors in how.colors.items()}
+    given = {**how.target, **how.search, **how.mapping, **how.colors_of(image.dtype)}
+    given = {name: value for name, value in given.items() if value is not None}
     if how.max_bytes is None:
-        return quantize(image, **how.options, **given)
+        return quantize(image, **given)
 
     def size(result: Quantized) -> int:
         pixels, palette = result.content
         return len(encode_image(suffix, pixels, palette=palette, **file))
 
-    sought = {name: value for name, value in how.options.items() if value is not None}
-    return quantize_to_size(image, how.max_bytes, size, **sought, **given)
+    return quantize_to_size(image, how.max_bytes, size, **given)
 
 
 def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool, file: Mapping[str, Any]) -> None:
-    from cvtimg import write_image
-    from cvtimg.palettes.files import write_palette
+    from cvtimg import write_image, write_palette
 
     pixels, palette = result.content
-    write_image(outputs["picture"], pixels, palette=palette, overwrite=overwrite, **file)
-    if "palette" in outputs:
+    write_image(outputs["-o"], pixels, palette=palette, overwrite=overwrite, **file)
+    if "--save-palette" in outputs:
         import numpy as np
 
         n_pixels = np.bincount(result.indices.ravel(), minlength=len(result.palette))
-        write_palette(outputs["palette"], result.palette, density=n_pixels, overwrite=overwrite)
+        write_palette(outputs["--save-palette"], result.palette, density=n_pixels, overwrite=overwrite)

@@ -6,17 +6,16 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer import Option
 
-from cvtimg.batch import Missing, Report, Row, Running, Task, WrongUsageError, check_choice, find, run
+from cvtimg.batch import InputsFailedError, Missing, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import with_running
+from cvtimg.cli.frame import run_plan
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,22 +34,8 @@ EXAMPLES = """Examples:
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
-_LARGEST_RADIUS = 1000
 #: Versions in a row of the sheet.
 _ACROSS = 4
-
-#: More segments than this no file of labels holds.
-_COUNT = options.count_or_auto(1, options.MAX_COLORS - 1)
-
-
-def _edge_weight(text: str | float) -> float | str:
-    """Parse a weight of edges."""
-    if text == "auto":
-        return text
-    with suppress(ValueError):
-        if 0 <= float(text) < math.inf:
-            return float(text)
-    raise typer.BadParameter(f"{str(text)!r} must be auto or a number >= 0")
 
 
 def _weights(text: str) -> list[float]:
@@ -62,24 +47,9 @@ def _weights(text: str) -> list[float]:
     raise typer.BadParameter(f"{text!r} must be numbers > 0 with commas between them")
 
 
-def _number(text: str | float) -> float:
-    """Parse a finite number."""
-    with suppress(ValueError):
-        if math.isfinite(float(text)):
-            return float(text)
-    raise typer.BadParameter(f"{str(text)!r} must be a number")
-
-
-def _radius(text: str | float) -> float:
-    """Parse the radius of an average."""
-    with suppress(ValueError):
-        if 0 < float(text) <= _LARGEST_RADIUS:
-            return float(text)
-    raise typer.BadParameter(f"{str(text)!r} must be a number > 0 and at most {_LARGEST_RADIUS}")
-
-
-Versions = Annotated[
-    list[str], typer.Argument(metavar="VERSION", help="Versions of one picture: files, folders, or patterns.")
+VersionFiles = Annotated[
+    list[str],
+    typer.Argument(metavar="VERSION...", help="Versions of one image, all of one size: files, folders or patterns."),
 ]
 Segments = Annotated[
     Any,
@@ -87,48 +57,64 @@ Segments = Annotated[
         "--segments",
         "-k",
         metavar="N|auto",
-        parser=_COUNT,
-        help="Segments, auto for the elbow; with --detail kinds of patches, as 96.",
+        # More segments than this no file of labels holds.
+        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS - 1)),
+        help="Number of segments, or with --detail kinds of patches, such as 96; auto picks it by the energy.",
     ),
 ]
-Output = Annotated[Path, Option("--output", "-o", metavar="FILE", help="The restored picture.")]
+Output = Annotated[Path, Option("--output", "-o", metavar="FILE", help="Write the restored image.")]
 Masks = Annotated[
     list[Path] | None,
-    Option("--mask", metavar="FILE", help="What a version knows, black where nothing; once for each, in their order."),
-]
-Nodata = Annotated[
-    float | None, Option("--nodata", metavar="V", parser=_number, help="Pixels of this value in all bands are missing.")
-]
-Weights = Annotated[
-    str | None, Option("--weights", metavar="W,W,..", parser=_weights, help="How much each counts; else by its noise.")
-]
-EdgeWeight = Annotated[
-    str,
-    Option("--edge-weight", metavar="L|auto", parser=_edge_weight, help="What edges cost: 0 nothing, auto by noise."),
-]
-Averages = Annotated[str, Option("--averaging", metavar="NAME", help="Average against noise: none, before or after.")]
-Radius = Annotated[
-    float, Option("--radius", metavar="R", parser=_radius, help="Standard deviation of that average, in pixels.")
-]
-Renormalize = Annotated[
-    str,
     Option(
-        metavar="NAME", help="How colors get back their contrast where parts are painted over: range, median or none."
+        "--mask",
+        metavar="FILE",
+        help="Image that is black where a version is missing; once per version, in their order.",
     ),
 ]
-Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {options.SPACE_NAMES}.")]
-Align = Annotated[bool, Option("--align", help="Move each version to the place of the first.")]
-Channels = Annotated[bool, Option("--channels", help="Versions share segments but no colors; the first is restored.")]
-Detail = Annotated[bool, Option("--detail", help="For photographs: restore what is not flat too, patch by patch.")]
+Nodata = Annotated[
+    float | None,
+    Option("--nodata", metavar="V", parser=options.number(), help="Treat pixels that are V in all bands as missing."),
+]
+Weights = Annotated[
+    str | None,
+    Option("--weights", metavar="W,W,..", parser=_weights, help="Weight of each version; by default from its noise."),
+]
+EdgeWeight = Annotated[
+    Any,
+    Option(
+        "--edge-weight",
+        metavar="L|auto",
+        parser=options.or_auto(options.number(0)),
+        help="Penalty per pixel of border (>= 0); larger values give smoother segments; auto follows the noise.",
+    ),
+]
+Radius = Annotated[
+    float,
+    Option(
+        metavar="PIXELS",
+        parser=options.number(above=0, high=1000),
+        help="Standard deviation of the --averaging kernel.",
+    ),
+]
+Renormalize = Annotated[
+    Literal["range", "median", "none"],
+    Option(help="How to undo the loss of contrast where some versions are painted over."),
+]
+Align = Annotated[bool, Option("--align", help="Shift each version onto the first.")]
+Channels = Annotated[
+    bool, Option("--channels", help="Versions share segments but not colors, as channels do; the first is restored.")
+]
+Detail = Annotated[bool, Option("--detail", help="Restore texture too, patch by patch; for photographs.")]
 Labels = Annotated[
     Path | None, Option(metavar="FILE", help="Write the segment of each pixel, from 1: .png, .tif or .npy.")
 ]
-Sheet = Annotated[Path | None, Option(metavar="FILE", help="Draw the versions, and below them the restored picture.")]
+Sheet = Annotated[
+    Path | None, Option(metavar="FILE", help="Draw the versions and the restored image on one sheet, to compare.")
+]
 
 
-@dataclass(frozen=True, slots=True)
-class _Read:
-    """Versions and masks as they were read, and their names."""
+class Versions(NamedTuple):
+    """Versions and masks as they were read, and the names of their files."""
 
     images: list[NDArray[Any]]
     masks: list[NDArray[np.bool_]] | None
@@ -136,9 +122,8 @@ class _Read:
     mask_names: list[str]
 
 
-@with_running("report_file", "max_pixels")
 def restore(
-    versions: Versions,
+    versions: VersionFiles,
     segments: Segments,
     output: Output,
     mask: Masks = None,
@@ -148,54 +133,35 @@ def restore(
     channels: Channels = False,
     detail: Detail = False,
     renormalize: Renormalize = "range",
-    averaging: Averages = "none",
+    averaging: options.Averaging = "none",
     radius: Radius = 2,
     edge_weight: EdgeWeight = "auto",
     volume_power: options.VolumePower = 0,
-    space: Space = "rgb",
+    space: options.Space = "rgb",
     effort: options.Effort = "balanced",
     seed: options.Seed = 0,
     labels: Labels = None,
     sheet: Sheet = None,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
-    quiet: options.Quiet = False,
+    max_pixels: options.MaxPixels = None,
     *,
-    running: Running,
-) -> None:
-    """Put one picture together from noisy, incomplete versions of it.
+    common: options.CommonOptions,
+) -> int:
+    """Restore one image from several noisy or incomplete versions of it.
 
-    Transparent pixels are missing. What is painted over in one version and not in the others comes back, and what no
-    version knows is filled from around it. Pictures of few colors come out in N flat colors; photographs need
-    --detail. All versions have one size.
+    Transparent pixels are missing. What is painted over in one version but not in the others comes back, and what is
+    missing in all is filled from around it. The result has N flat colors; photographs need --detail.
     """
     from cvtimg import find_images
-    from cvtimg.colors import SPACES
-    from cvtimg.engine import EFFORTS
     from cvtimg.pictures.files import lossless_suffixes
-    from cvtimg.pictures.formats.opening import pixels_limited
-    from cvtimg.restoration import RENORMALIZATIONS
     from cvtimg.segmentation import Averaging
 
-    check_choice("--effort", effort, EFFORTS)
-    check_choice("--space", space, SPACES)
-    check_choice("--renormalize", renormalize, RENORMALIZATIONS)
-    check_choice("--averaging", averaging, ("none", "before", "after"))
-    check_choice("-o", output.suffix.lower(), lossless_suffixes())
-    if labels:
-        check_choice("--labels", labels.suffix.lower(), (".png", ".tif", ".tiff", ".npy"))
-    report = Report(COLUMNS, as_json=as_json, quiet=quiet)
-    found, missing = find(versions, find_images)
-    sources = list(found)
-    files = {"picture": output, "labels": labels, "sheet": sheet}
-    outputs = {kind: path for kind, path in files.items() if path}
-    _check_apart([*outputs.values(), *([running.file] if running.file else [])], [*sources, *(mask or [])])
-    if mask and len(mask) != len(sources) + len(missing):
-        raise WrongUsageError(f"--mask is given {len(mask)} times, for {len(sources) + len(missing)} versions")
-    start = perf_counter()
-    with pixels_limited(running.max_pixels):
-        read = _read(sources, mask, missing)
-    seconds = perf_counter() - start
+    check_suffix("-o", output, lossless_suffixes())
+    check_suffix("--labels", labels, (".png", ".tif", ".tiff", ".npy"))
+    outputs = {"-o": output, "--labels": labels, "--sheet": sheet}
+    plan = plan_one(versions, find_images, outputs, also_read=mask or [])
+    n_versions = sum(len(task.sources) for task in plan.tasks)
+    if mask and plan.tasks and len(mask) != n_versions:
+        raise WrongUsageError(f"--mask is given {len(mask)} times, for {n_versions} versions")
     how = {
         "n_generators": segments,
         "nodata": nodata,
@@ -211,23 +177,15 @@ def restore(
         "effort": effort,
         "rng": seed,
     }
-
-    def work(task: Task) -> Row:
-        return _restore(task, read, how, seconds, overwrite)
-
-    tasks = [] if missing else [Task(sources[0], outputs)]
-    raise typer.Exit(run(tasks, missing, work, report, overwrite=overwrite, running=running))
+    work = partial(_restore, masks=mask or [], how=how, overwrite=common.overwrite)
+    return run_plan(plan, work, COLUMNS, common, max_pixels=max_pixels)
 
 
-def _check_apart(outputs: Any, inputs: Sequence[Path]) -> None:
-    for path in outputs:
-        if any(path.exists() and source.exists() and path.samefile(source) for source in inputs):
-            raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
-
-
-def _read(sources: Sequence[Path], masks: Sequence[Path] | None, missing: Missing) -> _Read:
-    """Read all versions and masks; those that cannot be read join the missing."""
+def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
+    """Read all versions and masks, and name all that cannot be read."""
     from cvtimg import read_image
+
+    failed: Missing = []
 
     def read(paths: Sequence[Path]) -> list[NDArray[Any]]:
         found = []
@@ -235,11 +193,13 @@ def _read(sources: Sequence[Path], masks: Sequence[Path] | None, missing: Missin
             try:
                 found.append(read_image(path))
             except OSError as error:
-                missing.append((str(path), error))
+                failed.append((str(path), error))
         return found
 
-    images, known = read(sources), [_known(mask) for mask in read(masks or [])]
-    return _Read(images, known or None, [str(path) for path in sources], [str(path) for path in masks or []])
+    images, known = read(sources), [_known(mask) for mask in read(masks)]
+    if failed:
+        raise InputsFailedError(failed)
+    return Versions(images, known or None, [str(path) for path in sources], [str(path) for path in masks])
 
 
 def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:
@@ -252,21 +212,22 @@ def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray((bands[:, :, :-1] if has_alpha(bands.shape[2]) else bands).any(axis=2))
 
 
-def _restore(task: Task, read: _Read, how: Mapping[str, Any], seconds: float, overwrite: bool) -> Row:
+def _restore(
+    task: Task, stopwatch: Stopwatch, *, masks: Sequence[Path], how: Mapping[str, Any], overwrite: bool
+) -> Row:
     from cvtimg import restore
 
-    start = perf_counter()
+    read = _read(task.sources, masks)
+    stopwatch.lap("read")
     try:
         result = restore(read.images, masks=read.masks, **how)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
-    clustered = perf_counter()
+    stopwatch.lap("cluster")
     _write(task.outputs, result, read, how, overwrite)
-    written = perf_counter()
+    stopwatch.lap("write")
     return {
-        "input": str(task.source),
         "inputs": read.names,
-        "output": str(task.outputs["picture"]),
         "width": result.labels.shape[1],
         "height": result.labels.shape[0],
         "channels": result.image.shape[2] if result.image.ndim == 3 else 1,
@@ -280,34 +241,33 @@ def _restore(task: Task, read: _Read, how: Mapping[str, Any], seconds: float, ov
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
-        "seconds": {"read": seconds, "cluster": clustered - start, "write": written - clustered},
     }
 
 
-def _with_names(message: str, read: _Read) -> str:
+def _with_names(message: str, read: Versions) -> str:
     """Name files where a message tells of arguments."""
     message = re.sub(r"images\[(\d+)\]", lambda match: read.names[int(match[1])], message)
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
 
 def _write(
-    outputs: Mapping[str, Path], result: Restoration, read: _Read, how: Mapping[str, Any], overwrite: bool
+    outputs: Mapping[str, Path], result: Restoration, read: Versions, how: Mapping[str, Any], overwrite: bool
 ) -> None:
     import numpy as np
 
     from cvtimg import write_image
 
-    write_image(outputs["picture"], result.image, overwrite=overwrite)
-    if "labels" in outputs:
+    write_image(outputs["-o"], result.image, overwrite=overwrite)
+    if "--labels" in outputs:
         kind = np.uint8 if len(result.colors) < 256 else np.uint16
-        write_image(outputs["labels"], result.labels.astype(kind), overwrite=overwrite)
-    if "sheet" in outputs:
+        write_image(outputs["--labels"], result.labels.astype(kind), overwrite=overwrite)
+    if "--sheet" in outputs:
         from cvtimg.plotting.sheets import contact_sheet
 
-        write_image(outputs["sheet"], contact_sheet(_panels(result, read, how)), overwrite=overwrite)
+        write_image(outputs["--sheet"], contact_sheet(_panels(result, read, how)), overwrite=overwrite)
 
 
-def _panels(result: Restoration, read: _Read, how: Mapping[str, Any]) -> list[list[Panel]]:
+def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list[list[Panel]]:
     """Lay out the versions in rows, and below them what came of them."""
     import numpy as np
 

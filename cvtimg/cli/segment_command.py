@@ -1,20 +1,19 @@
-"""``cvtimg segment``: pictures to segments, and the edges, contours and tables of these."""
+"""``cvtimg segment``: images divided into segments, with their edges, contours and tables."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Running, Task, WrongUsageError, check_choice, check_outputs, find, run
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
-from cvtimg.cli.batch_options import for_many
-from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, file_names
+from cvtimg.cli.frame import run_plan
+from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, goes_by_tiles, segment_by_tiles
 
 if TYPE_CHECKING:
@@ -40,75 +39,136 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
-#: Options that need not the whole picture at a time.
-_BY_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
-_COUNT = options.count_or_auto(1, options.MAX_COLORS)
-_SIZE = options.whole_number(0, 2**31 - 1)
+#: Options that do not need the whole image at a time.
+_IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
+
+_PIXELS = options.whole_number(0, 2**31 - 1)
 _AMOUNT = options.number(0)
-_WIDTH = options.whole_number(1, 1000)
 
-
-def _weight(text: str | float) -> float | str:
-    return "auto" if text == "auto" else _AMOUNT(text)
-
-
-Number = Annotated[Any, Option("-k", metavar="N|auto", parser=_COUNT, help="Number of segments; auto: see elbow.")]
+Number = Annotated[
+    Any,
+    Option(
+        "-k",
+        metavar="N|auto",
+        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS)),
+        help="Number of segments; auto picks it at the elbow of the energy.",
+    ),
+]
 Labels = Annotated[
     Path | None,
-    Option("--output", "-o", metavar="FILE", help="Labels of the pixels, .png, .tif, .npy or .zarr; for one input."),
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write the label of each pixel, .png, .tif, .npy or .zarr; for one input.",
+    ),
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.png and so on.")]
 Write = Annotated[
     str,
-    Option(metavar="KIND,...", help=f"What to write by the names of the inputs: {KIND_NAMES}; or KIND.SUFFIX."),
+    Option(
+        metavar="KIND,...",
+        help=f"Outputs to write for each input, NAME-KIND: {KIND_NAMES}; or KIND.SUFFIX, such as contours.geojson.",
+    ),
 ]
-Mean = Annotated[Path | None, Option(metavar="FILE", help="Picture in the mean color of each segment.")]
-Edges = Annotated[Path | None, Option(metavar="FILE", help="Edges, white on black.")]
-Overlay = Annotated[Path | None, Option(metavar="FILE", help="Edges over the picture.")]
-ContourFile = Annotated[Path | None, Option("--contours", metavar="FILE", help="Polygons, .svg or .geojson.")]
-Table = Annotated[Path | None, Option(metavar="FILE", help="Figures of each segment, .csv.")]
-Coco = Annotated[Path | None, Option(metavar="FILE", help="Masks of the segments as COCO has them, .json.")]
-EdgeMode = Annotated[str, Option(metavar="NAME", help="Side that --edges are on: inner (bright), outer or thick.")]
-LineColor = Annotated[str, Option(metavar="#RRGGBB", parser=options.color, help="Color of the lines of --overlay.")]
-LineWidth = Annotated[int, Option(metavar="PIXELS", parser=_WIDTH, help="Width of the lines of --overlay.")]
-Subpixel = Annotated[bool, Option("--subpixel", help="Let --contours run between pixels, as the picture tells.")]
+Mean = Annotated[Path | None, Option(metavar="FILE", help="Write the image with each segment in its mean color.")]
+Edges = Annotated[Path | None, Option(metavar="FILE", help="Write the edges of the segments, white on black.")]
+Overlay = Annotated[Path | None, Option(metavar="FILE", help="Write the image with the edges drawn over it.")]
+ContourFile = Annotated[
+    Path | None, Option("--contours", metavar="FILE", help="Write the borders as polygons, .svg or .geojson.")
+]
+Table = Annotated[
+    Path | None, Option(metavar="FILE", help="Write the area, place and mean color of each segment, .csv.")
+]
+Coco = Annotated[Path | None, Option(metavar="FILE", help="Write the segments as COCO annotations, .json.")]
+EdgeMode = Annotated[
+    Literal["inner", "outer", "thick"],
+    Option(help="Pixels that --edges marks: inside the brighter segment, outside it, or both."),
+]
+LineColor = Annotated[
+    str, Option(metavar="#RRGGBB", parser=options.color, help="Color of the lines that --overlay draws.")
+]
+LineWidth = Annotated[
+    int,
+    Option(metavar="PIXELS", parser=options.whole_number(1, 1000), help="Width of the lines that --overlay draws."),
+]
+Subpixel = Annotated[bool, Option("--subpixel", help="Place --contours with subpixel accuracy.")]
 Simplify = Annotated[
-    float, Option(metavar="PIXELS", parser=_AMOUNT, help="How far --contours may be off, to be shorter.")
+    float, Option(metavar="PIXELS", parser=_AMOUNT, help="Simplify --contours, at most this far off the border.")
 ]
-AveragingName = Annotated[
-    str, Option("--averaging", metavar="WHEN", help="Average near pixels, for noise: none, before or after.")
-]
-Kernel = Annotated[str, Option(metavar="NAME", help="Weights of --averaging: gaussian or box.")]
+Kernel = Annotated[Literal["gaussian", "box"], Option(help="Kernel of --averaging.")]
 Radius = Annotated[float, Option(metavar="PIXELS", parser=_AMOUNT, help="Radius of --averaging.")]
 EdgeWeight = Annotated[
-    Any, Option(metavar="L", parser=_weight, help="What edges cost, >= 0, so that they are few; auto: by the noise.")
+    Any,
+    Option(
+        metavar="L|auto",
+        parser=options.or_auto(_AMOUNT),
+        help="Penalty per pixel of border (>= 0); larger values give smoother segments; auto follows the noise.",
+    ),
 ]
 EdgeRadius = Annotated[
-    int, Option(metavar="PIXELS", parser=options.whole_number(1, 30), help="How far --edge-weight looks.")
+    int,
+    Option(metavar="PIXELS", parser=options.whole_number(1, 30), help="Radius of the neighborhood of --edge-weight."),
 ]
-Components = Annotated[bool, Option("--components", help="Make each connected piece a segment of its own.")]
+Components = Annotated[bool, Option("--components", help="Make each connected component a segment of its own.")]
 MinSize = Annotated[
-    int, Option(metavar="PIXELS", parser=_SIZE, help="Let neighbors take pieces that are smaller than this.")
+    int, Option(metavar="PIXELS", parser=_PIXELS, help="Merge components smaller than this into a neighbor.")
 ]
 BorderPrice = Annotated[
     float,
-    Option(metavar="P", parser=_AMOUNT, help="With --components: join neighbors if that costs less a pixel of border."),
+    Option(
+        metavar="P",
+        parser=_AMOUNT,
+        help="With --components: merge neighbors where that costs less per pixel of border.",
+    ),
 ]
-Mask = Annotated[Path | None, Option(metavar="FILE", help="Picture of what to leave out: black there.")]
+Mask = Annotated[Path | None, Option(metavar="FILE", help="Image of the same size: leave out pixels that are black.")]
 NoData = Annotated[
-    float | None, Option("--nodata", metavar="V", help="Leave out pixels with V in all bands; a GeoTIFF tells its own.")
+    float | None,
+    Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),
 ]
-Superpixels = Annotated[bool, Option("--superpixels", help="Divide into about N connected cells of like size.")]
-Space = Annotated[str, Option(metavar="NAME", help=f"Where distances are measured: {options.SPACE_NAMES}.")]
-Seed = Annotated[int, Option("--seed", metavar="N", parser=options.SEED, help="Seed of what is drawn.")]
+Superpixels = Annotated[
+    bool, Option("--superpixels", help="Divide into about N connected superpixels of similar size.")
+]
 Compactness = Annotated[
-    float | None, Option(metavar="C", parser=_AMOUNT, help="How round the cells of --superpixels are.")
+    float | None, Option(metavar="C", parser=_AMOUNT, help="Compactness of --superpixels; larger values: rounder.")
 ]
 
 
-@for_many
+@dataclass(frozen=True, slots=True)
+class SegmentOptions:
+    """What is done to each image: a number of segments, and options of `segment` or of `superpixels`."""
+
+    number: int | str
+    keywords: Mapping[str, Any]
+    superpixels: bool
+    mask: Path | None
+    nodata: float | None
+
+    def segments(self, image: NDArray[Any], number: int, known: NDArray[np.bool_]) -> Segmentation:
+        """Divide an image."""
+        import cvtimg
+
+        divide = cvtimg.superpixels if self.superpixels else cvtimg.segment
+        return divide(image, number, mask=known, **self.keywords)
+
+    @property
+    def in_tiles(self) -> dict[str, Any]:
+        """Options that do not need the whole image."""
+        return {name: self.keywords[name] for name in _IN_TILES}
+
+    @property
+    def unfit(self) -> dict[str, Any]:
+        """Options given that need the whole image, by the names that people give them."""
+        given = {"--superpixels": self.superpixels, "-k auto": self.number == "auto", "--mask": self.mask}
+        given |= {
+            f"--{name.replace('_', '-')}": value for name, value in self.keywords.items() if name not in _IN_TILES
+        }
+        return {name: value for name, value in given.items() if value}
+
+
 def segment(
-    inputs: options.Pictures,
+    inputs: options.Images,
     number: Number,
     output: Labels = None,
     out_dir: OutDir = None,
@@ -124,8 +184,8 @@ def segment(
     line_width: LineWidth = 1,
     subpixel: Subpixel = False,
     simplify: Simplify = 0,
-    space: Space = "rgb",
-    averaging: AveragingName = "none",
+    space: options.Space = "rgb",
+    averaging: options.Averaging = "none",
     kernel: Kernel = "gaussian",
     radius: Radius = 2,
     edge_weight: EdgeWeight = 0,
@@ -139,55 +199,45 @@ def segment(
     nodata: NoData = None,
     volume_power: options.VolumePower = 0,
     effort: options.Effort = "balanced",
-    seed: Seed = 0,
-    overwrite: options.Overwrite = False,
-    as_json: options.AsJson = False,
-    quiet: options.Quiet = False,
+    seed: options.Seed = 0,
+    skip_existing: options.SkipExisting = False,
+    max_pixels: options.MaxPixels = None,
     *,
-    running: Running,
-) -> None:
-    """Divide pictures into N segments, each of the pixels that are nearest to its mean color.
+    common: options.BatchOptions,
+) -> int:
+    """Divide images into N segments of similar color.
 
-    Labels count from 1, dark to bright; 0 is what is left out: what --mask and --nodata say, and transparent pixels.
-    Without any output named, one input gives NAME-labels.png beside it; with --write all inputs give the files that
-    it lists. Contours are in pixels from the upper left corner, or where a GeoTIFF lies, in its coordinates.
-    Labels alone, from TIFF to .tif, of a picture of over 2^26 pixels are made by tiles, as are those of Zarr.
+    Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, and transparent
+    ones. If no output is named, the labels of one input go to NAME-labels.png beside it; with --write each input
+    gets the outputs listed. Contours are in pixels from the upper left corner, or in the coordinates of a GeoTIFF.
+
+    Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
-    import cvtimg
-    from cvtimg.labels.edges import EDGE_MODES
+    from cvtimg import find_images
 
-    check_choice("--effort", effort, cvtimg.engine.EFFORTS)
-    check_choice("--space", space, cvtimg.colors.SPACES)
-    check_choice("--edge-mode", edge_mode, EDGE_MODES)
     if superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
         _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price)
         if number == "auto":
             raise WrongUsageError("-k auto and --superpixels exclude each other")
-        how: dict[str, Any] = {} if compactness is None else {"compactness": compactness}
-        find_segments = partial(cvtimg.superpixels, space=space, **how)
+        keywords: dict[str, Any] = {} if compactness is None else {"compactness": compactness}
     elif compactness is not None:
         raise WrongUsageError("--compactness needs --superpixels")
     elif border_price and not components:
         raise WrongUsageError("--border-price needs --components")
     else:
-        how = {"volume_power": volume_power, "effort": effort, "rng": seed, "space": space}
-        how |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
-        how |= {"components": components, "min_size": min_size, "border_price": border_price}
-        find_segments = partial(cvtimg.segment, averaging=_averaging(averaging, kernel, radius), **how)
+        keywords = {"volume_power": volume_power, "effort": effort, "rng": seed}
+        keywords |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
+        keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
+        keywords["averaging"] = _averaging(averaging, kernel, radius)
+    how = SegmentOptions(number, {**keywords, "space": space}, superpixels, mask, nodata)
     style = Style(edge_mode, tuple(bytes.fromhex(line_color)[:3]), line_width, subpixel, simplify)
+    files = {"-o": output, "--mean": mean, "--edges": edges, "--overlay": overlay, "--contours": contours}
+    outputs = outputs_of(write, {**files, "--table": table, "--coco": coco})
+    plan = plan_each(inputs, find_images, outputs, out_dir=out_dir, also_read=[mask])
     columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" else COLUMNS
-    report = Report(columns, as_json=as_json, quiet=quiet)
-    sources, missing = find(inputs, cvtimg.find_images, out_dir)
-    files = {"labels": output, "mean": mean, "edges": edges, "overlay": overlay, "contours": contours}
-    files |= {"table": table, "coco": coco}
-    flags = {"-o" if kind == "labels" else f"--{kind}": path for kind, path in files.items()}
-    check_outputs(len(sources) + len(missing), out_dir, flags)
-    names = file_names(write, files)
-    tasks = [Task(source, _outputs(names, source, folder)) for source, folder in sources.items()]
-    work = partial(_segment, number=number, find_segments=find_segments, mask=mask, nodata=nodata)
-    work = partial(work, style=style, overwrite=overwrite, max_pixels=running.max_pixels)
-    raise typer.Exit(run(tasks, missing, work, report, out_dir=out_dir, overwrite=overwrite, running=running))
+    work = partial(_segment, how=how, style=style, overwrite=common.overwrite, max_pixels=max_pixels)
+    return run_plan(plan, work, columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _exclude(option: str, **others: Any) -> None:
@@ -198,54 +248,34 @@ def _exclude(option: str, **others: Any) -> None:
 
 
 def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
-    from cvtimg.segmentation.averaging import KERNELS, WHEN, Averaging
+    from cvtimg.segmentation.averaging import Averaging
 
-    check_choice("--averaging", when, ["none", *WHEN])
-    check_choice("--kernel", kernel, KERNELS)
     try:
         return None if when == "none" else Averaging(when, kernel, radius)
     except ValueError as error:
         raise WrongUsageError(f"--radius: {error}") from error
 
 
-def _outputs(names: Mapping[str, Path | str], source: Path, folder: Path) -> dict[str, Path]:
-    """Name the files that shall come of an input."""
-    return {kind: name if isinstance(name, Path) else folder / f"{source.stem}{name}" for kind, name in names.items()}
-
-
 def _segment(
-    task: Task,
-    *,
-    number: Any,
-    find_segments: partial[Segmentation],
-    mask: Path | None,
-    nodata: float | None,
-    style: Style,
-    overwrite: bool,
-    max_pixels: int | None,
+    task: Task, stopwatch: Stopwatch, *, how: SegmentOptions, style: Style, overwrite: bool, max_pixels: int | None
 ) -> Row:
     from cvtimg import read_image
     from cvtimg.pictures import image_info
 
     if _goes_by_tiles(task):
-        unfit = {"-k auto": number == "auto", "--mask": mask, **_unfit(find_segments)}
-        check_fit(task.source, unfit, max_pixels)
-        options = {name: find_segments.keywords[name] for name in _BY_TILES}
-        return segment_by_tiles(task, number, nodata, {**options, "overwrite": overwrite})
-    start = perf_counter()
+        check_fit(task.source, how.unfit, max_pixels)
+        return segment_by_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
     header = image_info(task.source)
-    image, known = _known(read_image(task.source), header, nodata)
-    if mask:
-        known = known & _read_mask(mask, known.shape)
-    read = perf_counter()
-    curve = _energy_curve(image, known, find_segments.keywords) if number == "auto" else None
-    result = find_segments(image, curve.elbow() if curve else number, mask=known)
-    clustered = perf_counter()
+    image, known = _known(read_image(task.source), header, how.nodata)
+    if how.mask:
+        known = known & _read_mask(how.mask, known.shape)
+    stopwatch.lap("read")
+    curve = _energy_curve(image, known, how.keywords) if how.number == "auto" else None
+    result = how.segments(image, curve.elbow() if curve else int(how.number), known)
+    stopwatch.lap("cluster")
     Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
-    written = perf_counter()
+    stopwatch.lap("write")
     return {
-        "input": str(task.source),
-        "output": str(next(iter(task.outputs.values()))),
         "width": image.shape[1],
         "height": image.shape[0],
         "channels": image.shape[2] if image.ndim == 3 else 1,
@@ -256,28 +286,18 @@ def _segment(
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
-        "seconds": {"read": read - start, "cluster": clustered - read, "write": written - clustered},
     }
 
 
 def _goes_by_tiles(task: Task) -> bool:
-    """Whether only labels are asked for, of a picture that is large enough, or anything of a Zarr array."""
+    """Whether only labels are asked for, of an image that is large enough, or anything of a Zarr array."""
     targets = list(task.outputs.values())
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr"]
-    if len(targets) > 1 or not next(iter(task.outputs)).startswith("labels"):
+    if [kind_of(option) for option in task.outputs] != ["labels"]:
         if zarr:
-            raise ValueError(f"only labels are made by tiles, and {zarr[0]} is not otherwise read and written")
+            raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
         return False
     return goes_by_tiles(task.source, targets[0])
-
-
-def _unfit(find_segments: partial[Segmentation]) -> dict[str, Any]:
-    """Return which options that need the whole picture are given."""
-    import cvtimg
-
-    how = find_segments.keywords
-    given = {f"--{name.replace('_', '-')}": value or None for name, value in how.items() if name not in _BY_TILES}
-    return {"--superpixels": find_segments.func is cvtimg.superpixels, **given}
 
 
 def _energy_curve(image: NDArray[Any], known: NDArray[np.bool_], how: Mapping[str, Any]) -> EnergyCurve:

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import check_choice
+from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.labels.formats import CONTOUR_FORMATS
 
 if TYPE_CHECKING:
@@ -41,24 +41,29 @@ class Style(NamedTuple):
     simplify: float
 
 
-def file_names(written: str, files: Mapping[str, Path | None]) -> dict[str, Path | str]:
-    """List outputs as KIND.SUFFIX: files that are named, or else the end of a name that is made of the input's.
+def outputs_of(written: str, files: Mapping[str, Path | None]) -> dict[str, Path | str]:
+    """Name the outputs of each image, by option.
 
-    `written` is the option ``--write``, `files` are the options that name one file, by kind.
+    `written` is the option ``--write``, `files` are the options that name one file.
     """
-    names: dict[str, Path | str] = {}
+    outputs: dict[str, Path | str] = {}
     for item in filter(None, (part.strip() for part in written.split(","))):
         kind, dot, end = item.partition(".")
-        check_choice("--write", kind, KINDS)
+        if kind not in KINDS:
+            raise WrongUsageError(f"--write: {kind!r} must be one of {', '.join(KINDS)}")
         suffix = dot + end.lower() if dot else KINDS[kind][0]
-        check_choice(f"--write {kind}", suffix, KINDS[kind])
-        names[kind + suffix] = f"-{kind}{suffix}"
-    for kind, path in files.items():
+        check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), KINDS[kind])
+        outputs[f"--write {kind}{suffix}"] = f"{{}}-{kind}{suffix}"
+    for option, path in files.items():
         if path:
-            option = "-o" if kind == "labels" else f"--{kind}"
-            check_choice(option, path.suffix.lower(), KINDS[kind])
-            names[kind + path.suffix.lower()] = path
-    return names or {"labels.png": "-labels.png"}
+            check_suffix(option, path, KINDS[kind_of(option)])
+            outputs[option] = path
+    return outputs or {"-o": "{}-labels.png"}
+
+
+def kind_of(option: str) -> str:
+    """Return the kind of output that an option names: "--mean", "--write mean.png", or "-o" for labels."""
+    return "labels" if option == "-o" else option.removeprefix("--").removeprefix("write ").partition(".")[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +86,9 @@ class Subject:
         return find_contours(self.labels, image, tolerance=self.style.simplify)
 
     def write(self, outputs: Mapping[str, Path]) -> None:
-        """Write what was asked for, by KIND.SUFFIX."""
-        for name, path in outputs.items():
-            _WRITERS[name.partition(".")[0]](self, path)
+        """Write what was asked for, by option."""
+        for option, path in outputs.items():
+            _WRITERS[kind_of(option)](self, path)
 
 
 def _write_labels(subject: Subject, path: Path) -> None:

@@ -1,12 +1,12 @@
-"""One palette for all pictures of a batch."""
+"""One palette for all images of a batch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Missing, Running, Task, WrongUsageError, check_no_clash, fold
+from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,36 +17,40 @@ __all__ = ["share"]
 
 
 def share(
-    tasks: Sequence[Task],
-    missing: Missing,
+    plan: Plan,
     find: Callable[[ColorSamples], NDArray[Any]],
+    *,
     depth: str | None,
+    max_pixels: int | None,
     running: Running,
-) -> tuple[list[Task], NDArray[Any] | None]:
-    """Find the palette of all pictures together.
+) -> NDArray[Any] | None:
+    """Find the palette of all images together, and move those that cannot be read to the missing of the plan.
 
     Returns
     -------
-    list of Task
-        Those whose picture was counted; the others are now in `missing`, with the reason.
     array or None
-        What `find` makes of the sum of the densities; None if no picture is left.
+        What `find` makes of the sum of the densities; None if no image is left.
     """
     from cvtimg.quantization.sharing import add_samples, in_fixed_order
 
-    check_no_clash(tasks)
+    check_plan(plan, running)
     palette = None
     try:
-        total, failed = fold(tasks, partial(_count, depth=depth), add_samples, running)
+        total, failed = fold(plan.tasks, partial(_count, depth=depth, max_pixels=max_pixels), add_samples, running)
         if total is not None:
             palette = find(in_fixed_order(total))
     except ValueError as error:
         raise WrongUsageError(f"--shared-palette: {error}") from error
-    missing += [(str(task.source), OSError(failed[task.source])) for task in tasks if task.source in failed]
-    return [task for task in tasks if task.source not in failed], palette
+    plan.missing += [(str(task.source), OSError(failed[task.source])) for task in plan.tasks if task.source in failed]
+    plan.tasks = [task for task in plan.tasks if task.source not in failed]
+    return palette
 
 
-def _count(task: Task, *, depth: str | None) -> ColorSamples:
+def _count(task: Task, *, depth: str | None, max_pixels: int | None) -> ColorSamples:
+    from cvtimg.pictures.formats.opening import pixels_limited
     from cvtimg.quantization.sharing import count_picture
 
-    return count_picture(task.source, depth)
+    if max_pixels is None:
+        return count_picture(task.source, depth)
+    with pixels_limited(max_pixels):
+        return count_picture(task.source, depth)

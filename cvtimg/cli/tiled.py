@@ -6,10 +6,9 @@ import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
-from cvtimg.batch import Row, Task
+from cvtimg.batch import Row, Stopwatch, Task
 
 __all__ = ["check_fit", "goes_by_tiles", "quantize_by_tiles", "segment_by_tiles"]
 
@@ -46,19 +45,17 @@ def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) ->
         raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
 
 
-def quantize_by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool) -> Row:
-    """Quantize a picture by tiles."""
+def quantize_by_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, Any], *, overwrite: bool) -> Row:
+    """Quantize an image by tiles."""
     from cvtimg import write_palette
     from cvtimg.quantization import quantize_file
 
-    start = perf_counter()
-    result = quantize_file(task.source, task.outputs["picture"], overwrite=overwrite, **options)
-    if "palette" in task.outputs:
-        write_palette(task.outputs["palette"], result.palette, overwrite=overwrite)
+    result = quantize_file(task.source, task.output, overwrite=overwrite, **options)
+    if "--save-palette" in task.outputs:
+        write_palette(task.outputs["--save-palette"], result.palette, overwrite=overwrite)
+    stopwatch.lap("all")
     tessellation = result.tessellation
     return {
-        "input": str(task.source),
-        "output": str(task.outputs["picture"]),
         "width": result.shape[1],
         "height": result.shape[0],
         "channels": result.palette.shape[1],
@@ -70,27 +67,25 @@ def quantize_by_tiles(task: Task, options: Mapping[str, Any], *, overwrite: bool
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
         "n_iter": tessellation.n_iter if tessellation else 0,
         "converged": tessellation.converged if tessellation else True,
-        "seconds": {"all": perf_counter() - start},
     }
 
 
-def segment_by_tiles(task: Task, number: int, nodata: float | None, options: Mapping[str, Any]) -> Row:
-    """Segment a picture by tiles."""
+def segment_by_tiles(
+    task: Task, stopwatch: Stopwatch, number: int, nodata: float | None, options: Mapping[str, Any]
+) -> Row:
+    """Segment an image by tiles."""
     from cvtimg.pictures import image_info
     from cvtimg.pictures.formats.opening import pixels_limited
     from cvtimg.segmentation import segment_file
 
-    start = perf_counter()
-    (target,) = task.outputs.values()
     known: dict[str, Any] = {"nodata": nodata}
     if task.source.suffix.lower() != ".zarr":
-        with pixels_limited(sys.maxsize):  # of a header there is no need to be afraid
+        with pixels_limited(sys.maxsize):  # a header is safe to read whatever size it declares
             header = image_info(task.source)
         known = {"nodata": header.nodata if nodata is None else nodata, "has_alpha": header.has_alpha}
-    result = segment_file(task.source, target, number, **known, **options)
+    result = segment_file(task.source, task.output, number, **known, **options)
+    stopwatch.lap("all")
     return {
-        "input": str(task.source),
-        "output": str(target),
         "width": result.shape[1],
         "height": result.shape[0],
         "channels": result.generators.shape[1],
@@ -101,5 +96,4 @@ def segment_by_tiles(task: Task, number: int, nodata: float | None, options: Map
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
-        "seconds": {"all": perf_counter() - start},
     }

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import threading
 import time
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,7 +22,7 @@ import works
 
 from cvtimg import find_images, write_image
 from cvtimg._shared.threads import n_threads
-from cvtimg.batch import Report, Running, Task, WrongUsageError, find, run
+from cvtimg.batch import Plan, Report, Running, Task, WrongUsageError, find, run
 from cvtimg.cli import app as cli
 from cvtimg.files.whole import whole_file
 
@@ -44,7 +43,7 @@ def inputs(n: int) -> list[Task]:
     Path("in").mkdir(exist_ok=True)
     for number in range(n):
         Path(f"in/{number}").write_text(f"content {number}")
-    return [Task(Path(f"in/{number}"), {"copy": Path(f"out/{number}")}) for number in range(n)]
+    return [Task((Path(f"in/{number}"),), {"copy": Path(f"out/{number}")}) for number in range(n)]
 
 
 def report() -> Report:
@@ -114,14 +113,14 @@ def test_outputs_that_clash_are_told_before_any_work(here: Path, capsys: pytest.
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.CaptureFixture[str], jobs: int) -> None:
     tasks = inputs(7)
-    assert run(tasks, [], works.copy, report(), out_dir=Path("out"), running=Running(jobs)) == 0
+    assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running(jobs)) == 0
     assert [row["input"] for row in rows(capsys)] == [str(task.source) for task in tasks]
     assert all(Path(f"out/{number}").read_text() == f"content {number}" for number in range(7))
 
 
 def test_threads_times_jobs_are_no_more_than_the_cores(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     jobs = n_threads() + 1
-    run(inputs(jobs * 2), [], works.threads, report(), out_dir=Path("out"), running=Running(jobs))
+    run(Plan(inputs(jobs * 2), out_dir=Path("out")), works.threads, report(), Running(jobs))
     found = rows(capsys)
     assert {row["threads"] for row in found} == {1}
     assert os.getpid() not in {row["process"] for row in found}
@@ -132,7 +131,7 @@ def test_a_worker_that_dies_takes_only_its_own_input_with_it(here: Path, capsys:
     tasks = inputs(6)
     for number in (0, 4, 5):
         tasks[number].source.write_bytes(b"die")
-    assert run(tasks, [], works.copy_or_die, report(), out_dir=Path("out"), running=Running(2)) == 1
+    assert run(Plan(tasks, out_dir=Path("out")), works.copy_or_die, report(), Running(2)) == 1
     failed = {row["input"]: row["error"] for row in rows(capsys) if "error" in row}
     assert set(failed) == {"in/0", "in/4", "in/5"}
     assert all("worker process was killed by SIGKILL" in str(why) for why in failed.values())
@@ -140,7 +139,7 @@ def test_a_worker_that_dies_takes_only_its_own_input_with_it(here: Path, capsys:
 
 
 def test_a_row_that_cannot_be_sent_fails_its_own_input(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(inputs(2), [], works.unsendable, report(), out_dir=Path("out"), running=Running(2)) == 1
+    assert run(Plan(inputs(2), out_dir=Path("out")), works.unsendable, report(), Running(2)) == 1
     assert [list(row) for row in rows(capsys)] == [["input", "error"]] * 2
 
 
@@ -156,7 +155,7 @@ def test_an_interrupt_stops_all_workers_and_leaves_no_half_file(here: Path) -> N
     watcher = threading.Thread(target=interrupt_once_all_write)
     watcher.start()
     with pytest.raises(KeyboardInterrupt):
-        run(tasks, [], works.half_a_copy, report(), out_dir=Path("out"), running=Running(2))
+        run(Plan(tasks, out_dir=Path("out")), works.half_a_copy, report(), Running(2))
     watcher.join()
     assert not Path("out").exists()
     assert not multiprocessing.active_children()
@@ -197,11 +196,11 @@ def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
 
 def test_skip_existing_goes_on_where_a_run_was_stopped(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tasks = inputs(5)
-    go = partial(run, out_dir=Path("out"), running=Running(skip_existing=True))
-    assert go(tasks[:2], [], works.copy, report()) == 0
+    running = Running(skip_existing=True)
+    assert run(Plan(tasks[:2], out_dir=Path("out")), works.copy, report(), running) == 0
     Path("out/1").write_text("mine")
     capsys.readouterr()
-    assert go(tasks, [], works.copy, report()) == 0
+    assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), running) == 0
     assert [row["input"] for row in rows(capsys) if row.get("skipped")] == ["in/0", "in/1"]
     assert Path("out/1").read_text() == "mine"
     assert len(list(Path("out").iterdir())) == 5
@@ -210,8 +209,8 @@ def test_skip_existing_goes_on_where_a_run_was_stopped(here: Path, capsys: pytes
 def test_an_input_with_some_of_its_outputs_is_done_again(here: Path) -> None:
     Path("in").write_text("content")
     Path("one").write_text("of a run that was killed before it wrote the other")
-    task = Task(Path("in"), {"one": Path("one"), "two": Path("two")})
-    assert run([task], [], works.copy, report(), running=Running(skip_existing=True)) == 0
+    task = Task((Path("in"),), {"one": Path("one"), "two": Path("two")})
+    assert run(Plan([task]), works.copy, report(), Running(skip_existing=True)) == 0
     assert Path("one").read_text() == Path("two").read_text() == "content"
 
 
@@ -256,7 +255,7 @@ def test_leftovers_of_killed_runs_go_and_those_of_live_ones_stay(here: Path) -> 
     Path("out").mkdir()
     Path("out/.cvtimg-0123.part").write_text("half")
     with whole_file("out/other") as file:
-        assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 0
+        assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running()) == 0
         file.write(b"whole")
     assert {path.name for path in Path("out").iterdir()} == {"0", "other"}
     assert Path("out/other").read_text() == "whole"
@@ -270,7 +269,7 @@ def test_a_full_disk_fails_what_does_not_fit_and_nothing_else(here: Path, capsys
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
     try:
-        assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 1
+        assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running()) == 1
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, ignored)
@@ -303,7 +302,7 @@ def test_a_folder_that_is_read_only_is_named(here: Path, capsys: pytest.CaptureF
 def test_an_input_that_vanishes_fails_alone(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tasks = inputs(3)
     tasks[1].source.unlink()
-    assert run(tasks, [], works.copy, report(), out_dir=Path("out")) == 1
+    assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running()) == 1
     assert [row.get("error") for row in rows(capsys)] == [None, "no such file or directory", None]
 
 
@@ -311,7 +310,7 @@ def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
     tasks = inputs(2)
     Path("out").symlink_to("in")
     with pytest.raises(WrongUsageError, match="is an input"):
-        run(tasks, [], works.copy, report(), overwrite=True, running=Running(2))
+        run(Plan(tasks), works.copy, report(), Running(2, overwrite=True))
     assert Path("in/0").read_text() == "content 0"
 
 

@@ -112,13 +112,13 @@ def test_nothing_is_overwritten_unasked(drawing: Path, tmp_path: Path, capsys: p
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--rule", "knee"], "--rule: 'knee' must be one of chord"),
+        (["--rule", "knee"], "--rule': 'knee' must be one of chord"),
         (["--target", "3"], "--target is for --rule variance and psnr"),
-        (["--plot", "a.gif"], "--plot: '.gif' must be one of .png, .svg"),
+        (["--plot", "a.gif"], ".gif' must end in one of .png, .svg"),
         (["--k-max", "0"], "must be a whole number in 1"),
-        (["--space", "hsv"], "--space: 'hsv' must be one of rgb"),
-        (["--effort", "much"], "--effort: 'much' must be one of fast"),
-        (["--effort", "best", "--edge-weight", "3"], "--effort is not for --averaging and --edge-weight"),
+        (["--space", "hsv"], "--space': 'hsv' must be one of rgb"),
+        (["--effort", "much"], "--effort': 'much' must be one of fast"),
+        (["--effort", "best", "--edge-weight", "3"], "--effort cannot be used with --averaging or --edge-weight"),
     ],
 )
 def test_wrong_usage_is_told(
@@ -179,7 +179,7 @@ def test_edges_count_as_in_segment(drawing: Path, table: Path, capsys: pytest.Ca
     assert row["energies"] == segment_curve(read_image(drawing), 8, edge_weight=30).energies.tolist()
     assert row["energies"] != energy_curve(read_image(drawing), 8).energies.tolist()
     assert main(["elbow", str(table), *options]) == 1
-    assert "for pictures, not for tables" in capsys.readouterr().err
+    assert "for images, not for tables" in capsys.readouterr().err
 
 
 def test_the_number_of_jobs_changes_nothing(

@@ -95,7 +95,7 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     write_image(tmp_path / "bands.tif", np.zeros((2, 2, 6), np.uint8))
     cases = [
         (["a.png", "b.png", "--save-palette", "c.hex"], 2, "--save-palette is for one input, and these are 2"),
-        (["a.png", "--save-palette", "c.xyz"], 2, "'.xyz' must be one of .gpl"),
+        (["a.png", "--save-palette", "c.xyz"], 2, "c.xyz' must end in one of .gpl"),
         (["b.png"], 1, "b.png: no such file"),
         (["bands.tif"], 1, "has 6 bands, which are no colors"),
     ]

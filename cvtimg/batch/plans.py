@@ -1,0 +1,216 @@
+"""What a command is going to do: inputs as people name them, where their outputs go, and what is refused beforehand."""
+
+from __future__ import annotations
+
+import glob
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+from typing import TypeAlias
+
+from cvtimg.batch.tasks import Missing, Task, WrongUsageError
+
+__all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
+
+#: Files to write, by the option that names each: a path as given; a pattern such as ``"{}-labels.png"``, which takes
+#: the name of the input without its suffix; or None where an option is not given. The main output is ``"-o"``.
+Outputs: TypeAlias = Mapping[str, Path | str | None]
+
+
+@dataclass(slots=True)
+class Plan:
+    """Tasks of a run.
+
+    Attributes
+    ----------
+    tasks : list of Task
+        Inputs with their outputs.
+    missing : list of (str, OSError)
+        Arguments that name no input, and why.
+    out_dir : Path, optional
+        Folder of outputs, made if it is missing.
+    also_read : sequence of Path
+        Other files that are read, such as masks: no output replaces them.
+    joint : mapping of str to Path
+        Files that are written of all inputs together, by option.
+    """
+
+    tasks: list[Task]
+    missing: Missing = field(default_factory=list)
+    out_dir: Path | None = None
+    also_read: Sequence[Path] = ()
+    joint: Mapping[str, Path] = field(default_factory=dict)
+
+
+def plan_each(
+    inputs: Iterable[str],
+    expand: Callable[[str], list[Path]],
+    outputs: Outputs | None = None,
+    *,
+    out_dir: Path | None = None,
+    also_read: Iterable[Path | None] = (),
+    joint: Mapping[str, Path | None] | None = None,
+) -> Plan:
+    """Plan a task for each input.
+
+    Parameters
+    ----------
+    inputs, expand, out_dir
+        As in `find`.
+    outputs : mapping of str to path, pattern or None
+        Files to write for each input.
+    also_read : iterable of paths or None
+        Other files that are read.
+    joint : mapping of str to path or None
+        Files that are written of all inputs together.
+
+    Raises
+    ------
+    WrongUsageError
+        If options that name one file are given for several inputs, or several inputs have no folder for outputs.
+    """
+    wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
+    sources, missing = find(inputs, expand, out_dir)
+    _check_outputs(len(sources) + len(missing), out_dir, wanted)
+    tasks = [
+        Task((source,), {option: _output(path, source, folder) for option, path in wanted.items()})
+        for source, folder in sources.items()
+    ]
+    return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}))
+
+
+def plan_one(
+    inputs: Iterable[str],
+    expand: Callable[[str], list[Path]],
+    outputs: Mapping[str, Path | None],
+    *,
+    also_read: Iterable[Path | None] = (),
+) -> Plan:
+    """Plan one task of all inputs together, which may be none; parameters are those of `plan_each`."""
+    sources, missing = find(inputs, expand)
+    return Plan([] if missing else [Task(tuple(sources), _given(outputs))], missing, None, [p for p in also_read if p])
+
+
+def _given(files: Mapping[str, Path | None]) -> dict[str, Path]:
+    return {option: path for option, path in files.items() if path}
+
+
+def _output(path: Path | str, source: Path, folder: Path) -> Path:
+    return path if isinstance(path, Path) else folder / path.format(source.stem)
+
+
+def find(
+    inputs: Iterable[str], expand: Callable[[str], list[Path]], out_dir: Path | None = None
+) -> tuple[dict[Path, Path], Missing]:
+    """List the files that the arguments name, each once, and the arguments that name none.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+        Files, folders and patterns; "-" stands for a list on standard input, a name a line, or with a zero byte
+        between names.
+    expand : callable
+        From an argument to the files that it names.
+    out_dir : Path, optional
+        Folder of outputs. What lies in it inside an input folder came from an earlier run, and is no input.
+
+    Returns
+    -------
+    dict of Path to Path
+        For each file the folder that its outputs go to: its own, or, in `out_dir`, the one that it has below the
+        folder or pattern that named it. Files of a list keep the folders that they have below the working folder.
+    list of (str, OSError)
+        Arguments that name no file, and why.
+    """
+    sources: dict[Path, Path] = {}
+    missing: Missing = []
+    outside = out_dir.resolve() if out_dir else None
+    for text, root in _listed(inputs):
+        try:
+            found = expand(text)
+        except OSError as error:
+            missing.append((text, error))
+            continue
+        if outside and Path(text).resolve() in outside.parents:
+            found = [path for path in found if outside not in path.resolve().parents]
+        for path in found:
+            sources.setdefault(path, out_dir / _below(path, root) if out_dir else path.parent)
+    return sources, missing
+
+
+def _listed(inputs: Iterable[str]) -> Iterator[tuple[str, Path]]:
+    """Give each argument, and those on standard input, with the folder below which it keeps its folders."""
+    for text in inputs:
+        if text == "-":
+            content = os.fsencode(sys.stdin.read()) if not hasattr(sys.stdin, "buffer") else sys.stdin.buffer.read()
+            names = content.split(b"\0") if b"\0" in content else content.splitlines()
+            yield from ((os.fsdecode(name), Path()) for name in names if name)
+        else:
+            yield text, _root(text)
+
+
+def _root(text: str) -> Path:
+    """Return the folder that an argument is, or is in; of a pattern, that before the first wildcard."""
+    path = Path(text)
+    if path.is_dir():
+        return path
+    if glob.has_magic(text) and not path.exists():
+        return Path(*takewhile(lambda part: not glob.has_magic(part), path.parts))
+    return path.parent
+
+
+def _below(path: Path, root: Path) -> Path:
+    with suppress(ValueError):
+        below = path.relative_to(root).parent
+        if ".." not in below.parts:  # outputs stay in their folder, whatever a list names
+            return below
+    return Path()
+
+
+def check_suffix(option: str, path: Path | None, allowed: Iterable[str]) -> None:
+    """Refuse a file whose name ends in none of the suffixes allowed."""
+    if path and path.suffix.lower() not in (suffixes := list(allowed)):
+        raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}")
+
+
+def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Path | str]) -> None:
+    """Refuse outputs that cannot be: one file of several inputs, or several that have no folder to go to."""
+    named = [option for option, path in outputs.items() if isinstance(path, Path)]
+    if "-o" in named and out_dir:
+        raise WrongUsageError("-o and --out-dir exclude each other")
+    if n_inputs > 1 and named:
+        raise WrongUsageError(f"{named[0]} is for one input, and these are {n_inputs}")
+    if n_inputs > 1 and outputs and not out_dir:
+        raise WrongUsageError(f"{n_inputs} inputs need --out-dir DIR")
+
+
+def check_no_clash(plan: Plan, report: Path | None = None) -> None:
+    """Refuse outputs that would replace a file that is read, or each other, before any work."""
+    inputs = {_identity(path) for task in plan.tasks for path in task.sources}
+    inputs |= {_identity(path) for path in plan.also_read}
+    wanted = [(path, task.name) for task in plan.tasks for path in task.outputs.values()]
+    wanted += [(path, option) for option, path in plan.joint.items()]
+    if report:
+        wanted.append((report, "--report"))
+    owners: dict[str, str] = {}
+    for path, owner in wanted:
+        if _identity(path) in inputs - {None}:
+            raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
+        place = os.path.normcase(path.resolve())
+        if place in owners:
+            who = f"two outputs of {owner}" if owners[place] == owner else f"{owners[place]} and {owner}"
+            raise WrongUsageError(f"{who} would both become {path}")
+        owners[place] = owner
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Tell files apart whatever links and names lead to them; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:  # its own task will say why
+        return None
+    return status.st_dev, status.st_ino

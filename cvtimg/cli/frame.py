@@ -1,0 +1,86 @@
+"""The frame of all commands: groups of options that become one argument, and the run of a plan."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
+from functools import partial, wraps
+from typing import Any, get_type_hints
+
+from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, run
+from cvtimg.cli.options import CommonOptions
+
+__all__ = ["run_plan", "with_groups"]
+
+
+def with_groups(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of each group that it takes: a parameter annotated with a dataclass of options."""
+    signature = inspect.signature(command, eval_str=True)
+    annotations = {name: parameter.annotation for name, parameter in signature.parameters.items()}
+    groups: dict[str, Any] = {name: kind for name, kind in annotations.items() if is_dataclass(kind)}
+    shown = [it for name, it in signature.parameters.items() if name not in groups]
+    shown += [parameter for group in groups.values() for parameter in _parameters(group)]
+
+    @wraps(command)
+    def ungrouped(**given: Any) -> Any:
+        made = {
+            name: group(**{one.name: given.pop(one.name) for one in fields(group)}) for name, group in groups.items()
+        }
+        return command(**given, **made)
+
+    ungrouped.__dict__["__signature__"] = signature.replace(parameters=shown)
+    return ungrouped
+
+
+def _parameters(group: Any) -> list[inspect.Parameter]:
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
+        for one in fields(group)
+    ]
+
+
+def run_plan(
+    plan: Plan,
+    work: Work,
+    report: Report | Sequence[str],
+    common: CommonOptions,
+    *,
+    skip_existing: bool = False,
+    max_pixels: int | None = None,
+) -> int:
+    """Run a plan and report it.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is to be done.
+    work : callable
+        From a task and its stopwatch to the columns of its row; picklable, where inputs can go to other processes.
+    report : Report or sequence of str
+        What hears of each input, or the columns of its table.
+    common : CommonOptions
+        What was asked of the run.
+    skip_existing : bool
+        Leave out inputs all of whose outputs exist.
+    max_pixels : int, optional
+        The most pixels that a picture may have; some 179 million by default.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
+    if not isinstance(report, Report):
+        report = Report(report, as_json=common.as_json, quiet=common.quiet)
+    if max_pixels is not None:
+        work = partial(_limited, work=work, max_pixels=max_pixels)
+    return run(plan, work, report, common.running(skip_existing=skip_existing))
+
+
+def _limited(task: Task, stopwatch: Stopwatch, *, work: Work, max_pixels: int) -> Row:
+    from cvtimg.pictures.formats.opening import pixels_limited
+
+    with pixels_limited(max_pixels):
+        return work(task, stopwatch)
