@@ -8,6 +8,8 @@ from dataclasses import fields, is_dataclass
 from functools import partial, wraps
 from typing import Any, get_type_hints
 
+import typer
+
 from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, run
 from cvtimg.cli.options import CommonOptions
 
@@ -15,7 +17,10 @@ __all__ = ["run_plan", "with_groups"]
 
 
 def with_groups(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of each group that it takes: a parameter annotated with a dataclass of options."""
+    """Make a command of a function that returns an exit status.
+
+    A parameter annotated with a dataclass of options is replaced by the options in it.
+    """
     signature = inspect.signature(command, eval_str=True)
     annotations = {name: parameter.annotation for name, parameter in signature.parameters.items()}
     groups: dict[str, Any] = {name: kind for name, kind in annotations.items() if is_dataclass(kind)}
@@ -23,11 +28,11 @@ def with_groups(command: Callable[..., Any]) -> Callable[..., Any]:
     shown += [parameter for group in groups.values() for parameter in _parameters(group)]
 
     @wraps(command)
-    def ungrouped(**given: Any) -> Any:
+    def ungrouped(**given: Any) -> None:
         made = {
             name: group(**{one.name: given.pop(one.name) for one in fields(group)}) for name, group in groups.items()
         }
-        return command(**given, **made)
+        raise typer.Exit(command(**given, **made))
 
     ungrouped.__dict__["__signature__"] = signature.replace(parameters=shown)
     return ungrouped
