@@ -62,36 +62,43 @@ class PixelMoments:
     Parameters
     ----------
     density : (H, W) array
-        Density of each pixel, finite, >= 0 and not all 0. It is kept as float32.
+        Mass of each pixel, finite, >= 0 and not all 0. It is kept as float32.
+    scale : float
+        Pixels per unit of length, in which generators, centroids and energy are counted: 2 for a picture that was
+        enlarged to double size, if places are counted in its original pixels.
 
     Attributes
     ----------
     density : (H, W) float32 array
+    scale : float
     mass : float
         Sum of the density.
     """
 
-    __slots__ = ("_center", "_spread", "density", "mass")
+    __slots__ = ("_center", "_spread", "density", "mass", "scale")
 
-    def __init__(self, density: ArrayLike) -> None:
+    def __init__(self, density: ArrayLike, scale: float = 1.0) -> None:
         self.density: NDArray[np.float32] = np.ascontiguousarray(check_picture_density("density", density))
+        self.scale = scale
         height, width = self.density.shape
         rows = self.density.sum(axis=1, dtype=np.float64)
         columns = self.density.sum(axis=0, dtype=np.float64)
         x, y = np.arange(width) + 0.5, np.arange(height) + 0.5
         self.mass: float = float(rows.sum())
         # Squared distances are counted from the center of mass: a sum about a corner would lose digits.
-        self._center: NDArray[np.float64] = np.array([(columns * x).sum(), (rows * y).sum()]) / self.mass
+        center = np.array([(columns * x).sum(), (rows * y).sum()]) / self.mass
         # Over one pixel x varies by 1/12, and so does y.
-        spread = (columns * (x - self._center[0]) ** 2).sum() + (rows * (y - self._center[1]) ** 2).sum()
-        self._spread = float(spread) + self.mass / 6
+        spread = (columns * (x - center[0]) ** 2).sum() + (rows * (y - center[1]) ** 2).sum() + self.mass / 6
+        self._center: NDArray[np.float64] = center / scale
+        self._spread = float(spread) / scale**2
 
     def __call__(self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None) -> Moments:
         """Compute the moments of the cells of (K, 2) generators, with weights those of power cells."""
-        sums = self._sums(_Buckets(self.density.shape, generators, weights))
+        sums = self._sums(self._buckets(generators, weights))
         masses = sums[:, 0].copy()
-        has_mass = (masses > 0)[:, None]
-        centroids = np.divide(sums[:, 1:], masses[:, None], out=generators.astype(np.float64), where=has_mass)
+        per_mass = np.divide(1 / self.scale, masses, out=np.zeros_like(masses), where=masses > 0)
+        centroids = sums[:, 1:] * per_mass[:, None]
+        centroids[masses <= 0] = generators[masses <= 0]
         places, means = generators - self._center, centroids - self._center
         # Not a product of matrices: the threads of a BLAS change bits, and spin while they wait.
         energy = self._spread + float(np.einsum("k,kd,kd", masses, places - 2 * means, places))
@@ -101,7 +108,20 @@ class PixelMoments:
         self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None
     ) -> NDArray[np.int32]:
         """Find the generator nearest to the center of each pixel, (H, W)."""
-        return _labels(_Buckets(self.density.shape, generators, weights))
+        return _labels(self._buckets(generators, weights))
+
+    def halved(self) -> PixelMoments:
+        """Take four pixels together, for a coarser level of the same picture."""
+        height, width = self.density.shape
+        padded = np.pad(self.density, ((0, height % 2), (0, width % 2)))
+        halves = padded[::2] + padded[1::2]
+        return PixelMoments(halves[:, ::2] + halves[:, 1::2], self.scale / 2)
+
+    def _buckets(self, generators: NDArray[np.float64], weights: NDArray[np.float64] | None) -> _Buckets:
+        if self.scale != 1:
+            generators = generators * self.scale
+            weights = None if weights is None else weights * self.scale**2
+        return _Buckets(self.density.shape, generators, weights)
 
     def _sums(self, buckets: _Buckets) -> NDArray[np.float64]:
         n, (height, width) = buckets.n_generators, self.density.shape

@@ -1,0 +1,259 @@
+"""Descents: how generators move until each is the center of mass of its own cell.
+
+A descent knows nothing of pictures or polygons. It asks for the moments of cells, and lets a projection bring
+generators back to where they may be after each move. The gradient of the energy by a generator is 2 m (z - c), for its
+mass m and the center of mass c of its cell, so that Lloyd's move to c is a step along it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine.methods import Stopping, Watch
+from cvtimg.placement.moments import CellMoments, Moments
+
+_Points = NDArray[np.float64]
+
+#: Where generators (K, D) that have moved may be, given where they came from.
+Projection = Callable[[_Points, _Points], _Points]
+
+#: Pairs of steps that the inverse Hessian is made of; the paper's figures hardly change from 5 to 10.
+_MEMORY = 7
+#: The inverse Hessian starts as Lloyd's step times a number in this range.
+_LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
+#: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
+_ENOUGH, _SHORTEST = 1e-4, 0.05
+#: How far an over-relaxed move goes beyond the center of mass.
+_RELAXATION = 1.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """The end of a descent.
+
+    Attributes
+    ----------
+    generators : (K, D) float64 array
+    moments : Moments
+        Of their cells.
+    energies : tuple of float
+        At the start and after each move that was kept.
+    converged : bool
+        Whether the energy came to rest.
+    """
+
+    generators: _Points
+    moments: Moments
+    energies: tuple[float, ...]
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """What a descent must respect.
+
+    Attributes
+    ----------
+    stopping : Stopping
+        When to stop.
+    free : (K,) bool array or None
+        Which generators may move; None lets all.
+    project : callable or None
+        Brings moved generators back to where they may be.
+    may_rise : bool
+        Whether a projection is known to raise the energy now and then, which then stops nothing.
+    watch : Watch
+        Called with the energy before each move.
+    """
+
+    stopping: Stopping
+    free: NDArray[np.bool_] | None = None
+    project: Projection | None = None
+    may_rise: bool = False
+    watch: Watch = field(default_factory=Watch)
+
+    def moved(self, generators: _Points, step: _Points) -> _Points:
+        """Make a step with the generators that may, and bring them back to where they may be."""
+        there = generators + (step if self.free is None else step * self.free[:, None])
+        return there if self.project is None else self.project(there, generators)
+
+    def ended(self, energies: list[float]) -> bool:
+        """Whether to stop before the next move."""
+        return self.watch(energies[-1]) or self.rested(energies) or len(energies) > self.stopping.max_iterations
+
+    def rested(self, energies: list[float]) -> bool:
+        """Whether the energy has come to rest, or goes up and down by next to nothing."""
+        if self.may_rise and len(energies) > 1 and energies[-1] > energies[-2]:
+            return False
+        return self.stopping.converged(energies)
+
+
+#: From the moments of cells, initial generators (K, D) and the terms to the end.
+Descend = Callable[[CellMoments, _Points, Terms], Descent]
+
+
+def lloyd(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+    """Move each generator to the center of mass of its cell: sure, and slow near the end."""
+    return _follow(moments, generators, terms, _Relaxed(moments, terms, 1.0))
+
+
+def over_relaxed(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+    """Move each generator beyond the center of mass of its cell: about half as many moves as Lloyd's."""
+    return _follow(moments, generators, terms, _Relaxed(moments, terms, _RELAXATION))
+
+
+def l_bfgs(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+    """Limited-memory BFGS that starts from Lloyd's step: a third of Lloyd's moves, and lower energies.
+
+    Y. Liu, W. Wang, B. Levy, F. Sun, D.-M. Yan, L. Lu, C. Yang, On centroidal Voronoi tessellation: energy smoothness
+    and fast computation, ACM Trans. Graphics 28 (2009), doi 10.1145/1559755.1559758.
+    """
+    return _follow(moments, generators, terms, _QuasiNewton(moments, terms))
+
+
+#: The registry: names for `method`.
+DESCENTS: dict[str, Descend] = {"l-bfgs": l_bfgs, "lloyd": lloyd, "over-relaxed": over_relaxed}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """Generators and the moments of their cells."""
+
+    generators: _Points
+    moments: Moments
+
+    @property
+    def energy(self) -> float:
+        return self.moments.energy
+
+    @property
+    def to_centroids(self) -> _Points:
+        return self.moments.centroids - self.generators
+
+
+def _follow(moments: CellMoments, generators: _Points, terms: Terms, move: Callable[[_State], _State]) -> Descent:
+    """Move until the energy rests. Cells without mass are refilled first: no gradient leads out of them."""
+    at = _State(generators, moments(generators))
+    energies = [at.energy]
+    rested = False
+    while not (rested or terms.ended(energies)):
+        there = _refilled(moments, at, terms) or move(at)
+        rested = there.energy >= at.energy and not terms.may_rise
+        if not rested:
+            at = there
+            energies.append(at.energy)
+    return Descent(at.generators, at.moments, tuple(energies), rested or terms.rested(energies))
+
+
+class _Relaxed:
+    """Moves of Lloyd's, `factor` times as far; where that raises the energy, as far as Lloyd's."""
+
+    def __init__(self, moments: CellMoments, terms: Terms, factor: float) -> None:
+        self._moments = moments
+        self._terms = terms
+        self._factor = factor
+
+    def __call__(self, at: _State) -> _State:
+        there = _moved(self._moments, at, self._factor * at.to_centroids, self._terms)
+        if self._factor == 1 or there.energy < at.energy:
+            return there
+        return _moved(self._moments, at, at.to_centroids, self._terms)
+
+
+class _QuasiNewton:
+    """Moves of limited-memory BFGS; Lloyd's where a search along the direction finds nothing."""
+
+    def __init__(self, moments: CellMoments, terms: Terms) -> None:
+        self._moments = moments
+        self._terms = terms
+        self._memory: deque[tuple[_Points, _Points, float]] = deque(maxlen=_MEMORY)
+        self._last: tuple[_State, _Points] | None = None
+        self._next: _State | None = None
+
+    def __call__(self, at: _State) -> _State:
+        gradient = -2 * at.moments.masses[:, None] * at.to_centroids
+        if self._terms.free is not None:
+            gradient[~self._terms.free] = 0
+        self._learn(at, gradient)
+        self._last = at, gradient
+        self._next = self._search(at, gradient)
+        return self._next
+
+    def _learn(self, at: _State, gradient: _Points) -> None:
+        """Remember the last move and how it changed the gradient; forget all when others have moved generators."""
+        if self._last is None or at is not self._next:
+            self._memory.clear()
+            return
+        before, old = self._last
+        step, change = at.generators - before.generators, gradient - old
+        product = _dot(step, change)
+        if product > 1e-12 * (_dot(step, step) * _dot(change, change)) ** 0.5:
+            self._memory.append((step, change, product))
+
+    def _search(self, at: _State, gradient: _Points) -> _State:
+        step = self._step(gradient, at.moments.masses)
+        length = 1.0
+        while self._memory and length > _SHORTEST:
+            there = _moved(self._moments, at, length * step, self._terms)
+            promised = min(_dot(gradient, there.generators - at.generators), 0.0)
+            if there.energy <= at.energy + _ENOUGH * promised:
+                return there
+            length /= 2
+        self._memory.clear()
+        return _moved(self._moments, at, at.to_centroids, self._terms)
+
+    def _step(self, gradient: _Points, masses: NDArray[np.float64]) -> _Points:
+        """Multiply the gradient by the inverse Hessian that is remembered: two loops over the memory."""
+        to_lloyd = np.divide(-0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
+        rest, parts = gradient.copy(), []
+        for step, change, product in reversed(self._memory):
+            part = _dot(step, rest) / product
+            rest -= part * change
+            parts.append(part)
+        scale = 1.0
+        if self._memory:
+            _, change, product = self._memory[-1]
+            scale = float(np.clip(product / -_dot(change * to_lloyd, change), _LEAST_SCALE, _LARGEST_SCALE))
+        rest *= scale * to_lloyd
+        for (step, change, product), part in zip(self._memory, reversed(parts), strict=True):
+            rest -= (part + _dot(change, rest) / product) * step
+        return rest
+
+
+def _moved(moments: CellMoments, at: _State, step: _Points, terms: Terms) -> _State:
+    generators = terms.moved(at.generators, step)
+    return _State(generators, moments(generators))
+
+
+def _dot(a: _Points, b: _Points) -> float:
+    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
+    return float(np.einsum("kd,kd", a, b))
+
+
+def _refilled(moments: CellMoments, at: _State, terms: Terms) -> _State | None:
+    """Move each free generator without mass into one of the heaviest cells; None if there is none, or it is no use."""
+    free = np.ones(len(at.generators), bool) if terms.free is None else terms.free
+    empty = np.flatnonzero(free & (at.moments.masses == 0))
+    if not len(empty):
+        return None
+    heaviest = np.argsort(-at.moments.masses, kind="stable")[: len(empty)]
+    heaviest = heaviest[at.moments.masses[heaviest] > 0]
+    empty = empty[: len(heaviest)]
+    from scipy.spatial import cKDTree
+
+    centroids = at.moments.centroids[heaviest]
+    own = np.delete(at.generators, np.flatnonzero(at.moments.masses == 0), axis=0)
+    gaps = cKDTree(own).query(centroids, min(2, len(own)))[0].reshape(len(centroids), -1)[:, -1]
+    # On both sides of the center of mass, a quarter of the way to the next generator.
+    aside = np.zeros_like(centroids)
+    aside[np.arange(len(aside)), np.arange(len(aside)) % aside.shape[1]] = 0.25 * gaps
+    step = np.zeros_like(at.generators)
+    step[heaviest] = centroids - aside - at.generators[heaviest]
+    step[empty] = centroids + aside - at.generators[empty]
+    there = _moved(moments, at, step, terms)
+    return there if there.energy < at.energy else None

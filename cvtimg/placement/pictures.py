@@ -1,0 +1,193 @@
+"""Placement in a picture: from a start along a curve, over coarser levels, to the picture itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_count, check_picture_density, check_places
+from cvtimg.engine.methods import Callback, Stopping, Watch
+from cvtimg.placement.descent import DESCENTS, Descent, Terms
+from cvtimg.placement.moments import PixelMoments
+from cvtimg.placement.result import Placement
+from cvtimg.placement.starts import along_hilbert_curve, split_generators
+
+#: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
+_ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
+#: A coarser level is worth its time from so many generators on.
+_WORTH_A_LEVEL = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long to descend.
+
+    Attributes
+    ----------
+    n_levels : int
+        Coarser levels before the picture itself, each with a quarter of the pixels and of the generators.
+    coarse : Stopping
+        When to stop there.
+    stopping : Stopping
+        When to stop in the end.
+    """
+
+    n_levels: int
+    coarse: Stopping
+    stopping: Stopping
+
+
+#: The registry: names for `effort`.
+EFFORTS: dict[str, Effort] = {
+    "fast": Effort(2, Stopping(1e-3, 12), Stopping(1e-3, 8)),
+    "balanced": Effort(2, Stopping(1e-4, 20), Stopping(5e-5, 36)),
+    "best": Effort(2, Stopping(1e-5, 40), Stopping(1e-6, 400)),
+}
+
+
+#: More generators than this need more memory than a machine has.
+_MOST = 1 << 28
+
+
+def place_in_picture(
+    density: ArrayLike,
+    n_generators: int,
+    *,
+    fixed: ArrayLike | None = None,
+    method: str = "l-bfgs",
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+    callback: Callback | None = None,
+) -> Placement:
+    """Place generators in a picture, each at the center of mass of its own Voronoi cell.
+
+    Parameters
+    ----------
+    density : (H, W) array
+        Mass of each pixel, finite, >= 0 and not all 0. Where it is 0 no generator is placed.
+    n_generators : int
+        Number of generators K, with the fixed ones.
+    fixed : (L, 2) array, optional
+        Generators (x, y) that stay in place: the first L of the K.
+    method : {"l-bfgs", "over-relaxed", "lloyd"}
+        How generators move.
+    effort : {"fast", "balanced", "best"}
+        How long: energies of "balanced" end about 0.2 percent over those of "best" in a tenth of the time.
+    rng : int or numpy.random.Generator
+        Seed of the start. The same seed gives the same bits, whatever the number of threads.
+    callback : callable, optional
+        Called before each move with its number and the energy, which is that of a coarser level at first; it stops by
+        returning True.
+
+    Returns
+    -------
+    Placement
+        Points (x, y) in pixels; those that are not fixed in about the order of a Hilbert curve.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Notes
+    -----
+    With density rho there are about rho^(1/2) generators in an area.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.placement import place_in_picture
+    >>> placement = place_in_picture(np.ones((4, 8)), 2)
+    >>> np.sort(placement.points, axis=0).round(1).tolist()
+    [[2.0, 2.0], [6.0, 2.0]]
+    """
+    mass = check_picture_density("density", density)
+    check_count("n_generators", n_generators, _MOST, "what memory holds")
+    still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
+    if len(still) >= n_generators:
+        raise ValueError(f"fixed has {len(still)} generators and must have fewer than n_generators={n_generators}")
+    end = place_by_levels(
+        picture_moments(mass, n_generators),
+        n_generators,
+        fixed=still,
+        method=check_choice("method", method, DESCENTS),
+        effort=EFFORTS[check_choice("effort", effort, EFFORTS)],
+        rng=np.random.default_rng(rng),
+        watch=Watch(callback),
+    )
+    return Placement.of(end)
+
+
+def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMoments:
+    """Prepare the moments over a picture, enlarged as `n_generators` ask for it, in its own pixels."""
+    n_pixels = int(np.count_nonzero(density))
+    factor = next(factor for factor, pixels in _ENLARGEMENTS if n_pixels >= pixels * n_generators)
+    return PixelMoments(enlarge(density, factor), factor)
+
+
+def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+    """Enlarge a picture by bilinear interpolation, of which masses of pixels are left, and 0 where it is 0."""
+    if factor == 1:
+        return density
+    large = density
+    for axis in (0, 1):
+        n = density.shape[axis]
+        at = np.clip((np.arange(n * factor) + 0.5) / factor - 0.5, 0, n - 1)
+        low = np.minimum(at.astype(np.intp), max(n - 2, 0))
+        part = (at - low).astype(np.float32)[:, None] if axis == 0 else (at - low).astype(np.float32)
+        large = large.take(low, axis) * (1 - part) + large.take(np.minimum(low + 1, n - 1), axis) * part
+    large *= np.float32(factor**-2)
+    large.reshape(len(density), factor, -1, factor).swapaxes(1, 2)[density == 0] = 0
+    return large
+
+
+def place_by_levels(
+    moments: PixelMoments,
+    n_generators: int,
+    *,
+    fixed: NDArray[np.float64],
+    method: str,
+    effort: Effort,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> Descent:
+    """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
+    n_free = n_generators - len(fixed)
+    start = _start(moments, n_free, effort.n_levels, fixed, method, effort, rng, watch)
+    return _descend(moments, start, fixed, method, effort.stopping, watch)
+
+
+def _start(
+    moments: PixelMoments,
+    n_free: int,
+    n_levels: int,
+    fixed: NDArray[np.float64],
+    method: str,
+    effort: Effort,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> NDArray[np.float64]:
+    if n_levels == 0 or n_free < _WORTH_A_LEVEL:
+        return along_hilbert_curve(moments.density, n_free, rng) / moments.scale
+    coarse = moments.halved()
+    n_coarse = -(-n_free // 4)
+    start = _start(coarse, n_coarse, n_levels - 1, fixed, method, effort, rng, watch)
+    end = _descend(coarse, start, fixed, method, effort.coarse, watch)
+    height, width = moments.density.shape
+    split = split_generators(end.generators[len(fixed) :], n_free)
+    return np.clip(split, 0, np.array([width, height]) / moments.scale)
+
+
+def _descend(
+    moments: PixelMoments,
+    free: NDArray[np.float64],
+    fixed: NDArray[np.float64],
+    method: str,
+    stopping: Stopping,
+    watch: Watch,
+) -> Descent:
+    generators = np.concatenate([fixed, free])
+    movable = np.arange(len(generators)) >= len(fixed) if len(fixed) else None
+    return DESCENTS[method](moments, generators, Terms(stopping, free=movable, watch=watch))

@@ -1,0 +1,117 @@
+"""Placement in pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cvtimg.placement import PixelMoments, pixel_labels, place_in_picture
+from cvtimg.placement.pictures import enlarge
+from cvtimg.placement.starts import along_hilbert_curve, split_generators
+
+
+@pytest.fixture(scope="module")
+def density() -> NDArray[Any]:
+    y, x = np.mgrid[:90, :120]
+    return (1 + np.sin(x / 9) * np.cos(y / 13)) * (x > 20)
+
+
+@pytest.mark.parametrize("n", [1, 2, 17, 400, 1500, 10800])
+def test_no_generator_is_where_nothing_is_and_no_cell_without_mass(density: NDArray[Any], n: int) -> None:
+    placement = place_in_picture(density, n, effort="fast")
+    assert placement.points.shape == (n, 2)
+    x, y = placement.points.astype(int).T
+    assert (density[y, x] > 0).all()
+    assert (placement.masses > 0).all()
+    assert placement.masses.sum() == pytest.approx(density.sum(), rel=0.02)
+    assert (np.diff(placement.energies) < 0).all()
+
+
+def test_energy_is_that_of_the_points(density: NDArray[Any]) -> None:
+    placement = place_in_picture(density, 300)
+    assert placement.energy == pytest.approx(PixelMoments(density)(placement.points).energy, rel=1e-12)
+    y, x = np.mgrid[:90, :120] + 0.5
+    nearest = placement.points[pixel_labels((90, 120), placement.points)]
+    by_pixels = density * ((x - nearest[..., 0]) ** 2 + (y - nearest[..., 1]) ** 2 + 1 / 6)
+    assert placement.energy == pytest.approx(by_pixels.sum(), rel=0.03)
+
+
+def test_a_constant_density_comes_near_to_hexagons() -> None:
+    placement = place_in_picture(np.ones((200, 200)), 400, effort="best")
+    hexagons = 5 / (18 * 3**0.5) * 200**4 / 400  # energy of as many regular hexagons of the same area
+    assert hexagons < placement.energy < 1.03 * hexagons
+
+
+def test_there_are_about_as_many_generators_as_the_root_of_the_density() -> None:
+    density = np.ones((100, 200))
+    density[:, 100:] = 16
+    placement = place_in_picture(density, 1000)
+    share = (placement.points[:, 0] >= 100).mean()
+    assert share == pytest.approx(0.8, abs=0.02)
+
+
+def test_fixed_generators_come_first_and_stay(density: NDArray[Any]) -> None:
+    fixed = np.array([[30.5, 10.5], [100, 80]])
+    placement = place_in_picture(density, 1200, fixed=fixed)
+    assert (placement.points[:2] == fixed).all()
+    assert len(placement.points) == 1200
+
+
+def test_the_same_seed_gives_the_same_bits(density: NDArray[Any]) -> None:
+    first, again, other = (place_in_picture(density, 200, rng=seed).points for seed in (1, 1, 2))
+    assert (first == again).all()
+    assert not (first == other).all()
+
+
+def test_generators_are_in_about_the_order_of_a_curve(density: NDArray[Any]) -> None:
+    points = place_in_picture(density, 4000).points
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    gaps = cKDTree(points).query(points, 2)[0][:, 1]
+    assert steps.mean() < 2.5 * gaps.mean()
+
+
+def test_a_start_has_equal_parts_along_the_curve() -> None:
+    rng = np.random.default_rng(0)
+    places = along_hilbert_curve(np.ones((64, 64), np.float32), 1024, rng)
+    counts = np.histogram2d(places[:, 1], places[:, 0], 8, [[0, 64]] * 2)[0]
+    assert (counts == 16).all()
+
+
+def test_children_stand_around_their_parent() -> None:
+    parents = np.array([[0.0, 0], [6, 0], [0, 6], [6, 6]])
+    children = split_generators(parents, 15)
+    assert children.shape == (15, 2)
+    assert (cKDTree(parents).query(children)[1] == np.arange(15) // 4).all()
+    np.testing.assert_allclose(children[:4].mean(axis=0), parents[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [2, 4])
+def test_enlarging_keeps_mass_and_white(factor: int) -> None:
+    density = np.zeros((6, 5), np.float32)
+    density[1:4, 1:4] = 3
+    large = enlarge(density, factor)
+    assert large.shape == (6 * factor, 5 * factor)
+    assert (large.reshape(6, factor, 5, factor).max(axis=(1, 3))[density == 0] == 0).all()
+    flat = enlarge(np.full((3, 4), 2, np.float32), factor)
+    np.testing.assert_allclose(flat, 2 / factor**2)
+    assert flat.sum() == pytest.approx(24)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (50, 1), (2, 3)])
+def test_tiny_pictures(shape: tuple[int, int]) -> None:
+    placement = place_in_picture(np.ones(shape), 5)
+    assert np.isfinite(placement.points).all()
+    assert (placement.masses > 0).all()
+
+
+def test_arguments_are_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"n_generators=0 must be in 1"):
+        place_in_picture(np.ones((3, 3)), 0)
+    with pytest.raises(ValueError, match=r"fixed has 2 generators and must have fewer than n_generators=2"):
+        place_in_picture(np.ones((3, 3)), 2, fixed=[[0, 0], [1, 1]])
+    with pytest.raises(ValueError, match=r"method='newton' must be one of l-bfgs"):
+        place_in_picture(np.ones((3, 3)), 2, method="newton")
