@@ -1,4 +1,4 @@
-from .descent import DESCENTS, Descend, Descent, Projection, Terms, l_bfgs, lloyd, over_relaxed
+from .descent import DESCENTS, Descend, Descent, Projection, Terms
 from .moments import CellMoments, Moments, PixelMoments, pixel_labels, pixel_moments
 from .pictures import EFFORTS, Effort, place_in_picture
 from .result import Placement
@@ -15,9 +15,6 @@ __all__ = [
     "Placement",
     "Projection",
     "Terms",
-    "l_bfgs",
-    "lloyd",
-    "over_relaxed",
     "pixel_labels",
     "pixel_moments",
     "place_in_picture",

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg.engine.methods import Stopping, Watch
-from cvtimg.placement import DESCENTS, PixelMoments, Terms, lloyd
+from cvtimg.placement import DESCENTS, PixelMoments, Terms
+from cvtimg.placement.descent import lloyd
 
 LONG = Stopping(tolerance=0, max_iterations=200)
 
