@@ -180,6 +180,27 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     return points.take(drawn, points.density[drawn])
 
 
+def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.float32]]:
+    """Project points onto the subspace where they vary most, nearly; also return its (n_dims, D) orthonormal axes.
+
+    Two passes of a randomized range finder: N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288,
+    doi 10.1137/090771806.
+    """
+    from threadpoolctl import threadpool_limits
+
+    # One thread, because the bits of a product of matrices depend on the number of threads of the BLAS.
+    with threadpool_limits(1, "blas"):
+        axes = np.random.default_rng(0).standard_normal((n_dims, points.n_dims), np.float32)
+        weighted = np.matmul(axes, points.tiles) * points.density.reshape(-1, 1, _kernels.TILE).astype(np.float32)
+        sums = np.zeros((n_dims, points.n_dims))
+        for tile, along in zip(points.tiles, weighted, strict=True):
+            sums += along @ tile.T
+        axes = np.ascontiguousarray(np.linalg.qr(sums.T)[0].T, np.float32)
+        tiles = np.matmul(axes, points.tiles)
+    frame = Frame(np.zeros(n_dims), points.frame.scale)
+    return _points(tiles, points.density, frame, points.n_points, points.in_order), axes
+
+
 def assign(
     points: Points, generators: NDArray[np.float64], *, offsets: NDArray[np.float64] | None = None
 ) -> NDArray[np.int32]:

@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.engine import _kernels
-from cvtimg.engine.points import Points, cell_energies, cell_moments
+from cvtimg.engine.points import Points, cell_energies, cell_moments, in_main_subspace
 
 #: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.
 Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
+
+#: Cells are divided by their covariances up to so many dimensions, and beyond in a subspace of so many.
+_MOST_DIMS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +62,15 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
     Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
     (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the highest energy.
     """
+    if points.n_dims <= _MOST_DIMS:
+        return _divided(points, n_generators)[0].means
+    labels = _divided(in_main_subspace(points, _MOST_DIMS)[0], n_generators)[1]
+    masses, sums = cell_moments(points, labels, n_generators)
+    return sums / masses[:, None]
+
+
+def _divided(points: Points, n_generators: int) -> tuple[_Cells, NDArray[np.int32]]:
+    """Divide cells until there are enough; return them and the label of each point."""
     cells = _Cells.empty(n_generators, points.n_dims)
     labels = np.zeros(len(points.density), np.int32)
     _gather(points, labels, np.zeros(1, np.intp), cells)
@@ -74,13 +86,20 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
         # Points that differ only by rounding may all end on one side.
         divided = (cells.counts[large] > 0) & (cells.counts[children] > 0)
         divisible[large] = divisible[children] = divided
-    return cells.means
+    return cells, labels
 
 
 def halves(
     points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
+    if points.n_dims > _MOST_DIMS:
+        some, main = in_main_subspace(points, _MOST_DIMS)
+        lower, upper = halves(some, labels, chosen, n_cells)
+        masses, sums = cell_moments(points, labels, n_cells)
+        middle = np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=masses[:, None] > 0)[chosen]
+        steps = np.einsum("ne,ed->nd", (upper - lower) / 2, main)
+        return middle - steps, middle + steps
     cells = _Cells.empty(n_cells, points.n_dims)
     _gather(points, labels, chosen, cells)
     means = cells.means[chosen]
