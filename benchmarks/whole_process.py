@@ -1,11 +1,13 @@
-"""Whole programs side by side: a 12-megapixel PNG in, a PNG of 256 colors out.
+"""Whole programs side by side: a PNG in, a PNG of 256 colors out, at 768 x 512 and at 12 megapixels.
 
-Prints for each program the median seconds on the clock, the median of its ratio to cvtimg in the same round, the
-seconds of processors, the size of the file and the squared error of a pixel. Programs take turns, in one order and
-then in the other. Everything counts: starting, decoding, clustering, encoding. With --dither all do, by
-Floyd-Steinberg; otherwise nobody does.
+Prints for each program the median seconds on the clock and of processors, the medians of their ratios to cvtimg in the
+same round, the size of the file and the squared error per pixel. Programs take turns, in one order and then in the
+other. Everything counts: starting, decoding, clustering, encoding. With --dither all do, by Floyd-Steinberg; otherwise
+none does.
 
-    python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256] [--dither]
+Name a cvtimg that was installed from a wheel by --cvtimg: one installed in place looks for changed sources first.
+
+    python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256] [--dither] [--cvtimg PATH]
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from common import (
+    DATA,
     Process,
     large_pictures,
     machine,
@@ -30,6 +33,7 @@ from common import (
     progress,
     read_rgb,
     run_process,
+    spread,
     squared_error,
     write_results,
 )
@@ -52,6 +56,7 @@ class Record:
     seconds: float
     ratio: float | None
     cpu_seconds: float
+    cpu_ratio: float | None
     file_mib: float
     error: float
     rounds: int
@@ -62,17 +67,18 @@ def options() -> argparse.Namespace:
     read = parser(__doc__)
     read.add_argument("--k", type=int, default=256, metavar="K", help="number of colors (256)")
     read.add_argument("--rounds", type=int, metavar="N", help="times of which to take the median (5; quick: 2)")
+    read.add_argument("--cvtimg", metavar="PATH", help="the command to measure (default: that beside this Python)")
     read.add_argument("--dither", action="store_true", help="with Floyd-Steinberg dithering")
     given = read.parse_args()
     given.rounds = given.rounds or (2 if given.quick else 5)
     return given
 
 
-def programs() -> dict[str, Spelling]:
+def programs(cvtimg: str | None) -> dict[str, Spelling]:
     """List the programs that run here, by name, and print why others are left out."""
     pngquant, magick = Pngquant(), ImageMagick()
     known: dict[str, tuple[str, str, Spelling]] = {}
-    path, reason = find_cvtimg()
+    path, reason = find_cvtimg(cvtimg)
     for effort in ("", "fast"):
         name = f"{MEASURE} --effort {effort}" if effort else MEASURE
         known[name] = (reason, path, spell_cvtimg(path, *(["--effort", effort] if effort else [])))
@@ -87,9 +93,9 @@ def programs() -> dict[str, Spelling]:
     return {name: spelling for name, (why, _, spelling) in known.items() if not why}
 
 
-def find_cvtimg() -> tuple[str, str]:
-    """Return the command that belongs to this Python, or the one on the path; and why it cannot be used, if so."""
-    path = shutil.which("cvtimg", path=str(Path(sys.executable).parent)) or shutil.which("cvtimg")
+def find_cvtimg(given: str | None) -> tuple[str, str]:
+    """Return the command that is given, belongs to this Python or is on the path; and why it cannot be used, if so."""
+    path = given or shutil.which("cvtimg", path=str(Path(sys.executable).parent)) or shutil.which("cvtimg")
     if not path:
         return "", "no command cvtimg beside this Python or on the path"
     return path, run_process([path, "quantize", "--help"]).failure
@@ -149,8 +155,9 @@ def summarize(picture: Path, pixels: NDArray[np.uint8], folder: Path, runs: dict
             picture=picture.stem,
             program=name,
             seconds=round(statistics.median(cost.wall for cost in costs), 3),
-            ratio=_median_ratio(costs, base),
+            ratio=_median_ratio([cost.wall for cost in costs], [cost.wall for cost in base or ()]),
             cpu_seconds=round(statistics.median(cost.cpu for cost in costs), 3),
+            cpu_ratio=_median_ratio([cost.cpu for cost in costs], [cost.cpu for cost in base or ()]),
             file_mib=round(output(folder, name).stat().st_size / 2**20, 2),
             error=round(squared_error(pixels, read_rgb(output(folder, name))), 3),
             rounds=len(costs),
@@ -159,11 +166,11 @@ def summarize(picture: Path, pixels: NDArray[np.uint8], folder: Path, runs: dict
     ]
 
 
-def _median_ratio(costs: Sequence[Process], base: Sequence[Process] | None) -> float | None:
+def _median_ratio(costs: Sequence[float], base: Sequence[float]) -> float | None:
     """Take the median of the ratio to cvtimg, round by round: what slows a round slows both."""
     if not base:
         return None
-    return round(statistics.median(cost.wall / other.wall for cost, other in zip(costs, base, strict=True)), 3)
+    return round(statistics.median(cost / other for cost, other in zip(costs, base, strict=True)), 3)
 
 
 def report(pixels: NDArray[np.uint8], records: Sequence[Record]) -> None:
@@ -171,13 +178,14 @@ def report(pixels: NDArray[np.uint8], records: Sequence[Record]) -> None:
     height, width = pixels.shape[:2]
     print_table(
         f"{records[0].picture}, {width}x{height}, median of {records[0].rounds} rounds",
-        ["program", "seconds", f"times {MEASURE}", "processor seconds", "file MiB", "error a pixel"],
+        ["program", "seconds", "ratio", "processor seconds", "ratio", "file MiB", "error per pixel"],
         [
             [
                 record.program,
-                f"{record.seconds:.2f}",
-                f"x{record.ratio:.2f}" if record.ratio else "-",
-                f"{record.cpu_seconds:.2f}",
+                f"{record.seconds:.3f}",
+                _times(record.ratio),
+                f"{record.cpu_seconds:.3f}",
+                _times(record.cpu_ratio),
                 f"{record.file_mib:.2f}",
                 f"{record.error:.2f}",
             ]
@@ -186,15 +194,25 @@ def report(pixels: NDArray[np.uint8], records: Sequence[Record]) -> None:
     )
 
 
+def _times(ratio: float | None) -> str:
+    return f"x{ratio:.2f}" if ratio else "-"
+
+
+def pictures(given: argparse.Namespace) -> list[Path]:
+    """List the pictures: photographs of 768 x 512, where there are any, then those of 12 megapixels."""
+    small = sorted(((given.data or DATA) / "kodak").glob("*.png"))
+    return [*spread(small, 1 if given.quick else 3), *large_pictures(given.data)[: 1 if given.quick else None]]
+
+
 def main() -> None:
     """Measure, print, write."""
     given = options()
     pin_threads(given.threads)
     how = "with Floyd-Steinberg dithering" if given.dither else "no dithering"
     print(f"PNG to PNG at k={given.k}, {how}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
-    commands = programs()
+    commands = programs(given.cvtimg)
     records: list[Record] = []
-    for picture in large_pictures(given.data)[: 1 if given.quick else None]:
+    for picture in pictures(given):
         pixels = read_rgb(picture)
         with tempfile.TemporaryDirectory() as folder:
             runs = take_turns(picture, Path(folder), commands, given)
