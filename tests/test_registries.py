@@ -1,0 +1,105 @@
+"""What is registered works everywhere: a new color space, method or palette format needs one file and one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+import cvtimg
+from cvtimg.cli.app import app
+from cvtimg.colors import SPACES, ColorSpace
+from cvtimg.engine import METHODS, Conditions, Iteration
+from cvtimg.palettes import PALETTE_FORMATS, PaletteFormat
+
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture
+def image() -> NDArray[np.uint8]:
+    """Return four noisy fields of color."""
+    fields = np.array([[[20, 20, 30], [200, 60, 40]], [[40, 160, 80], [230, 220, 190]]])
+    noise = np.random.default_rng(0).integers(-8, 9, (24, 24, 3))
+    return (fields.repeat(12, axis=0).repeat(12, axis=1) + noise).astype(np.uint8)
+
+
+@pytest.fixture
+def dark(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """Register a space in which dark colors are far from each other, and count how often it is asked."""
+    asked: list[int] = []
+
+    def forward(rgb: Floats) -> Floats:
+        asked.append(len(rgb))
+        return np.sqrt(rgb)
+
+    gray = (1.0, 1.0, 1.0)
+    monkeypatch.setitem(SPACES, "dark", ColorSpace(forward, np.square, grey=gray))
+    yield asked
+    assert asked
+
+
+@pytest.mark.usefixtures("dark")
+def test_a_new_color_space_works_in_quantize(image: NDArray[np.uint8]) -> None:
+    assert len(cvtimg.quantize(image, 4, space="dark").palette) == 4
+    assert len(cvtimg.quantize(image[..., 0], 4, space="dark").palette) == 4
+    assert len(cvtimg.quantize(image, "auto", space="dark").palette) == 4
+    dithered = cvtimg.quantize(image, 3, space="dark", dither="floyd-steinberg")
+    assert len(dithered.palette) == 3
+
+
+@pytest.mark.usefixtures("dark")
+def test_a_new_color_space_works_in_segment(image: NDArray[np.uint8]) -> None:
+    for options in ({}, {"edge_weight": "auto"}, {"averaging": "before"}, {"components": True}):
+        labels = cvtimg.segment(image, 4, space="dark", **options).labels
+        assert len(set(labels[6::12, 6::12].ravel().tolist())) == 4
+    assert cvtimg.superpixels(image, 9, space="dark").labels.max() > 1
+
+
+@pytest.mark.usefixtures("dark")
+def test_a_new_color_space_works_in_the_elbow_and_in_restore(image: NDArray[np.uint8]) -> None:
+    assert cvtimg.energy_curve(image, 16, space="dark").elbow() == 4
+    assert cvtimg.restore([image, image[::-1, ::-1][::-1, ::-1]], 4, space="dark").labels.max() == 4
+
+
+@pytest.mark.usefixtures("dark")
+def test_a_new_color_space_works_on_the_command_line(image: NDArray[np.uint8], tmp_path: Path) -> None:
+    cvtimg.write_image(tmp_path / "a.png", image)
+    for command in ("quantize", "segment"):
+        words = [command, str(tmp_path / "a.png"), "-k", "4", "--space", "dark", "--out-dir", str(tmp_path / command)]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.output
+
+
+def test_a_new_method_works_by_its_name(image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def halfway(points: Any, generators: Floats, conditions: Conditions) -> Iteration:
+        asked.append(len(generators))
+        return METHODS["lloyd"](points, generators, conditions)
+
+    monkeypatch.setitem(METHODS, "halfway", halfway)
+    plain = cvtimg.quantize(image, 4)
+    assert np.array_equal(cvtimg.quantize(image, 4, method="halfway").palette, plain.palette)
+    rows = image.reshape(-1, 3).astype(float)
+    assert len(cvtimg.tessellate(rows, 4, method="halfway").generators) == 4
+    assert len(cvtimg.CVT(4, method="halfway").fit(rows).cluster_centers_) == 4
+    assert len(asked) >= 3
+
+
+def test_a_new_palette_format_is_read_and_written_by_its_suffix(
+    tmp_path: Path, image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(content: bytes) -> NDArray[np.uint8]:
+        return np.frombuffer(content, np.uint8).reshape(-1, 3)
+
+    monkeypatch.setitem(PALETTE_FORMATS, ".raw", PaletteFormat(read, lambda swatches: swatches.colors.tobytes()))
+    cvtimg.write_image(tmp_path / "a.png", image)
+    words = ["quantize", str(tmp_path / "a.png"), "-k", "3", "--save-palette", str(tmp_path / "a.raw")]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert cvtimg.read_palette(tmp_path / "a.raw").shape == (3, 3)
