@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import cvtimg
 from cvtimg.cli.app import app
 from cvtimg.colors import SPACES, ColorSpace
-from cvtimg.engine import METHODS, Conditions, Iteration
+from cvtimg.engine import METHODS, Conditions, Iteration, Method
 from cvtimg.palettes import PALETTE_FORMATS, PaletteFormat
 
 Floats = NDArray[np.float64]
@@ -78,16 +78,16 @@ def test_a_new_color_space_works_on_the_command_line(image: NDArray[np.uint8], t
 def test_a_new_method_works_by_its_name(image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def halfway(points: Any, generators: Floats, conditions: Conditions) -> Iteration:
+    def renamed(points: Any, generators: Floats, conditions: Conditions) -> Iteration:
         asked.append(len(generators))
         return METHODS["lloyd"](points, generators, conditions)
 
-    monkeypatch.setitem(METHODS, "halfway", halfway)
+    monkeypatch.setitem(METHODS, "renamed", Method(renamed))
     plain = cvtimg.quantize(image, 4)
-    assert np.array_equal(cvtimg.quantize(image, 4, method="halfway").palette, plain.palette)
+    assert np.array_equal(cvtimg.quantize(image, 4, method="renamed").palette, plain.palette)
     rows = image.reshape(-1, 3).astype(float)
-    assert len(cvtimg.tessellate(rows, 4, method="halfway").generators) == 4
-    assert len(cvtimg.CVT(4, method="halfway").fit(rows).cluster_centers_) == 4
+    assert len(cvtimg.tessellate(rows, 4, method="renamed").generators) == 4
+    assert len(cvtimg.CVT(4, method="renamed").fit(rows).cluster_centers_) == 4
     assert len(asked) >= 3
 
 
