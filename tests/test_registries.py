@@ -66,15 +66,6 @@ def test_a_new_color_space_works_in_the_elbow_and_in_restore(image: NDArray[np.u
     assert cvtimg.restore([image, image[::-1, ::-1][::-1, ::-1]], 4, space="dark").labels.max() == 4
 
 
-@pytest.mark.usefixtures("dark")
-def test_a_new_color_space_works_on_the_command_line(image: NDArray[np.uint8], tmp_path: Path) -> None:
-    cvtimg.write_image(tmp_path / "a.png", image)
-    for command in ("quantize", "segment"):
-        words = [command, str(tmp_path / "a.png"), "-k", "4", "--space", "dark", "--out-dir", str(tmp_path / command)]
-        result = CliRunner().invoke(app, words)
-        assert result.exit_code == 0, result.output
-
-
 def test_a_new_method_works_by_its_name(image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
