@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import cvtimg
 from cvtimg.cli.app import app
 from cvtimg.colors import SPACES, ColorSpace
 from cvtimg.engine import METHODS, Conditions, Iteration, Method
-from cvtimg.palettes import PALETTE_FORMATS, PaletteFormat
+from cvtimg.palettes import PALETTE_FORMATS
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +89,8 @@ def test_a_new_palette_format_is_read_and_written_by_its_suffix(
     def read(content: bytes) -> NDArray[np.uint8]:
         return np.frombuffer(content, np.uint8).reshape(-1, 3)
 
-    monkeypatch.setitem(PALETTE_FORMATS, ".raw", PaletteFormat(read, lambda swatches: swatches.colors.tobytes()))
+    form = SimpleNamespace(read=read, write=lambda swatches: swatches.colors.tobytes())
+    monkeypatch.setitem(PALETTE_FORMATS, ".raw", form)
     cvtimg.write_image(tmp_path / "a.png", image)
     words = ["quantize", str(tmp_path / "a.png"), "-k", "3", "--save-palette", str(tmp_path / "a.raw")]
     result = CliRunner().invoke(app, words)
