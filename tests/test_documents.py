@@ -100,7 +100,7 @@ def test_the_commands_have_the_options_that_are_named(page: Path) -> None:
     commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
     known = {name: {opt for param in command.params for opt in param.opts} for name, command in commands.items()}
     for line in "\n".join(blocks(page, "sh", "console")).replace("\\\n", " ").splitlines():
-        for name, rest in re.findall(r"\bcvtimg ([a-z]+)\b((?:(?! #|\|).)*)", line):
+        for name, rest in re.findall(r"(?:^(?:\$ )?|\| )cvtimg ([a-z]+)\b((?:(?! #|\|).)*)", line):
             assert name in known, line
             assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= known[name] | {"--help", "-h"}, line
 
