@@ -20,7 +20,10 @@ import dask.array as da  # noqa: E402
 RNG = np.random.default_rng(41)
 PICTURES = [RNG.normal(center, 25, (20, 30, 3)).clip(0, 255).astype(np.uint8) for center in (40, 90, 150, 220, 60)]
 # Distributed leaves sockets to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.timeout(120),
+]
 
 
 @pytest.fixture(scope="module")

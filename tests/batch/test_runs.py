@@ -26,6 +26,9 @@ from cvtimg.batch import Plan, Report, Running, Task, WrongUsageError, find, run
 from cvtimg.cli import app as cli
 from cvtimg.files.whole import whole_file
 
+#: Workers that hang must not hang the tests.
+pytestmark = pytest.mark.timeout(120)
+
 RNG = np.random.default_rng(11)
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 

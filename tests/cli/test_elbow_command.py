@@ -182,6 +182,7 @@ def test_edges_count_as_in_segment(drawing: Path, table: Path, capsys: pytest.Ca
     assert "for images, not for tables" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_number_of_jobs_changes_nothing(
     drawing: Path, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

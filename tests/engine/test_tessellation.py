@@ -171,6 +171,7 @@ def run(code: str, **environment: str) -> str:
     ).stdout
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit() -> None:
     assert len({run(PRINT_BITS, CVTIMG_THREADS=str(n)) for n in (1, 2, 3)}) == 1
 

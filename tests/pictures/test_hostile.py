@@ -19,6 +19,7 @@ from cvtimg.cli import app as cli
 SEEDS = dict(hostile.seeds())
 
 
+@pytest.mark.slow
 def test_a_part_of_the_corpus_ends_in_results_or_in_one_line(tmp_path: Path) -> None:
     wrong = {}
     for name, content in list(hostile.damaged(SEEDS.items(), n_cuts=1, n_flips=1))[::9]:
@@ -28,6 +29,7 @@ def test_a_part_of_the_corpus_ends_in_results_or_in_one_line(tmp_path: Path) -> 
     assert not wrong
 
 
+@pytest.mark.slow
 def test_files_that_lie_end_in_one_line(tmp_path: Path) -> None:
     verdicts = {}
     for name, content in hostile.made():
