@@ -17,7 +17,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cvtimg.cli.app import app
+from cvtimg.cli.commands import app
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -107,17 +107,12 @@ def _lines(rows: Sequence[Row]) -> str:
 
 def _csv(rows: Sequence[Row]) -> str:
     """Lay rows of unequal columns side by side; of a column that holds several values each becomes one."""
-    import csv
-    from io import StringIO
+    from cvtimg.files.text_tables import csv_text
 
     flat = [_flat(row) for row in rows]
     columns = dict.fromkeys(["status", "input", "output", *(column for row in flat for column in row), "error"])
     columns["error"] = columns.pop("error")
-    text = StringIO(newline="")
-    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return text.getvalue()
+    return csv_text(columns, [[row.get(column) for column in columns] for row in flat])
 
 
 def _flat(row: Row) -> Row:

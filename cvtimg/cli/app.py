@@ -1,6 +1,7 @@
-"""The command line: the commands under one name, and what is common to all of them.
+"""The console script ``cvtimg``: the list of commands, and the exit status of each run.
 
-A command is a module ``NAME_command`` beside this one, imported only when it is asked for.
+What answers without a command (``--help``, ``--version``) is said here without importing Typer, which takes longer than
+all the rest. The commands themselves are in `cvtimg.cli.commands`.
 """
 
 from __future__ import annotations
@@ -9,76 +10,57 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
-from io import StringIO
-from typing import Annotated, Any
 
-import typer
-from typer import Option
-from typer.core import TyperGroup
-
-from cvtimg.batch import WrongUsageError, complain, reason
-from cvtimg.cli.frame import with_groups
-from cvtimg.cli.plain_values import convert_plainly
-
-__all__ = ["app", "main"]
+__all__ = ["COMMANDS", "main", "overview"]
 
 #: The commands in the order of ``--help``, each with its line there.
 COMMANDS = {
     "quantize": "Reduce images to a palette of N colors.",
-    "palette": "Print the palette of images, and the share of the pixels of each color.",
+    "palette": "Print the palette of images and the share of the pixels that has each color.",
     "segment": "Divide images into N segments of similar color.",
-    "restore": "Restore one image from noisy, incomplete versions of it.",
-    "cluster": "Find the N generators that represent the rows of tables with the least error.",
-    "elbow": "Suggest how many generators images and tables need.",
-    "info": "Show the size, format, bands, depth and number of distinct colors of images.",
+    "restore": "Restore one image from several noisy or incomplete versions of it.",
+    "cluster": "Cluster the rows of tables into N groups.",
+    "elbow": "Suggest how many colors or clusters images and tables need.",
+    "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
 }
+_OPTIONS = {
+    "--version": "Show the version and exit.",
+    "--install-completion SHELL": "Install completion for bash, zsh or fish.",
+    "--show-completion SHELL": "Show the completion script for bash, zsh or fish.",
+    "-h, --help": "Show this message and exit. Each command has its own: cvtimg COMMAND --help.",
+}
+_ABOUT = "Centroidal Voronoi tessellations of images and tables: palettes, segments, restored images, clusters."
+_STATUS = "Exit status: 0 all inputs done; 1 some input failed, the others are done; 2 wrong usage; 130 interrupted."
 
 
-class _Commands(TyperGroup):
-    """Imports a command when it is asked for."""
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(COMMANDS)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in COMMANDS:
-            return None
-        if cmd_name not in self.commands:
-            module = import_module(f"cvtimg.cli.{cmd_name}_command")
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            alone.command(cmd_name, epilog=module.EXAMPLES)(with_groups(getattr(module, cmd_name)))
-            self.commands[cmd_name] = convert_plainly(typer.main.get_command(alone))
-        return self.commands[cmd_name]
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+def overview() -> str:
+    """Return the text of ``cvtimg --help``."""
+    width = _width()
+    lines = ["Usage: cvtimg [OPTIONS] COMMAND [ARGS]...", "", *_wrapped(_ABOUT, "  ", width)]
+    for title, entries in (("Options:", _OPTIONS), ("Commands:", COMMANDS)):
+        lines += ["", title]
+        margin = 4 + max(map(len, entries))
+        for name, text in entries.items():
+            first, *others = _wrapped(text, " " * margin, width)
+            lines += [f"  {name}".ljust(margin) + first.lstrip(), *others]
+    return "\n".join([*lines, "", *_wrapped(_STATUS, "  ", width)])
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        print(f"cvtimg {version('cvtimg')}", flush=True)
-        raise typer.Exit
-
-
-Version = Annotated[bool, Option("--version", callback=_show_version, is_eager=True, help="Print the version.")]
-
-# Typer's boxed help takes 0.1 s more, and breaks lines that people would copy.
-app = typer.Typer(
-    cls=_Commands,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    epilog="Exit status: 0 all done; 1 some input failed, the others are done; 2 wrong usage.",
-)
+def _width() -> int:
+    """Columns of the terminal, at most 100."""
+    with suppress(ValueError, OSError, AttributeError):
+        return min(max(int(os.environ.get("COLUMNS") or os.get_terminal_size().columns), 50), 100)
+    return 80
 
 
-@app.callback()
-def _cvtimg(version: Version = False) -> None:
-    """Centroidal Voronoi tessellations of images and tables: palettes, segments, restored images, clusters."""
+def _wrapped(text: str, indent: str, width: int) -> list[str]:
+    """Break a text into lines; `textwrap` would take longer to import than all of this."""
+    lines = [indent]
+    for word in text.split():
+        if len(lines[-1]) + 1 + len(word) > width and lines[-1] != indent:
+            lines.append(indent)
+        lines[-1] += word if lines[-1] == indent else f" {word}"
+    return lines
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,27 +69,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _silence_libraries()
-    given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
-    sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()  # None where nobody listens
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if sys.stdout is None or sys.stderr is None:  # nobody listens
+        from io import StringIO
+
+        sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
+    if given in ([], ["-h"], ["--help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
+        return _tell(_version() if given == ["--version"] else overview())
+    from cvtimg.cli.commands import run
+
+    return run(given)
+
+
+def _version() -> str:
+    from cvtimg import __version__
+
+    return f"cvtimg {__version__}"
+
+
+def _tell(text: str) -> int:
     try:
-        command = convert_plainly(typer.main.get_command(app))
-        code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)
-    except (KeyboardInterrupt, typer.Abort):
-        code = 130
-    except WrongUsageError as error:
-        complain(f"{error} (see cvtimg {given[0]} --help)")
-        return 2
-    except typer.TyperException as error:
-        command_line = getattr(getattr(error, "ctx", None), "command_path", f"cvtimg {given[0]}")
-        complain(f"{error.format_message().rstrip('.')} (see {command_line} --help)")
-        return error.exit_code
-    except Exception as error:  # no traceback reaches a user
-        path = error.filename if isinstance(error, OSError) and error.filename else "unexpected"
-        complain(f"{path}: {reason(path, error)}")
+        print(text, flush=True)
+    except OSError:  # a reader that left early
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         return 1
-    if code == 130:
-        complain("interrupted")
-    return code
+    return 0
 
 
 def _silence_libraries() -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -186,18 +185,18 @@ def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
 
 
 def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: str, overwrite: bool) -> None:
+    from cvtimg.files.text_tables import write_csv
     from cvtimg.files.whole import whole_file
 
     if csv_file:
-        text = StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["input", "k", "energy", "explained", "chosen"])
-        for one in done:
-            curve = one.curve
-            for k, (energy, share) in enumerate(zip(curve.energies.tolist(), curve.explained.tolist(), strict=True), 1):
-                writer.writerow([one.name, k, energy, share, int(k == one.k)])
-        with whole_file(csv_file, overwrite=overwrite) as file:
-            file.write(text.getvalue().encode())
+        lines = [
+            (one.name, k, energy, share, int(k == one.k))
+            for one in done
+            for k, energy, share in zip(
+                itertools.count(1), one.curve.energies.tolist(), one.curve.explained.tolist(), strict=False
+            )
+        ]
+        write_csv(csv_file, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=overwrite)
     if plot:
         from cvtimg.plotting.energy_curves import draw_curves
 

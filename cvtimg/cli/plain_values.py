@@ -36,7 +36,7 @@ class _Plain:
 
 def convert_plainly(command: Any) -> Any:
     """Let the options of a command convert their values here wherever their type is a plain one."""
-    for param in command.get_params(typer.Context(command)):  # with --help
+    for param in command.get_params(typer.Context(command, **command.context_settings)):  # with --help
         described = getattr(param, "type_descriptor", None)  # another version of Typer may have none
         if described is not None and (convert := _converter(described)):
             param._runtime_param = _Plain(convert)

@@ -22,7 +22,7 @@ from PIL import Image
 import cvtimg
 from cvtimg import read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli import cluster_command, elbow_command, quantize_command, restore_command, segment_command
+from cvtimg.cli import cluster_command, commands, elbow_command, quantize_command, restore_command, segment_command
 from cvtimg.cli import options as _options
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
@@ -551,6 +551,49 @@ def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch
     assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())
 
 
+@pytest.mark.parametrize("command", ["", *cli.COMMANDS])
+def test_h_is_help_and_arguments_read_as_they_are_typed(run: Run, command: str) -> None:
+    short, long = (run(*filter(None, [command, flag])) for flag in ("-h", "--help"))
+    assert short == long
+    assert short.status == 0
+    usage = short.out.splitlines()[0]
+    argument = {"": "COMMAND [ARGS]", "restore": "VERSION", "cluster": "TABLE"}.get(command, "INPUT")
+    assert usage == f"Usage: {f'cvtimg {command}'.strip()} [OPTIONS] {argument}..."
+
+
+def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    text = " ".join(run("--help").out.split())
+    for name, summary in cli.COMMANDS.items():
+        assert f" {name} {summary}" in text
+
+
+@pytest.mark.parametrize(
+    ("shell", "given", "found"),
+    [
+        ("bash", {"COMP_WORDS": "cvtimg quantize --dither f", "COMP_CWORD": "3"}, "floyd-steinberg"),
+        ("zsh", {"_TYPER_COMPLETE_ARGS": "cvtimg quantize --dither f"}, "floyd-steinberg"),
+        (
+            "fish",
+            {"_TYPER_COMPLETE_ARGS": "cvtimg seg", "_TYPER_COMPLETE_FISH_ACTION": "get-args"},
+            "segment",
+        ),
+    ],
+)
+def test_shells_complete_commands_options_and_choices(shell: str, given: dict[str, str], found: str) -> None:
+    script = process("--show-completion", shell).stdout
+    assert f"_CVTIMG_COMPLETE=complete_{shell}" in script
+    completed = process(env={**os.environ, **given, "_CVTIMG_COMPLETE": f"complete_{shell}"})
+    assert found in completed.stdout
+    assert completed.stderr == ""
+
+
+def test_completion_is_installed_for_the_shell_that_is_named(tmp_path: Path) -> None:
+    done = process("--install-completion", "fish", env={**os.environ, "HOME": str(tmp_path)})
+    assert done.returncode == 0
+    assert "_CVTIMG_COMPLETE" in (tmp_path / ".config/fish/completions/cvtimg.fish").read_text()
+
+
 def test_version_is_that_of_the_package(run: Run) -> None:
     outcome = run("--version")
     assert outcome.status == 0
@@ -581,6 +624,11 @@ def test_help_imports_nothing_heavy(here: Path, arguments: list[str]) -> None:
     assert not modules_of(*arguments, cwd=here) & HEAVY
 
 
+@pytest.mark.parametrize("argument", ["--help", "--version"])
+def test_what_needs_no_command_imports_no_typer(here: Path, argument: str) -> None:
+    assert not modules_of(argument, cwd=here) & {"typer", "cvtimg.batch"}
+
+
 def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
     modules = modules_of("quantize", PICTURE, "-k", "4", "--quiet", cwd=here)
     assert "numpy" in modules
@@ -598,7 +646,7 @@ def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
 
 
 def test_every_command_in_the_help_is_there() -> None:
-    group = typer.main.get_command(cli.app)
+    group = typer.main.get_command(commands.app)
     context = typer.Context(group)
     for name in cli.COMMANDS:
         assert group.get_command(context, name).name == name
@@ -616,7 +664,9 @@ def test_exit_codes_of_the_process(here: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
-@pytest.mark.parametrize("arguments", [["info", "pictures", "--json"], ["info", "pictures"], ["quantize", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["info", "pictures", "--json"], ["info", "pictures"], ["quantize", "--help"], ["--help"]]
+)
 def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, arguments: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
