@@ -16,7 +16,7 @@ from cvtimg.cli import options
 from cvtimg.cli.animations import quantize_animation, stays_animated
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.sharing import share
-from cvtimg.cli.tiled import check_fit, goes_by_tiles, quantize_by_tiles
+from cvtimg.cli.tiled import check_fit, needs_tiles, quantize_in_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -322,10 +322,10 @@ def _quantize(
 
     if stays_animated(task):
         return _quantize_animation(task, stopwatch, how, overwrite)
-    if goes_by_tiles(task.source, task.output):
+    if needs_tiles(task.source, task.output):
         unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes")
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
-        return quantize_by_tiles(task, stopwatch, {**how.of_palette, **how.colors}, overwrite=overwrite)
+        return quantize_in_tiles(task, stopwatch, {**how.of_palette, **how.colors}, overwrite=overwrite)
     image = read_image(task.source)
     file = {"metadata": read_metadata(task.source) if how.keep_metadata else None, "optimize": how.optimize}
     stopwatch.lap("read")

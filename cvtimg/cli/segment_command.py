@@ -14,7 +14,7 @@ from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
-from cvtimg.cli.tiled import check_fit, goes_by_tiles, segment_by_tiles
+from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -262,9 +262,9 @@ def _segment(
     from cvtimg import read_image
     from cvtimg.pictures import image_info
 
-    if _goes_by_tiles(task):
+    if _needs_tiles(task):
         check_fit(task.source, how.unfit, max_pixels)
-        return segment_by_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
+        return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
     header = image_info(task.source)
     image, known = _known(read_image(task.source), header, how.nodata)
     if how.mask:
@@ -289,7 +289,7 @@ def _segment(
     }
 
 
-def _goes_by_tiles(task: Task) -> bool:
+def _needs_tiles(task: Task) -> bool:
     """Whether only labels are asked for, of an image that is large enough, or anything of a Zarr array."""
     targets = list(task.outputs.values())
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr"]
@@ -297,7 +297,7 @@ def _goes_by_tiles(task: Task) -> bool:
         if zarr:
             raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
         return False
-    return goes_by_tiles(task.source, targets[0])
+    return needs_tiles(task.source, targets[0])
 
 
 def _energy_curve(image: NDArray[Any], known: NDArray[np.bool_], how: Mapping[str, Any]) -> EnergyCurve:

@@ -1,4 +1,4 @@
-"""Pictures too large for memory, by tiles: which they are, and their rows in the report."""
+"""Images too large for memory, read in tiles: which they are, and their rows in the report."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 from cvtimg.batch import Row, Stopwatch, Task
 
-__all__ = ["check_fit", "goes_by_tiles", "quantize_by_tiles", "segment_by_tiles"]
+__all__ = ["check_fit", "needs_tiles", "quantize_in_tiles", "segment_in_tiles"]
 
 #: Pixels beyond which a picture is read by tiles, if its file and its output can be.
 _LARGE = 1 << 26
 
 
-def goes_by_tiles(source: Path, target: Path) -> bool:
+def needs_tiles(source: Path, target: Path) -> bool:
     """Whether a picture is to be read and written by tiles: if it is large, or a Zarr array."""
     suffixes = {source.suffix.lower(), target.suffix.lower()}
     if ".zarr" in suffixes:
@@ -40,13 +40,13 @@ def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) ->
 
     for option, value in unfit.items():
         if value is not None and value is not False:
-            raise ValueError(f"is read by tiles, and {option} needs the whole picture in memory")
+            raise ValueError(f"is read in tiles, and {option} needs the whole picture in memory")
     if max_pixels is not None and open_bands(source).form.n_pixels > max_pixels:
         raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
 
 
-def quantize_by_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, Any], *, overwrite: bool) -> Row:
-    """Quantize an image by tiles."""
+def quantize_in_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, Any], *, overwrite: bool) -> Row:
+    """Quantize an image in tiles."""
     from cvtimg import write_palette
     from cvtimg.quantization import quantize_file
 
@@ -70,10 +70,10 @@ def quantize_by_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, An
     }
 
 
-def segment_by_tiles(
+def segment_in_tiles(
     task: Task, stopwatch: Stopwatch, number: int, nodata: float | None, options: Mapping[str, Any]
 ) -> Row:
-    """Segment an image by tiles."""
+    """Segment an image in tiles."""
     from cvtimg.pictures import image_info
     from cvtimg.pictures.formats.opening import pixels_limited
     from cvtimg.segmentation import segment_file
