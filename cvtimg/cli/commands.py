@@ -105,9 +105,9 @@ def _cvtimg(
 def run(given: list[str]) -> int:
     """Run a command line and return the exit status."""
     if "_CVTIMG_COMPLETE" in os.environ:
-        from typer.completion import completion_init
+        from typer.completion import get_completion_inspect_parameters
 
-        completion_init()
+        get_completion_inspect_parameters()  # which makes the shells known
     try:
         command = convert_plainly(typer.main.get_command(app))
         code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)

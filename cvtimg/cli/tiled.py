@@ -12,12 +12,12 @@ from cvtimg.batch import Row, Stopwatch, Task
 
 __all__ = ["check_fit", "needs_tiles", "quantize_in_tiles", "segment_in_tiles"]
 
-#: Pixels beyond which a picture is read by tiles, if its file and its output can be.
+#: Images of more pixels are read in tiles, if the formats of input and output allow it.
 _LARGE = 1 << 26
 
 
 def needs_tiles(source: Path, target: Path) -> bool:
-    """Whether a picture is to be read and written by tiles: if it is large, or a Zarr array."""
+    """Whether an image is read and written in tiles: if it is large, or a Zarr array."""
     suffixes = {source.suffix.lower(), target.suffix.lower()}
     if ".zarr" in suffixes:
         return True
@@ -32,9 +32,9 @@ def needs_tiles(source: Path, target: Path) -> bool:
 
 
 def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) -> None:
-    """Refuse what cannot be by tiles: options that need the whole picture, and more pixels than were allowed.
+    """Refuse options that need the whole image in memory, and more pixels than --max-pixels allows.
 
-    There is no limit unless one is given: memory is bounded.
+    There is no limit by default, as memory is bounded.
     """
     from cvtimg.pictures.tiles import open_bands
 

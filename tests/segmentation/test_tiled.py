@@ -220,7 +220,7 @@ def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixt
     assert same(zarr.open_array("b.zarr", mode="r")[:], segment(photograph, 3).labels) > 0.9999
     for outputs in (["--edges", "e.png"], ["-o", "c.zarr", "--mean", "m.png"]):
         assert cli.main(["segment", "a.zarr", "-k", "3", *outputs]) == 1
-        assert "a.zarr: only labels are made by tiles" in capsys.readouterr().err
+        assert "a.zarr: only labels are computed in tiles" in capsys.readouterr().err
     write_image("a.png", photograph)
     assert cli.main(["segment", "a.png", "-k", "3", "-o", "c.zarr"]) == 1
     assert capsys.readouterr().err.startswith("cvtimg: a.png: ")
@@ -248,6 +248,6 @@ def test_what_needs_the_whole_picture_is_refused(
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options.split()]) == 1
     option = options if options == "-k auto" else options.split()[0]
-    assert f"is read by tiles, and {option} needs the whole picture" in capsys.readouterr().err
+    assert f"is read in tiles, and {option} needs the whole picture" in capsys.readouterr().err
     assert not Path("b.tif").exists()
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.png", *options.split(), "--quiet"]) == 0
