@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-__all__ = ["COMMANDS", "main", "overview"]
+__all__ = ["COMMANDS", "main", "overview", "version"]
 
 #: The commands in the order of ``--help``, each with its line there.
 COMMANDS = {
@@ -75,16 +75,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
     if given in ([], ["-h"], ["--help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
-        return _tell(_version() if given == ["--version"] else overview())
+        return _tell(version() if given == ["--version"] else overview())
     from cvtimg.cli.commands import run
 
     return run(given)
 
 
-def _version() -> str:
-    from cvtimg import __version__
+def version() -> str:
+    """Return the text of ``cvtimg --version``."""
+    import cvtimg
 
-    return f"cvtimg {__version__}"
+    return f"cvtimg {cvtimg.__version__}"
 
 
 def _tell(text: str) -> int:

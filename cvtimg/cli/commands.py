@@ -12,6 +12,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from cvtimg.batch import WrongUsageError, complain, reason
 from cvtimg.cli.app import COMMANDS, overview
+from cvtimg.cli.app import version as app_version
 from cvtimg.cli.frame import with_groups
 from cvtimg.cli.plain_values import convert_plainly
 
@@ -61,9 +62,7 @@ class _Commands(TyperGroup):
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from cvtimg import __version__
-
-        print(f"cvtimg {__version__}", flush=True)
+        print(app_version(), flush=True)
         raise typer.Exit
 
 
