@@ -9,6 +9,6 @@ How a command is added:
 3. ``work(task, stopwatch)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by option
    (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns the
    columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
-4. `COMMANDS` in `cli.app` has its name and its line of ``cvtimg --help``; ``meson.build`` lists the file.
+4. `COMMANDS` in `cli.overview` has its name and its line of ``cvtimg --help``; ``meson.build`` lists the file.
 5. What is heavy is imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
 """

@@ -1,7 +1,7 @@
-"""The console script ``cvtimg``: the list of commands, and the exit status of each run.
+"""The console script ``cvtimg``.
 
-What answers without a command (``--help``, ``--version``) is said here without importing Typer, which takes longer than
-all the rest. The commands themselves are in `cvtimg.cli.commands`.
+``--help`` and ``--version`` are answered by `cvtimg.cli.overview`, which imports next to nothing; what is to be done is
+in `cvtimg.cli.commands`.
 """
 
 from __future__ import annotations
@@ -11,56 +11,9 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-__all__ = ["COMMANDS", "main", "overview", "version"]
+from cvtimg.cli.overview import overview, version
 
-#: The commands in the order of ``--help``, each with its line there.
-COMMANDS = {
-    "quantize": "Reduce images to a palette of N colors.",
-    "palette": "Print the palette of images and the share of the pixels that has each color.",
-    "segment": "Divide images into N segments of similar color.",
-    "restore": "Restore one image from several noisy or incomplete versions of it.",
-    "cluster": "Cluster the rows of tables into N groups.",
-    "elbow": "Suggest how many colors or clusters images and tables need.",
-    "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
-}
-_OPTIONS = {
-    "--version": "Show the version and exit.",
-    "--install-completion SHELL": "Install completion for bash, zsh or fish.",
-    "--show-completion SHELL": "Show the completion script for bash, zsh or fish.",
-    "-h, --help": "Show this message and exit. Each command has its own: cvtimg COMMAND --help.",
-}
-_ABOUT = "Centroidal Voronoi tessellations of images and tables: palettes, segments, restored images, clusters."
-_STATUS = "Exit status: 0 all inputs done; 1 some input failed, the others are done; 2 wrong usage; 130 interrupted."
-
-
-def overview() -> str:
-    """Return the text of ``cvtimg --help``."""
-    width = _width()
-    lines = ["Usage: cvtimg [OPTIONS] COMMAND [ARGS]...", "", *_wrapped(_ABOUT, "  ", width)]
-    for title, entries in (("Options:", _OPTIONS), ("Commands:", COMMANDS)):
-        lines += ["", title]
-        margin = 4 + max(map(len, entries))
-        for name, text in entries.items():
-            first, *others = _wrapped(text, " " * margin, width)
-            lines += [f"  {name}".ljust(margin) + first.lstrip(), *others]
-    return "\n".join([*lines, "", *_wrapped(_STATUS, "  ", width)])
-
-
-def _width() -> int:
-    """Columns of the terminal, at most 100."""
-    with suppress(ValueError, OSError, AttributeError):
-        return min(max(int(os.environ.get("COLUMNS") or os.get_terminal_size().columns), 50), 100)
-    return 80
-
-
-def _wrapped(text: str, indent: str, width: int) -> list[str]:
-    """Break a text into lines; `textwrap` would take longer to import than all of this."""
-    lines = [indent]
-    for word in text.split():
-        if len(lines[-1]) + 1 + len(word) > width and lines[-1] != indent:
-            lines.append(indent)
-        lines[-1] += word if lines[-1] == indent else f" {word}"
-    return lines
+__all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,13 +32,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from cvtimg.cli.commands import run
 
     return run(given)
-
-
-def version() -> str:
-    """Return the text of ``cvtimg --version``."""
-    import cvtimg
-
-    return f"cvtimg {cvtimg.__version__}"
 
 
 def _tell(text: str) -> int:

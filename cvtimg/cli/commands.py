@@ -11,9 +11,9 @@ from typer import Option
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from cvtimg.batch import WrongUsageError, complain, reason
-from cvtimg.cli.app import COMMANDS, overview
-from cvtimg.cli.app import version as app_version
 from cvtimg.cli.frame import with_groups
+from cvtimg.cli.overview import COMMANDS, overview
+from cvtimg.cli.overview import version as version_text
 from cvtimg.cli.plain_values import convert_plainly
 
 __all__ = ["app", "run"]
@@ -62,7 +62,7 @@ class _Commands(TyperGroup):
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        print(app_version(), flush=True)
+        print(version_text(), flush=True)
         raise typer.Exit
 
 

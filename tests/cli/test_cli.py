@@ -24,6 +24,7 @@ from cvtimg import read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli import cluster_command, commands, elbow_command, quantize_command, restore_command, segment_command
 from cvtimg.cli import options as _options
+from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
 from cvtimg.labels.edges import EDGE_MODES
@@ -551,7 +552,7 @@ def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch
     assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())
 
 
-@pytest.mark.parametrize("command", ["", *cli.COMMANDS])
+@pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_h_is_help_and_arguments_read_as_they_are_typed(run: Run, command: str) -> None:
     short, long = (run(*filter(None, [command, flag])) for flag in ("-h", "--help"))
     assert short == long
@@ -564,7 +565,7 @@ def test_h_is_help_and_arguments_read_as_they_are_typed(run: Run, command: str) 
 def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     text = " ".join(run("--help").out.split())
-    for name, summary in cli.COMMANDS.items():
+    for name, summary in COMMANDS.items():
         assert f" {name} {summary}" in text
 
 
@@ -648,7 +649,7 @@ def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
 def test_every_command_in_the_help_is_there() -> None:
     group = typer.main.get_command(commands.app)
     context = typer.Context(group)
-    for name in cli.COMMANDS:
+    for name in COMMANDS:
         assert group.get_command(context, name).name == name
     assert group.get_command(context, "none") is None
 
