@@ -65,10 +65,22 @@ def check_alone(name: str, others: Collection[str]) -> None:
         raise ValueError(f"{name} must not be given with {' or '.join(others)}")
 
 
+def check_any(name: str, count: int, wanted: str) -> None:
+    """Refuse an argument that holds nothing of what is wanted."""
+    if not count:
+        raise ValueError(f"{name} must have {wanted}")
+
+
 def check_needs(name: str, given: bool, other: str, has_other: bool) -> None:
     """Refuse an argument that does nothing without another."""
     if given and not has_other:
         raise ValueError(f"{name} needs {other}")
+
+
+def check_excluded(name: str, given: bool, **others: object) -> None:
+    """Refuse arguments that have no meaning beside another; None, False and 0 are not given."""
+    if given and (wrong := [other for other, value in others.items() if value]):
+        raise ValueError(f"{name} takes no {' or '.join(wrong)}")
 
 
 def check_non_negative(name: str, value: float) -> float:

@@ -100,6 +100,10 @@ Renormalize = Annotated[
     Literal["range", "median", "none"],
     Option(help="How to undo the loss of contrast where some versions are painted over."),
 ]
+Hidden = Annotated[
+    Literal["outliers", "background", "none"],
+    Option(help="Where versions disagree, leave out the outliers, or those that show the background, or none."),
+]
 Align = Annotated[bool, Option("--align", help="Shift each version onto the first.")]
 Channels = Annotated[
     bool, Option("--channels", help="Versions share segments but not colors, as channels do; the first is restored.")
@@ -132,6 +136,7 @@ def restore(
     align: Align = False,
     channels: Channels = False,
     detail: Detail = False,
+    hidden: Hidden = "outliers",
     renormalize: Renormalize = "range",
     averaging: options.Averaging = "none",
     radius: Radius = 2,
@@ -148,8 +153,9 @@ def restore(
 ) -> int:
     """Restore one image from several noisy or incomplete versions of it.
 
-    Transparent pixels are missing. What is painted over in one version but not in the others comes back, and what is
-    missing in all is filled from around it. The result has N flat colors; photographs need --detail.
+    Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
+    disagree, what was added to one of them or painted over in it is left out; --hidden changes that. The result has N
+    flat colors; photographs need --detail.
     """
     from cvtimg import find_images
     from cvtimg.pictures.files import lossless_suffixes
@@ -169,6 +175,7 @@ def restore(
         "align": align,
         "channels": channels,
         "detail": detail,
+        "hidden": hidden,
         "renormalize": renormalize,
         "averaging": None if averaging == "none" else Averaging(averaging, radius=radius),
         "edge_weight": edge_weight,
@@ -234,6 +241,7 @@ def _restore(
         "versions": len(read.images),
         "k": len(result.colors),
         "unknown": float((result.coverage == 0).mean()),
+        "left_out": float((result.left_out > 0).mean()),
         "noise": [noise if math.isfinite(noise) else None for noise in result.noise.tolist()],
         "weights": result.weights.tolist(),
         "shifts": result.shifts.tolist(),
@@ -287,6 +295,6 @@ def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list
     count = f"{len(result.colors)} kinds of patches" if how["detail"] else f"{len(result.colors)} segments"
     unknown = f"{(result.coverage == 0).mean():.1%} was known in none"
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
-    shares = result.coverage / len(panels)
-    covered = Panel(np.rint(255 * shares).astype(np.uint8), ("known in how many", "white in all, black in none"))
+    shares = (result.coverage - result.left_out) / len(panels)
+    covered = Panel(np.rint(255 * shares).astype(np.uint8), ("versions used", "white: all, black: none"))
     return [*rows, [Panel(result.image, (f"restored: {count}", unknown)), covered]]

@@ -1,7 +1,7 @@
-"""From the generators of several versions to one color a segment, at full contrast.
+"""One color per segment from the generators of several versions, at full contrast.
 
-A segment that is painted over in one of three versions has a generator that is diluted: by a third towards what it was
-painted over with. Each rule undoes that in its way.
+A segment that is painted over in one of three versions has a diluted generator: a third of the way to the color that
+covers it. Each rule undoes that in its own way.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 _Doubles = NDArray[np.float64]
 
-#: Segments of a smaller share of what a version knows do not tell its levels.
+#: A segment tells the level of a version if it holds at least this share of what the version knows.
 _LEAST_SHARE = 1e-3
 _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
-    """What colors are made of.
+class Levels:
+    """Values of segments in each version, from which their colors are made.
 
     Attributes
     ----------
     values : list of (H, W, C) arrays
-        Of each version.
+        Values of each version.
     known : list of (H, W) bool arrays
-        What each version knows.
+        Which pixels each version knows.
     labels : (H, W) int32 array
-        From 1.
+        Labels from 1.
     generators, masses : (S, K, C) arrays
-        Of each version.
+        Means and weights of the segments in each version.
     alone : callable
-        From the number of a version to the generators and masses, (K, C), where its segments come to rest if they
-        start as the labels and it is alone.
+        Takes the number of a version and returns the generators and masses, (K, C), of its segments once they have
+        settled in that version alone, starting from the labels.
     """
 
     values: list[Floats]
@@ -47,46 +47,46 @@ class Evidence:
     alone: Callable[[int], tuple[_Doubles, _Doubles]]
 
 
-def mean_colors(evidence: Evidence) -> _Doubles:
-    """(K, C) mean of all that is known of a segment, in all versions."""
-    totals = evidence.masses.sum(axis=0)
-    sums = (evidence.masses * evidence.generators).sum(axis=0)
-    colors: _Doubles = np.divide(sums, totals, out=evidence.generators.mean(axis=0), where=totals > 0)
+def mean_colors(levels: Levels) -> _Doubles:
+    """(K, C) mean of the known values of each segment in all versions."""
+    totals = levels.masses.sum(axis=0)
+    sums = (levels.masses * levels.generators).sum(axis=0)
+    colors: _Doubles = np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
     return colors
 
 
-def median_colors(evidence: Evidence) -> _Doubles:
-    """(K, C) median of all that is known of a segment: right while less than half of it is painted over."""
-    colors = mean_colors(evidence)
+def median_colors(levels: Levels) -> _Doubles:
+    """(K, C) median of the known values of each segment: right while less than half of it is painted over."""
+    colors = mean_colors(levels)
     for cell in range(len(colors)):
-        inside = evidence.labels == cell + 1
-        seen = [values[inside & known] for values, known in zip(evidence.values, evidence.known, strict=True)]
+        inside = levels.labels == cell + 1
+        seen = [values[inside & known] for values, known in zip(levels.values, levels.known, strict=True)]
         if any(map(len, seen)):
             colors[cell] = np.median(np.concatenate(seen), axis=0)
     return colors
 
 
-def range_colors(evidence: Evidence) -> _Doubles:
-    """(K, C) levels that segments have in the versions taken each for itself; the median over these.
+def range_colors(levels: Levels) -> _Doubles:
+    """(K, C) median over the versions of the level that each segment has in that version alone.
 
-    There what is painted over goes to the background, and no longer dilutes the level of what is not: together the
-    levels span the range of the versions again. It is told by segments and not by the least and greatest pixels, which
-    are the noisiest. A segment that is too small in every version for that keeps its mean.
+    In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so the
+    levels span the range of the versions again. Levels are those of segments, not of the least and greatest pixels,
+    which are the noisiest. A segment that is too small in every version keeps its mean.
     """
-    colors = mean_colors(evidence)
+    colors = mean_colors(levels)
     settled = []
-    for version in range(len(evidence.values)):
-        levels, masses = evidence.alone(version)
+    for version in range(len(levels.values)):
+        means, masses = levels.alone(version)
         enough = masses >= max(_LEAST_SHARE * float(masses.sum(axis=0).max()), _NOTHING)
-        settled.append(np.where(enough, levels, np.nan))
+        settled.append(np.where(enough, means, np.nan))
     told = np.stack(settled)
     some = ~np.isnan(told).all(axis=(0, 2))
     colors[some] = np.nanmedian(told[:, some], axis=0)
     return colors
 
 
-#: The registry: names for `renormalize` and ``--renormalize``; none leaves the means.
-RENORMALIZATIONS: dict[str, Callable[[Evidence], _Doubles]] = {
+#: The registry: names for `renormalize` and ``--renormalize``; "none" keeps the means.
+RENORMALIZATIONS: dict[str, Callable[[Levels], _Doubles]] = {
     "range": range_colors,
     "median": median_colors,
     "none": mean_colors,

@@ -1,4 +1,4 @@
-"""Versions of one picture, side by side: their values, what each knows, and how far each is to be trusted."""
+"""Versions of one picture, stacked: their values, which pixels each knows, and the weight of each."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_image, check_masks, check_same, check_version_weights
+from cvtimg._shared.checks import check_any, check_image, check_masks, check_same, check_version_weights
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.noise import scattered_noise
 
 Floats = NDArray[np.float32]
 
-#: Finer than this, as a share of the range, noise is that of rounding to 8 bits: no version counts for more.
+#: Noise below this share of the range is that of rounding to 8 bits: no version gets more weight than it gives.
 _FINEST_NOISE = 1 / 256
-#: So many differences of four pixels tell how large the noise is.
-_ENOUGH_QUADS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,11 +28,11 @@ class Versions:
     Attributes
     ----------
     values : (H, W, D) float32 array
-        All bands of all versions in the working color space, 0 where nothing is known.
+        All bands of all versions in the working color space; 0 where unknown.
     known : (H, W, S) bool array
-        What each version knows.
+        Which pixels each version knows.
     version_of : (D,) intp array
-        The version to which each band belongs; its bands follow each other.
+        Version that each band belongs to; the bands of a version are consecutive.
     dtypes : tuple of numpy.dtype
         Types of the versions.
     grey : bool
@@ -58,7 +57,7 @@ class Versions:
 
     @property
     def coverage(self) -> NDArray[np.int32]:
-        """(H, W) how many versions know each pixel."""
+        """(H, W) number of versions that know each pixel."""
         counts: NDArray[np.int32] = self.known.sum(axis=2, dtype=np.int32)
         return counts
 
@@ -67,11 +66,11 @@ class Versions:
         return self.values[:, :, self.version_of == version]
 
     def weights(self, trust: NDArray[np.float64]) -> Floats:
-        """(H, W, D) weight of each value: `trust`, (S,), where it is known, else 0."""
+        """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
         return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
 
     def only(self, version: int) -> Versions:
-        """One version by itself."""
+        """Return one version by itself."""
         bands = self.version_of == version
         return Versions(
             self.values[:, :, bands],
@@ -82,8 +81,17 @@ class Versions:
         )
 
     def moved(self, values: Floats, known: NDArray[np.bool_]) -> Versions:
-        """Other values at other places, of the same kind."""
+        """Return other values at other places, of the same kind."""
         return replace(self, values=values, known=known)
+
+    def knowing(self, known: NDArray[np.bool_]) -> Versions:
+        """Return the same versions where they are still known."""
+        return self.moved(np.where(known[:, :, self.version_of], self.values, np.float32(0)), known)
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation that no noise is taken to be below."""
+        return _FINEST_NOISE * (float(np.ptp(self.values)) or 1.0)
 
 
 def stack_versions(
@@ -94,9 +102,8 @@ def stack_versions(
     *,
     channels: bool = False,
 ) -> Versions:
-    """Stack versions, finding out what each knows; the arguments are those of `restore`."""
-    if not len(images):
-        raise ValueError("images must have at least one version")
+    """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
+    check_any("images", len(images), "at least one version")
     read = [_read(number, image, nodata) for number, image in enumerate(images)]
     check_same("size", [known.shape for _, known in read])
     if not channels:
@@ -104,8 +111,7 @@ def stack_versions(
         check_same("type", [str(values.dtype) for values, _ in read])
     given = check_masks(masks, len(read), read[0][1].shape)
     known = np.stack([seen & mask for (_, seen), mask in zip(read, given, strict=True)], axis=2)
-    if not known.any():
-        raise ValueError("no version knows any pixel: there is nothing to restore from")
+    check_any("images", bool(known.any()), "at least one known pixel; no version knows any pixel")
     placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)
@@ -114,9 +120,12 @@ def stack_versions(
 
 
 def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """(H, W, C) values of a version, and where its own NaN, alpha and nodata leave them known."""
+    """(H, W, C) values of a version, and where they are known by its own mask, NaN, alpha and nodata."""
     array = np.asarray(image)
     known: NDArray[np.bool_] = np.ones(array.shape[:2], np.bool_)
+    if isinstance(image, np.ma.MaskedArray) and array.ndim in (2, 3):
+        known &= ~np.ma.getmaskarray(image).reshape(*known.shape, -1).any(axis=2)
+        array = np.where(np.ma.getmaskarray(image), array.dtype.type(0), array)
     if array.dtype.kind == "f" and array.ndim in (2, 3):
         known &= ~np.isnan(array.reshape(*known.shape, -1)).any(axis=2)
         array = np.where(np.isnan(array), array.dtype.type(0), array)
@@ -131,16 +140,16 @@ def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], 
 
 
 def _place(values: NDArray[Any], known: NDArray[np.bool_], space: str) -> Floats:
-    """(H, W, C) places of the values in the color space, 0 where they are not known."""
+    """(H, W, C) places of the values in the color space; 0 where unknown."""
     rows = np.where(known[:, :, None], values, 0).reshape(-1, values.shape[2])
     if rows.dtype.kind == "f" and space != "rgb":
-        rows = np.clip(rows, 0, 1)  # noise leaves the gamut, on which the other spaces stand
+        rows = np.clip(rows, 0, 1)  # noise leaves the gamut, and the other spaces need it
     places = to_space(rows, space).reshape(values.shape)
     return np.where(known[:, :, None], places, 0).astype(np.float32)
 
 
 def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
-    """Average what each version knows, where it knows it."""
+    """Average the known pixels of each version."""
     values = np.empty_like(versions.values)
     for version in range(versions.n_versions):
         own = versions.version_of == version
@@ -149,27 +158,21 @@ def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
 
 
 def noise_of(versions: Versions) -> NDArray[np.float64]:
-    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where it knows too little.
+    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known."""
+    found = [scattered_noise(versions.bands(s), versions.known[:, :, s]) for s in range(versions.n_versions)]
+    return np.array([np.sqrt(np.mean(np.square(sigmas, dtype=np.float64))) for sigmas in found])
 
-    The median of the differences across the diagonals of four known pixels, as in D. Donoho and I. Johnstone,
-    Biometrika 81 (1994), doi 10.1093/biomet/81.3.425: a picture's edges leave most of them to the noise.
-    """
-    noise = np.full(versions.n_versions, np.nan)
-    for version in range(versions.n_versions):
-        known, values = versions.known[:, :, version], versions.bands(version)
-        quads = known[1:, 1:] & known[1:, :-1] & known[:-1, 1:] & known[:-1, :-1]
-        if np.count_nonzero(quads) < _ENOUGH_QUADS:
-            continue
-        twists = (values[1:, 1:] - values[1:, :-1] - values[:-1, 1:] + values[:-1, :-1])[quads]
-        sigmas = np.median(np.abs(twists), axis=0) / (2 * 0.6745)
-        noise[version] = np.sqrt(np.mean(np.square(sigmas, dtype=np.float64)))
-    return noise
+
+def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Replace unknown noise by that of the others, and noise below that of rounding by this."""
+    usual = np.nanmedian(noise) if np.isfinite(noise).any() else versions.rounding
+    return np.maximum(np.where(np.isnan(noise), usual, noise), versions.rounding)
 
 
 def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
-    """Variance, at weight 1, of versions about their mean, where more than one knows a pixel; NaN where none does.
+    """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel.
 
-    Unlike the noise, whose estimate leaves out what is rare, it has in it what is painted over in some version.
+    Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
     """
     n_bands = np.count_nonzero(versions.version_of == 0)
     mean, _ = fuse(versions, trust)
@@ -182,22 +185,19 @@ def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
 
 
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(S,) weight of each version, with mean 1: those given, or the inverse variance of its noise."""
+    """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
     if weights is not None:
         trust = check_version_weights(weights, versions.n_versions)
     else:
-        finest = _FINEST_NOISE * (float(np.ptp(versions.values)) or 1.0)
-        # A version that knows too little to tell is taken for as noisy as the others.
-        usual = np.nanmedian(noise) if np.isfinite(noise).any() else finest
-        trust = 1 / np.maximum(np.where(np.isnan(noise), usual, noise), finest) ** 2
+        trust = 1 / usual_noise(versions, noise) ** 2
     shares: NDArray[np.float64] = trust / trust.mean()
     return shares
 
 
 def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> tuple[Floats, Floats]:
-    """Weighted mean of what is known of each pixel, (H, W, C), and the (H, W) weight behind it.
+    """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it.
 
-    With a blur, in pixels, what is known nearby counts too. What no version knows is filled from nearby in any case.
+    With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -212,7 +212,9 @@ def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> t
 
 
 def fill(total: Floats, weight: Floats) -> Floats:
-    """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill where there is none (normalized convolution).
+    """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill pixels without weight from nearby.
+
+    This is normalized convolution.
 
     H. Knutsson and C.-F. Westin, CVPR 1993, doi 10.1109/CVPR.1993.341081.
     """
@@ -224,8 +226,8 @@ def fill(total: Floats, weight: Floats) -> Floats:
     while missing.any():
         near = gaussian_filter(weight, sigma)
         reached = missing & (near > 1e-6 * weight.max())
-        spread = gaussian_filter(total, (sigma, sigma, 0))
-        filled[reached] = spread[reached] / near[reached, None]
+        blurred = gaussian_filter(total, (sigma, sigma, 0))
+        filled[reached] = blurred[reached] / near[reached, None]
         missing &= ~reached
         sigma *= 2
     return filled

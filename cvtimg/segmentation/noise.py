@@ -1,7 +1,9 @@
-"""How noisy a picture is, from the picture alone.
+"""Estimates of noise from an image alone.
 
-Second differences along both axes take away what varies linearly and leave noise, edges and texture. The quieter
-blocks of a picture have little of these two, so noise is measured there.
+Two estimators, because neither serves for both kinds of image. Of an image in one piece, second differences along both
+axes remove what varies linearly and leave noise, edges and texture; the quieter blocks have little of the latter two,
+so noise is measured there (`noise_covariance`). Where pixels are missing one by one, no block is whole, and the median
+of the differences of four adjacent pixels has to do (`scattered_noise`).
 """
 
 from __future__ import annotations
@@ -15,19 +17,21 @@ from cvtimg._shared.checks import check_image
 
 #: Side of a block.
 BLOCK = 16
-#: Blocks are taken from this share of them to that, in the order of how much varies in them.
+#: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
 _QUIET = (0.15, 0.35)
-#: Noise alone varies from block to block; in those blocks it is less than everywhere by this times its spread.
+#: Noise varies from block to block by chance; in quiet blocks it is below its mean by this times that variation.
 _LESS_IN_QUIET = 0.674
-#: Second differences of near pixels are not independent: as many count for one that is.
+#: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
+#: This many differences of four pixels tell how large the noise is.
+_ENOUGH_QUADS = 64
 
 
 def estimate_noise(image: Any) -> NDArray[np.float64]:
-    """Estimate the standard deviation of the noise in each band of a picture.
+    """Estimate the standard deviation of the noise in each band of an image.
 
-    White noise, as it comes from a sensor, is found to some percent; texture that is everywhere is taken for noise,
-    and noise that was smoothed away with its neighbors is missed.
+    White noise, such as that of a sensor, is found to within some percent. Texture that covers the whole image is
+    mistaken for noise, and noise that has been smoothed is missed.
 
     Parameters
     ----------
@@ -37,12 +41,12 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
     Returns
     -------
     (C,) float64 array
-        In the units of the picture; 0 where it has fewer than 3 rows or columns.
+        In the units of the image; 0 if it has fewer than 3 rows or columns.
 
     Raises
     ------
     TypeError, ValueError
-        If `image` is not what is said here.
+        If `image` is invalid.
 
     References
     ----------
@@ -64,16 +68,16 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
 
 
 def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-    """(D, D) covariance of the noise of (H, W, D) values, from the blocks that lie `inside` (H, W) if there are any.
+    """(D, D) covariance of the noise of (H, W, D) values, measured in the blocks that lie `inside`, (H, W).
 
-    Zeros where nothing can be measured.
+    It is 0 if nothing can be measured.
     """
     height, width = (min(BLOCK, max(side - 2, 1)) for side in values.shape[:2])
     return quiet_covariance(block_covariances(values, inside), height * width)
 
 
 def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-    """(B, D, D) covariance of the second differences in each block that lies `inside`."""
+    """(B, D, D) covariance of the second differences in each block inside the mask."""
     n_dims = values.shape[2]
     if min(values.shape[:2]) < 3:
         return np.zeros((0, n_dims, n_dims))
@@ -89,7 +93,7 @@ def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = N
 
 
 def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray[np.float64]:
-    """(D, D) mean covariance of the quieter of blocks of so many pixels; zeros if there are none."""
+    """(D, D) mean covariance of the quieter of blocks of `n_pixels` pixels; 0 if there are none."""
     n_dims = covariances.shape[1]
     if not len(covariances):
         return np.zeros((n_dims, n_dims))
@@ -98,13 +102,27 @@ def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray
     if last == first:
         covariance: NDArray[np.float64] = covariances.mean(axis=0)
         return covariance
-    spread = np.sqrt(2 * _PIXELS_THAT_COUNT / (n_pixels * n_dims))
-    quiet: NDArray[np.float64] = covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * spread)
+    variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (n_pixels * n_dims))
+    quiet: NDArray[np.float64] = covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation)
     return quiet
 
 
+def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(D,) standard deviation of the noise of (H, W, D) values at `known` pixels; NaN where too few are adjacent.
+
+    The median of the differences across the diagonals of four known pixels: the edges of an image leave most of them
+    to the noise. D. Donoho and I. Johnstone, Biometrika 81 (1994), doi 10.1093/biomet/81.3.425.
+    """
+    quads = known[1:, 1:] & known[1:, :-1] & known[:-1, 1:] & known[:-1, :-1]
+    if np.count_nonzero(quads) < _ENOUGH_QUADS:
+        return np.full(values.shape[2], np.nan)
+    twists = (values[1:, 1:] - values[1:, :-1] - values[:-1, 1:] + values[:-1, :-1])[quads]
+    sigmas: NDArray[np.float64] = np.median(np.abs(twists), axis=0) / (2 * 0.6745)
+    return sigmas
+
+
 def _blocks(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(B, P, D) whole blocks; of a picture smaller than one, all of it."""
+    """(B, P, D) whole blocks, or all of an image that is smaller than one."""
     height, width, n_dims = differences.shape
     rows, columns = min(BLOCK, height), min(BLOCK, width)
     down, right = height // rows, width // columns

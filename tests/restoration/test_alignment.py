@@ -69,3 +69,12 @@ def test_flat_versions_are_left_where_they_are() -> None:
     flat = np.full((20, 20), 0.5)
     _, shifts = align(stack_versions([flat, flat]))
     np.testing.assert_array_equal(shifts, 0)
+
+
+def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: NDArray[np.uint8]) -> None:
+    rng = np.random.default_rng(0)
+    shifts = [(0, 0), (2.5, -3.5), (-1.5, 4.5), (0.5, 0.5)]
+    versions = [scene(photograph, shift) + 0.08 * rng.standard_normal((80, 90, 3)) for shift in shifts]
+    result = restore(versions, 16, align=True)
+    np.testing.assert_allclose(result.noise, 0.08, rtol=0.1)
+    np.testing.assert_allclose(result.weights, 1, rtol=0.1)

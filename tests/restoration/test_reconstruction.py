@@ -35,9 +35,10 @@ def test_the_union_of_an_object_comes_back_without_masks(sigma: float, least: fl
 def test_range_restores_full_contrast_and_means_do_not(sigma: float) -> None:
     versions = hidden(sigma)
     np.testing.assert_allclose(restore(versions, 2).colors.ravel(), [0, 1], atol=0.02)
-    diluted = restore(versions, 2, renormalize=None).colors.ravel()
+    np.testing.assert_allclose(restore(versions, 2, hidden=None).colors.ravel(), [0, 1], atol=0.02)
+    diluted = restore(versions, 2, renormalize=None, hidden=None).colors.ravel()
     assert diluted[1] < 0.92
-    assert diluted[1] < restore(versions, 2, renormalize="median").colors[1, 0] < 1.02
+    assert diluted[1] < restore(versions, 2, renormalize="median", hidden=None).colors[1, 0] < 1.02
 
 
 def test_a_card_of_four_colors_comes_back_from_noise_holes_and_blocks() -> None:
@@ -283,10 +284,10 @@ RGB = np.zeros((6, 8, 3))
         ([GREY] * 2, {"renormalize": "max"}, "renormalize='max' must be one of range, median, none"),
         ([GREY] * 2, {"edge_weight": "much"}, "edge_weight='much' must be"),
         ([GREY] * 2, {"edge_weight": -1}, "edge_weight=-1 must be"),
-        ([GREY] * 2, {"edge_weight": 1, "detail": True}, "detail=True takes no averaging, edge_weight"),
-        ([GREY] * 2, {"volume_power": 1, "detail": True}, "detail=True takes no"),
-        ([GREY] * 2, {"averaging": "before", "detail": True}, "detail=True takes no"),
-        ([GREY] * 2, {"channels": True, "detail": True}, "detail=True needs versions of one look"),
+        ([GREY] * 2, {"edge_weight": 1, "detail": True}, "detail=True takes no edge_weight"),
+        ([GREY] * 2, {"volume_power": 1, "detail": True}, "detail=True takes no volume_power"),
+        ([GREY] * 2, {"averaging": "before", "detail": True}, "detail=True takes no averaging"),
+        ([GREY] * 2, {"channels": True, "detail": True}, "detail=True takes no channels"),
         ([GREY] * 2, {"n_generators": "many"}, "n_generators='many' must be one of auto"),
         ([GREY] * 2, {"n_generators": 0}, r"n_generators=0 must be in 1\.\.48, the number of pixels"),
         ([GREY] * 2, {"space": "hsv"}, "space='hsv' must be one of"),

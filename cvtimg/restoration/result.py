@@ -1,0 +1,122 @@
+"""The result of a restoration, and how segments found in the stacked space become one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.colors.spaces import from_space, peak
+from cvtimg.restoration.versions import Floats, Versions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Restoration:
+    """An image restored from several versions.
+
+    Attributes
+    ----------
+    image : (H, W) or (H, W, C) array
+        The restored image, of the shape and type of the first version, without alpha.
+    labels : (H, W) int32 array
+        Segment of each pixel, 1..K, from dark to bright. K can be less than requested, because segments can vanish.
+    generators : (K, S, C) float64 array
+        Mean of each segment in each version, in the units of the versions; NaN where a version does not know the
+        segment, and in bands that it does not have.
+    colors : (K, C) float64 array
+        Color of each segment, after renormalization.
+    coverage : (H, W) int32 array
+        Number of versions that know each pixel.
+    left_out : (H, W) int32 array
+        Number of these that were left out there, because they disagree with the others; see `hidden`.
+    noise : (S,) float64 array
+        Estimated standard deviation of the noise of each version, in the units of its color space; NaN where too
+        little is known to estimate it.
+    weights : (S,) float64 array
+        Weight of each version, with mean 1.
+    shifts : (S, 2) float64 array
+        Pixels by which each version was moved, down and to the right.
+    edge_weight : float
+        Penalty for each pair of near pixels in different segments, in squared 8-bit levels.
+    energy : float
+        Sum over pixels and versions of weight times squared distance to the generator, plus the penalties of edges;
+        with `detail`, of the squared distances of patches to their generators.
+    energies : tuple of float
+        Energy before each sweep and at the end; it never rises.
+    converged : bool
+        Whether the segments converged.
+    """
+
+    image: NDArray[Any]
+    labels: NDArray[np.int32]
+    generators: NDArray[np.float64]
+    colors: NDArray[np.float64]
+    coverage: NDArray[np.int32]
+    left_out: NDArray[np.int32]
+    noise: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+    edge_weight: float
+    energy: float
+    energies: tuple[float, ...]
+    converged: bool
+
+    def __post_init__(self) -> None:
+        for array in (self.image, self.labels, self.generators, self.colors, self.coverage, self.left_out, self.noise):
+            array.flags.writeable = False
+        for array in (self.weights, self.shifts):
+            array.flags.writeable = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Segments in the stacked space, in any order, and their colors; and an image that is not made of these, if any."""
+
+    labels: NDArray[np.int32]
+    generators: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    colors: NDArray[np.float64]
+    energies: tuple[float, ...]
+    converged: bool = True
+    image: Floats | None = None
+
+
+def in_order(found: Found, versions: Versions, space: str, **about: Any) -> Restoration:
+    """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
+    deep = np.dtype(np.float64)
+    white = peak(versions.dtype) if space != "rgb" else 1.0
+    n_left = np.bincount(found.labels.ravel(), minlength=len(found.colors) + 1)[1:]
+    colors = from_space(found.colors, space, deep) * white
+    order = np.lexsort((*colors.T[::-1], colors.sum(axis=1)))
+    order = order[n_left[order] > 0]
+    rank = np.zeros(len(colors) + 1, np.int32)
+    rank[order + 1] = np.arange(1, len(order) + 1)
+    labels = rank[found.labels]
+    places = found.colors[order][labels - 1] if found.image is None else found.image
+    rows = from_space(places.reshape(labels.size, -1).astype(np.float64), space, versions.dtype)
+    image = rows.reshape(labels.shape if versions.grey else (*labels.shape, -1))
+    generators = np.where(found.masses > 0, found.generators, np.nan)[order]
+    return Restoration(
+        image=image,
+        labels=labels,
+        generators=_by_version(generators, versions, space),
+        colors=colors[order],
+        energy=found.energies[-1],
+        energies=found.energies,
+        converged=found.converged,
+        **about,
+    )
+
+
+def _by_version(generators: NDArray[np.float64], versions: Versions, space: str) -> NDArray[np.float64]:
+    """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
+    n_bands = np.bincount(versions.version_of)
+    apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
+    for version, n in enumerate(n_bands):
+        places = generators[:, versions.version_of == version]
+        known = ~np.isnan(places).any(axis=1)
+        white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
+        apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white
+    return apart

@@ -1,0 +1,123 @@
+"""Claims about versions that disagree: what was added to one, and what hides an object."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import SAMPLES
+from damaging import card, damage, psnr, two_phases
+from numpy.typing import NDArray
+from skimage.draw import disk, ellipse, line
+
+from cvtimg import read_image, restore
+from cvtimg.restoration import agreement
+from cvtimg.restoration.agreement import without_background, without_outliers
+from cvtimg.restoration.versions import stack_versions
+
+Damage = damage.Damage
+
+
+def exposures(clean: NDArray[np.float64], sigma: float, seed: int = 0) -> list[NDArray[np.float64]]:
+    """Four noisy exposures: cosmic rays in the first, dust in the second, hot pixels in the third, then a passer-by."""
+    rng = np.random.default_rng(seed)
+    height, width = shape = clean.shape[:2]
+    rays, dusty, hot, passed = (clean.copy() for _ in range(4))
+    for _ in range(12):
+        row, column = rng.integers(height - 20), rng.integers(width - 20)
+        rays[line(row, column, row + rng.integers(20), column + rng.integers(20))] = 1
+    for _ in range(10):
+        dusty[disk((rng.integers(height), rng.integers(width)), rng.integers(3, 8), shape=shape)] *= 0.35
+    hot[rng.random(shape) < 0.01] = 1
+    passed[ellipse(0.6 * height, 0.35 * width, 0.3 * height, 0.09 * width, shape=shape)] = 0.15, 0.2, 0.55
+    return [one + sigma * rng.standard_normal(clean.shape) for one in (rays, dusty, hot, passed)]
+
+
+@pytest.mark.parametrize("options", [{}, {"detail": True}], ids=str)
+def test_what_is_added_in_one_exposure_is_left_out(options: dict[str, Any]) -> None:
+    clean = read_image(SAMPLES / "europe_night.png")[20:260, 100:400] / 255
+    versions = exposures(clean, 0.08)
+    median = psnr(np.median(versions, axis=0), clean)
+    result = restore(versions, 16, **options)
+    assert psnr(result.image, clean) > median + 2
+    assert psnr(restore(versions, 16, hidden=None, **options).image, clean) < psnr(result.image, clean) - 3
+    np.testing.assert_array_equal(result.coverage, 4)
+    assert 0.03 < (result.left_out > 0).mean() < 0.12
+
+
+def test_what_is_painted_over_in_one_of_three_versions_is_left_out() -> None:
+    clean = read_image(SAMPLES / "drawing.png") / 255
+    versions, _ = damage.damaged_versions(clean, 3, Damage(noise=0.15, occlusions=4), seed=2)
+    assert psnr(restore(versions, 6).image, clean) > psnr(restore(versions, 6, hidden=None).image, clean) + 5
+
+
+@pytest.mark.parametrize("sigma", [0, 0.01, 0.1])
+@pytest.mark.parametrize("space", ["rgb", "lab"])
+def test_nothing_is_left_out_where_versions_differ_by_noise_alone(
+    photograph: NDArray[Any], sigma: float, space: str
+) -> None:
+    rng = np.random.default_rng(0)
+    levels = [np.clip(photograph + 255 * sigma * rng.standard_normal(photograph.shape), 0, 255) for _ in range(4)]
+    versions = stack_versions([np.rint(one).astype(np.uint8) for one in levels], space=space)
+    kept = without_outliers(versions, np.full(4, max(sigma, 1 / 256) * (255 if space == "rgb" else 100)))
+    assert (~kept.known).mean() < (5e-4 if space == "rgb" else 5e-3)  # noise in Lab is larger where it is dark
+
+
+def test_versions_of_other_exposure_or_place_are_not_left_out_as_a_whole(photograph: NDArray[Any]) -> None:
+    rng = np.random.default_rng(0)
+    images = [photograph * gain + rng.normal(0, 2, photograph.shape) for gain in (1, 0.9, 1.1)]
+    kept = without_outliers(stack_versions(images), np.full(3, 2.0))
+    assert (~kept.known).mean() < 0.05
+
+
+def test_a_tie_leaves_nothing_out_and_two_versions_cannot_outvote_each_other() -> None:
+    dark, bright = np.zeros((20, 20)), np.zeros((20, 20))
+    bright[5:15, 5:15] = 1
+    for images in ([dark, dark, bright, bright], [dark, bright]):
+        versions = stack_versions(images)
+        assert without_outliers(versions, np.full(len(images), 0.01)).known.all()
+
+
+def test_bands_of_rows_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    clean, _ = card(64)
+    versions, known = damage.damaged_versions(clean, 4, Damage(noise=0.1, holes=0.1, occlusions=2), seed=0)
+    stack, noise = stack_versions(versions, known), np.full(4, 0.1)
+    for leave_out in (without_outliers, without_background):
+        whole = leave_out(stack, noise).known
+        with monkeypatch.context() as patch:
+            patch.setattr(agreement, "_CHUNK", 64 * 4 * 7)
+            np.testing.assert_array_equal(leave_out(stack, noise).known, whole)
+        assert (whole != stack.known).any()
+
+
+@pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.999), (0.1, 0.999), (0.2, 0.999), (0.3, 0.998)])
+def test_with_background_hidden_parts_that_only_one_version_shows_come_back(sigma: float, least: float) -> None:
+    truth = two_phases(128)
+    down, right = np.mgrid[:128, :128] / 128
+    rng = np.random.default_rng(0)
+    versions = []
+    for number in range(4):
+        version = truth.copy()
+        if number < 3:  # three patches that overlap
+            version[np.hypot(down - 0.45 - 0.02 * number, right - 0.62 + 0.03 * number) < 0.13] = 0
+        versions.append(version + sigma * rng.standard_normal(truth.shape))
+    object_there = truth[:, :, 0] == 1
+    result = restore(versions, 2, hidden="background")
+    assert np.mean((result.labels == 2) == object_there) >= least
+    assert np.mean((restore(versions, 2).labels == 2) == object_there) < 0.97
+    np.testing.assert_allclose(result.colors.ravel(), [0, 1], atol=0.03)
+
+
+def test_the_background_is_the_commonest_color() -> None:
+    clean, which = card(64)
+    hidden = clean.copy()
+    hidden[which == 2] = clean[which == 0][0]  # painted over by the background
+    result = restore([hidden, hidden, clean], 4, hidden="background")
+    np.testing.assert_allclose(result.image, clean, atol=0.01)
+    np.testing.assert_array_equal(result.left_out, np.where(which == 2, 2, 0))
+
+
+def test_hidden_is_one_of_three_words() -> None:
+    with pytest.raises(ValueError, match="hidden='all' must be one of outliers, background, none"):
+        restore([np.eye(4)], 1, hidden="all")
