@@ -2,6 +2,7 @@ from . import (
     bases,
     batch,
     colors,
+    designs,
     elbow,
     engine,
     files,
@@ -17,6 +18,9 @@ from . import (
 )
 from .bases.frames import key_frames
 from .bases.reduction import reduced_basis
+from .designs.latin import latinize
+from .designs.measures import point_measures
+from .designs.points import design
 from .elbow.curves import energy_curve
 from .engine.tessellation import tessellate
 from .files.finding import find_images
@@ -39,6 +43,8 @@ __all__ = [
     "bases",
     "batch",
     "colors",
+    "design",
+    "designs",
     "elbow",
     "energy_curve",
     "engine",
@@ -49,10 +55,12 @@ __all__ = [
     "find_palette",
     "key_frames",
     "labels",
+    "latinize",
     "palettes",
     "pictures",
     "placement",
     "plotting",
+    "point_measures",
     "quantization",
     "quantize",
     "quantize_frames",

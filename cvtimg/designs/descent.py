@@ -1,0 +1,112 @@
+"""Points moved to the centers of mass of their cells in the unit cube, plain or Latin, by samples or exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.designs.exact_cells import exact_cells
+from cvtimg.designs.latin import latinize, latinize_beside
+from cvtimg.designs.sampled_cells import nearest_points, offsets
+from cvtimg.engine.methods import Stopping
+from cvtimg.engine.tessellation import tessellate
+from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
+from cvtimg.placement.moments import CellMoments, Moments
+
+_Floats = NDArray[np.float64]
+
+#: Rounds in which Latin points move and become Latin again.
+_LATIN_ROUNDS = {"fast": 10, "balanced": 30, "best": 60}
+#: When the descents on the exact energy, and on samples of the torus, have come to rest.
+_EXACT = {"fast": Stopping(1e-4, 40), "balanced": Stopping(1e-5, 120), "best": Stopping(1e-7, 600)}
+_SAMPLED = {"fast": Stopping(1e-3, 20), "balanced": Stopping(1e-4, 60), "best": Stopping(1e-5, 150)}
+#: Starts of which the best is kept.
+_STARTS = {"fast": 1, "balanced": 1, "best": 4}
+#: Free points stay so far from the walls of the cube.
+_MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cube:
+    """The unit cube or torus, or a part of it, as samples.
+
+    Attributes
+    ----------
+    samples : (m, d) float32 array
+        Where points may lie.
+    weights : (m,) float64 array or None
+        Density of the samples; uniform if None.
+    periodic : bool
+        Whether opposite walls meet.
+    exact : bool
+        Whether moments are integrals over cells, and not sums over samples.
+    """
+
+    samples: NDArray[np.float32]
+    weights: _Floats | None
+    periodic: bool
+    exact: bool
+
+    def moments(self, points: _Floats) -> Moments:
+        """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
+        inside = points % 1.0 if self.periodic else points
+        if self.exact:
+            cells = exact_cells(inside, self.periodic)
+            return Moments(cells.volumes, points + cells.firsts / cells.volumes[:, None], cells.energy)
+        labels = nearest_points(self.samples, inside, self.periodic)
+        apart = offsets(self.samples, inside, labels, self.periodic)
+        loads = np.full(len(apart), 1 / len(apart)) if self.weights is None else self.weights / self.weights.sum()
+        masses = np.bincount(labels, loads, len(points))
+        centroids = points.copy()
+        for axis in range(points.shape[1]):
+            sums = np.bincount(labels, loads * apart[:, axis], len(points))
+            centroids[:, axis] += np.divide(sums, masses, out=np.zeros(len(points)), where=masses > 0)
+        return Moments(masses, centroids, float(loads @ (apart**2).sum(axis=1)))
+
+
+def place(cube: Cube, n_points: int, existing: _Floats, effort: str, rng: np.random.Generator) -> _Floats:
+    """Find (n, d) points of low energy beside (L, d) that exist."""
+    starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
+    if not cube.exact and not cube.periodic:
+        return starts[0]
+    starts += [_tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in range(_STARTS[effort] - 1)]
+    free = np.arange(n_points + len(existing)) >= len(existing)
+    descend, stopping = (l_bfgs, _EXACT[effort]) if cube.exact else (over_relaxed, _SAMPLED[effort])
+    terms = Terms(stopping, free, None if cube.periodic else _within)
+    ends = (descend(cube.moments, np.concatenate([existing, start]), terms) for start in starts)
+    best = min(ends, key=lambda end: end.energies[-1]).generators[len(existing) :]
+    return best % 1.0 if cube.periodic else best
+
+
+def place_latin(cube: Cube, points: _Floats, existing: _Floats, effort: str) -> _Floats:
+    """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
+    points = _latin(points, existing)
+    best, least = points, np.inf
+    for _ in range(_LATIN_ROUNDS[effort]):
+        moments: CellMoments = cube.moments
+        found = moments(np.concatenate([existing, points]))
+        if found.energy < least:
+            best, least = points, found.energy
+        points = _latin(found.centroids[len(existing) :], existing)
+    return best
+
+
+def _tessellated(
+    cube: Cube, n_points: int, existing: _Floats, effort: str, init: str, rng: np.random.Generator
+) -> _Floats:
+    locked = existing if len(existing) else None
+    n_all = n_points + len(existing)
+    options = {"density": cube.weights, "locked": locked, "init": init, "effort": effort, "rng": rng}
+    return tessellate(cube.samples, n_all, **options).generators[len(existing) :]  # type: ignore[arg-type]
+
+
+def _within(points: _Floats, before: _Floats) -> _Floats:
+    inside: _Floats = np.clip(points, _MARGIN, 1 - _MARGIN)
+    return inside
+
+
+def _latin(points: _Floats, existing: _Floats) -> _Floats:
+    inside = np.clip(points, 0, 1)
+    return latinize_beside(inside, existing) if len(existing) else latinize(inside)

@@ -1,0 +1,268 @@
+"""Designs: points that fill a box, or the part of it that is feasible, as evenly as a tessellation does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_count
+from cvtimg.designs.descent import Cube, place, place_latin
+from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
+from cvtimg.designs.measures import PointMeasures, point_measures
+from cvtimg.designs.sampled_cells import sobol_samples
+from cvtimg.engine.search import EFFORTS
+from cvtimg.files.whole import StrPath, whole_file
+
+_Floats = NDArray[np.float64]
+
+#: Files that a design is written to.
+SUFFIXES = (".csv", ".npy")
+_MAX_DIMS = 64
+_MAX_POINTS = 1 << 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """Points that fill a box, or a part of it, evenly.
+
+    Attributes
+    ----------
+    points : (n, d) float64 array
+        In the units of the bounds; those that existed are not among them.
+    unit_points : (n, d) float64 array
+        The same in the unit cube.
+    bounds : (d, 2) float64 array
+        Least and greatest value along each axis.
+    existing : (L, d) float64 array
+        Points that were there before, in the units of the bounds.
+    energy : float
+        Mean squared distance in the unit cube from where points may lie to the nearest point, old or new, weighted by
+        the density.
+    latin : bool
+        Whether each of the n + L slices along each axis has at most one of the new points and none beside an old one.
+    periodic : bool
+        Whether opposite walls meet.
+    """
+
+    points: _Floats
+    unit_points: _Floats
+    bounds: _Floats
+    existing: _Floats
+    energy: float
+    latin: bool
+    periodic: bool
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.unit_points, self.bounds, self.existing):
+            array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        n_points, n_dims = self.points.shape
+        kind = ("Latin " if self.latin else "") + ("periodic " if self.periodic else "")
+        return f"Design({n_points} {kind}points in {n_dims} dimensions, energy {self.energy:.4g})"
+
+    def measures(self) -> PointMeasures:
+        """Measure how evenly all points, old and new, fill the unit cube; see `point_measures`."""
+        low, high = self.bounds.T
+        old = (self.existing - low) / (high - low)
+        return point_measures(np.concatenate([old, self.unit_points]), periodic=self.periodic)
+
+    def save(self, path: StrPath, *, names: list[str] | None = None, overwrite: bool = False) -> None:
+        """Write the points to a .csv file, with a header, or a .npy file, whole or not at all.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is another, or there are not as many names as axes.
+        OSError
+            If the file cannot be written, or exists and `overwrite` is false.
+        """
+        suffix = check_choice("suffix", Path(path).suffix.lower(), SUFFIXES)
+        n_dims = self.points.shape[1]
+        header = names or [f"x{axis + 1}" for axis in range(n_dims)]
+        if len(header) != n_dims:
+            raise ValueError(f"names={header} must be {n_dims}, one for each axis")
+        with whole_file(path, overwrite=overwrite) as file:
+            if suffix == ".npy":
+                np.save(file, self.points)
+            else:
+                np.savetxt(file, self.points, "%.17g", ",", header=",".join(header), comments="")
+
+
+class _Request(NamedTuple):
+    """What is asked for, checked and in the unit cube."""
+
+    cube: Cube
+    bounds: _Floats
+    existing: _Floats
+    latin: bool
+
+
+def design(
+    n_points: int,
+    bounds: int | ArrayLike,
+    *,
+    periodic: bool = False,
+    latin: bool | None = None,
+    density: Callable[[_Floats], ArrayLike] | None = None,
+    feasible: Callable[[_Floats], ArrayLike] | None = None,
+    existing: ArrayLike | None = None,
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+) -> Design:
+    """Place points for experiments: as evenly as the cells of a centroidal Voronoi tessellation.
+
+    Parameters
+    ----------
+    n_points : int
+        How many, at most 65536.
+    bounds : int or (d, 2) array
+        Number of dimensions of a unit cube, at most 64, or least and greatest value along each axis.
+    periodic : bool
+        Let opposite walls meet, so that points keep away from walls no more than from each other.
+    latin : bool, optional
+        Give each of n slices along each axis one point, and still be nearly a tessellation: projections on each axis
+        are then even as well. That is the default, except with `density` or `feasible`, with which it cannot be.
+    density : callable, optional
+        From (m, d) points in the units of the bounds to (m,) weights >= 0: points are denser where it is greater.
+    feasible : callable, optional
+        From (m, d) points to (m,) booleans: where points may lie.
+    existing : (L, d) array, optional
+        Points that are there already, in the units of the bounds: new ones keep away from them.
+    effort : {"fast", "balanced", "best"}
+        "best" moves points in one to three dimensions to a minimum of the exact energy, the best of a few starts.
+    rng : int or numpy.random.Generator
+        Seed of the starts.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Notes
+    -----
+    A plain tessellation (``latin=False``) has the least energy, but its projections on single axes have gaps, which
+    matters where only few of many inputs count.
+
+    References
+    ----------
+    V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Reliability Engineering and System Safety 91 (2006) 1266-1280,
+    doi 10.1016/j.ress.2005.11.033. Returning to Latin points after each move is our own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import design
+    >>> found = design(8, [[0, 1], [-5, 5]], effort="fast")
+    >>> np.sort(found.points[:, 1]).tolist()
+    [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
+    """
+    generator = np.random.default_rng(rng)
+    request = _checked(n_points, bounds, periodic, latin, density, feasible, existing, effort, generator)
+    cube, old = request.cube, request.existing
+    unit = place(cube, n_points, old, effort, generator)
+    if request.latin:
+        unit = place_latin(cube, unit, old, effort)
+    low, high = request.bounds.T
+    return Design(
+        low + unit * (high - low),
+        unit,
+        request.bounds,
+        low + old * (high - low),
+        cube.moments(np.concatenate([old, unit])).energy,
+        request.latin,
+        periodic,
+    )
+
+
+#: Samples for each point, and the least and the most in all.
+_SAMPLES_PER_POINT = {"fast": 256, "balanced": 1024, "best": 4096}
+_FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
+#: Up to so many dimensions cells are integrated whatever the effort.
+_MOST_CHEAP_DIMS = 2
+
+
+def _checked(
+    n_points: int,
+    bounds: int | ArrayLike,
+    periodic: bool,
+    latin: bool | None,
+    density: Any,
+    feasible: Any,
+    existing: ArrayLike | None,
+    effort: str,
+    rng: np.random.Generator,
+) -> _Request:
+    check_count("n_points", n_points, _MAX_POINTS, "the most points")
+    check_choice("effort", effort, EFFORTS)
+    low, high = _checked_bounds(bounds)
+    everywhere = density is None and feasible is None
+    if latin and not everywhere:
+        raise ValueError("latin=True must not be given with density or feasible: then slices cannot all have a point")
+    if periodic and not everywhere:
+        raise ValueError("periodic=True must not be given with density or feasible")
+    old = _checked_existing(existing, low, high)
+    asked = _SAMPLES_PER_POINT[effort] * (n_points + len(old))
+    samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), rng)
+    samples, weights = _weighted(samples, low, high, density, feasible)
+    if len(samples) < n_points + len(old):
+        raise ValueError(f"feasible holds for {len(samples)} of the samples of the box; {n_points} points need more")
+    worth_it = periodic or effort == "best"
+    exact = everywhere and len(low) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
+    cube = Cube(samples, weights, periodic, exact)
+    return _Request(cube, np.stack([low, high], axis=1), old, everywhere if latin is None else latin)
+
+
+def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
+    if isinstance(bounds, (int, np.integer)):
+        n_dims = check_count("bounds", int(bounds), _MAX_DIMS, "the most dimensions")
+        return np.zeros(n_dims), np.ones(n_dims)
+    array = np.asarray(bounds, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 2 or not 1 <= len(array) <= _MAX_DIMS:
+        raise ValueError(f"bounds of shape {array.shape} must be (d, 2), d in 1..{_MAX_DIMS}")
+    if not np.isfinite(array).all() or not (array[:, 0] < array[:, 1]).all():
+        raise ValueError(f"bounds={array.tolist()} must be finite, the first of each axis below the second")
+    return array[:, 0].copy(), array[:, 1].copy()
+
+
+def _checked_existing(existing: ArrayLike | None, low: _Floats, high: _Floats) -> _Floats:
+    if existing is None:
+        return np.empty((0, len(low)))
+    array = (
+        np.asarray(existing, dtype=np.float64).reshape(-1, len(low)) if np.size(existing) == 0 else np.asarray(existing)
+    )
+    if array.ndim != 2 or array.shape[1] != len(low):
+        raise ValueError(f"existing of shape {array.shape} must be (L, {len(low)}), a row for each point")
+    unit: _Floats = (array - low) / (high - low)
+    if not ((unit >= 0) & (unit <= 1)).all():
+        raise ValueError("existing must be finite and lie within the bounds")
+    return unit
+
+
+def _weighted(
+    samples: NDArray[np.float32], low: _Floats, high: _Floats, density: Any, feasible: Any
+) -> tuple[NDArray[np.float32], _Floats | None]:
+    """Leave samples that are feasible and have a density, with their weights."""
+    weights = None
+    if feasible is not None:
+        allowed = np.asarray(feasible(low + samples * (high - low)))
+        if allowed.shape != (len(samples),):
+            raise ValueError(f"feasible gave an array of shape {allowed.shape} for {len(samples)} points, not one each")
+        samples = samples[allowed.astype(bool)]
+    if density is not None and len(samples):
+        weights = np.asarray(density(low + samples * (high - low)), dtype=np.float64)
+        if weights.shape != (len(samples),):
+            raise ValueError(f"density gave an array of shape {weights.shape} for {len(samples)} points, not one each")
+        if not (np.isfinite(weights).all() and weights.min() >= 0 and weights.any()):
+            raise ValueError("density must be finite and >= 0, and not 0 everywhere")
+        samples, weights = samples[weights > 0], weights[weights > 0]
+    return samples, weights

@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cvtimg import latinize, point_measures
+from cvtimg.designs import star_discrepancy
+from cvtimg.designs.discrepancy import _lower_bound
+from cvtimg.designs.exact_cells import exact_cells
+from cvtimg.designs.sampled_cells import nearest_points, sampled_cells
+
+RNG = np.random.default_rng(4)
+
+
+def discrepancy_by_all_boxes(points: NDArray[Any]) -> float:
+    """Look at every box that coordinates of points, and 1, are corners of."""
+    worst = 0.0
+    for corner in itertools.product(*(np.append(axis, 1.0) for axis in points.T)):
+        volume = np.prod(corner)
+        closed, within = (points <= corner).all(axis=1).mean(), (points < corner).all(axis=1).mean()
+        worst = max(worst, closed - volume, volume - within)
+    return worst
+
+
+@pytest.mark.parametrize("n_dims", [1, 2, 3])
+@given(seed=st.integers(0, 1000), n_points=st.integers(1, 7), steps=st.sampled_from([3, 10, 0]))
+def test_the_discrepancy_is_that_of_the_worst_box(n_dims: int, seed: int, n_points: int, steps: int) -> None:
+    points = np.random.default_rng(seed).random((n_points, n_dims))
+    points = np.rint(points * steps) / steps if steps else points  # equal coordinates, and walls
+    value, exact = star_discrepancy(points)
+    assert exact
+    assert value == pytest.approx(discrepancy_by_all_boxes(points))
+
+
+def test_in_many_dimensions_the_discrepancy_is_a_lower_bound_and_says_so() -> None:
+    points = RNG.random((7, 4))
+    value, exact = star_discrepancy(points)
+    assert not exact
+    assert value == pytest.approx(discrepancy_by_all_boxes(points))
+    three = RNG.random((60, 3))
+    bound, truth = _lower_bound(three, np.random.default_rng(0)), star_discrepancy(three)[0]
+    assert 0.9 * truth <= bound <= truth + 1e-12
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("n_dims", [1, 2, 3])
+def test_exact_cells_agree_with_many_samples(n_dims: int, periodic: bool) -> None:
+    points = RNG.random((30, n_dims))
+    cells = exact_cells(points, periodic)
+    samples = np.random.default_rng(0).random((300_000, n_dims))
+    distances, labels = cKDTree(points, boxsize=1.0 if periodic else None).query(samples)
+    assert cells.volumes.sum() == pytest.approx(1)
+    assert cells.volumes == pytest.approx(np.bincount(labels, minlength=30) / len(samples), abs=4e-3)
+    assert cells.energy == pytest.approx((distances**2).mean(), rel=0.02)
+    assert distances.max() <= cells.reaches.max() <= distances.max() * 1.1
+    apart = samples - points[labels]
+    apart = apart - np.rint(apart) if periodic else apart
+    for axis in range(n_dims):
+        firsts = np.bincount(labels, apart[:, axis], 30) / len(samples)
+        assert cells.firsts[:, axis] == pytest.approx(firsts, abs=2e-3)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_cells_of_a_lattice_are_squares(periodic: bool) -> None:
+    axis = (np.arange(4) + 0.5) / 4
+    cells = exact_cells(np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2), periodic)
+    assert cells.volumes == pytest.approx(np.full(16, 1 / 16))
+    assert cells.reaches == pytest.approx(np.full(16, 0.125 * 2**0.5))
+    assert cells.seconds == pytest.approx(np.tile(np.eye(2) / 16 * 0.25**2 / 12, (16, 1, 1)), abs=1e-15)
+
+
+def test_clusters_far_from_walls_have_all_their_images() -> None:
+    points = 0.4 + RNG.random((40, 2)) / 100
+    assert exact_cells(points, periodic=False).volumes.sum() == pytest.approx(1)
+    assert exact_cells(points, periodic=True).volumes.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_samples_find_the_nearest_points_and_exact_moments(periodic: bool) -> None:
+    points, samples = RNG.random((25, 3)), RNG.random((2000, 3)).astype(np.float32)
+    expected = cKDTree(points, boxsize=1.0 if periodic else None).query(samples)[1]
+    assert (nearest_points(samples, points, periodic) == expected).mean() > 0.999
+    sampled, exact = sampled_cells(points, 1 << 16, periodic, 0), exact_cells(points, periodic)
+    assert sampled.energy == pytest.approx(exact.energy, rel=0.01)
+    assert sampled.volumes == pytest.approx(exact.volumes, abs=2e-3)
+
+
+def test_measures_of_four_points_are_those_by_hand() -> None:
+    found = point_measures([[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]])
+    assert found.h == pytest.approx(0.125**0.5)
+    assert found.chi == pytest.approx(2**0.5)
+    assert found.tau == pytest.approx(0, abs=1e-15)
+    assert found.d == pytest.approx(0, abs=1e-15)
+    assert found.energy == pytest.approx(1 / 24)
+    assert found.discrepancy == pytest.approx(discrepancy_by_all_boxes(np.array([[1, 1], [1, 3], [3, 1], [3, 3]]) / 4))
+    assert found.exact_cells
+    assert found.exact_discrepancy
+
+
+def test_measures_in_four_dimensions_say_that_they_are_not_exact() -> None:
+    found = point_measures(RNG.random((10, 4)))
+    assert not found.exact_cells
+    assert not found.exact_discrepancy
+
+
+@given(seed=st.integers(0, 100), n_points=st.integers(1, 30))
+def test_latinizing_keeps_the_order_along_each_axis_and_fills_each_slice(seed: int, n_points: int) -> None:
+    points = np.random.default_rng(seed).random((n_points, 3))
+    for place in ("center", "random"):
+        moved = latinize(points, place=place)
+        assert (np.argsort(moved, axis=0) == np.argsort(points, axis=0)).all()
+        assert (np.sort(np.floor(moved * n_points), axis=0) == np.arange(n_points)[:, None]).all()
+    assert (latinize(latinize(points)) == latinize(points)).all()
+
+
+@pytest.mark.parametrize("measure", [point_measures, latinize, star_discrepancy])
+def test_points_outside_of_the_cube_are_refused(measure: Any) -> None:
+    with pytest.raises(ValueError, match=r"points in 0\.5\.\.1\.5 must be in 0\.\.1"):
+        measure([[0.5, 1.5], [0.5, 0.5]])
+
+
+def test_equal_points_are_named() -> None:
+    with pytest.raises(ValueError, match=r"points must differ from each other: .*\[0.5, 0.5\]"):
+        point_measures([[0.5, 0.5], [0.1, 0.2], [0.5, 0.5]])
+    with pytest.raises(ValueError, match="must be at least two"):
+        point_measures([[0.5, 0.5]])

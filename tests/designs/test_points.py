@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from cvtimg import design
+from cvtimg.designs import CVTDesign, Design
+
+
+def slices_of(design: Design) -> NDArray[Any]:
+    """(n, d) slice of each point along each axis, of as many as there are points, old and new."""
+    n_slices = len(design.points) + len(design.existing)
+    return np.floor(design.unit_points * n_slices).astype(int)
+
+
+@pytest.mark.parametrize("n_dims", [1, 2, 3, 5])
+def test_latin_designs_have_one_point_in_each_slice_of_each_axis(n_dims: int) -> None:
+    found = design(20, n_dims, effort="fast")
+    assert (np.sort(slices_of(found), axis=0) == np.arange(20)[:, None]).all()
+    assert found.latin
+
+
+@pytest.mark.parametrize("n_dims", [2, 3, 4])
+def test_designs_have_less_energy_than_sequences_and_latin_hypercubes(n_dims: int) -> None:
+    plain, latin = (design(40, n_dims, latin=latin, effort="fast").measures().energy for latin in (False, True))
+    others = [qmc.Halton(n_dims, rng=0).random(40), qmc.LatinHypercube(n_dims, rng=0).random(40)]
+    energies = [Design(*[points] * 2, *cube(n_dims), 0, False, False).measures().energy for points in others]
+    assert plain < latin < min(energies)
+
+
+def cube(n_dims: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    return np.repeat([[0.0, 1.0]], n_dims, axis=0), np.empty((0, n_dims))
+
+
+@pytest.mark.slow
+def test_the_best_effort_reaches_the_known_minimum_of_four_points_and_of_many() -> None:
+    four = design(4, 2, latin=False, effort="best")
+    assert np.sort(four.points, axis=None) == pytest.approx(np.repeat([0.25, 0.75], 4), abs=1e-4)
+    assert four.energy == pytest.approx(1 / 24)
+    assert design(100, 2, latin=False, effort="best").energy <= 1.645e-3
+
+
+def test_points_that_exist_stay_and_keep_new_ones_away() -> None:
+    corner = np.random.default_rng(0).random((30, 2)) / 2
+    found = design(30, 2, existing=corner, latin=False, effort="fast")
+    assert (found.existing == corner).all()
+    in_corner = (found.points < 0.5).all(axis=1)
+    assert in_corner.sum() <= 3
+    assert found.energy < design(30, 2, latin=False, effort="fast").energy
+
+
+def test_latin_points_leave_slices_that_existing_points_have() -> None:
+    old = [[0.01, 0.99], [0.5, 0.5]]
+    found = design(6, 2, existing=old, effort="fast")
+    taken = np.floor(np.array(old) * 8).astype(int)
+    for axis in range(2):
+        slices = slices_of(found)[:, axis]
+        assert len(set(slices)) == 6
+        assert not set(slices) & set(taken[:, axis])
+
+
+def test_points_lie_where_they_are_feasible_and_are_dense_where_they_are_asked_to_be() -> None:
+    disc = design(50, [[-1, 1], [-1, 1]], feasible=lambda p: (p**2).sum(axis=1) < 1, effort="fast")
+    assert ((disc.points**2).sum(axis=1) < 1).all()
+    assert not disc.latin
+    right = design(200, 2, density=lambda p: np.where(p[:, 0] > 0.5, 16.0, 1.0), effort="fast")
+    # In two dimensions points are as dense as the square root of the density: four to one.
+    assert (right.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.04)
+
+
+@pytest.mark.parametrize("n_dims", [2, 4])
+def test_periodic_designs_take_no_account_of_walls(n_dims: int) -> None:
+    found = design(30, n_dims, periodic=True, latin=False, effort="fast")
+    assert found.measures().energy < design(30, n_dims, latin=False, effort="fast").measures().energy
+    shifted = (found.unit_points + 0.37) % 1.0
+    moved = Design(shifted, shifted, found.bounds, found.existing, 0, False, True)
+    assert moved.measures().energy == pytest.approx(found.measures().energy, rel=0.02)
+
+
+def test_bounds_scale_points_and_nothing_else() -> None:
+    unit, scaled = design(10, 2, effort="fast"), design(10, [[-1, 3], [10, 20]], effort="fast")
+    assert scaled.points == pytest.approx(unit.points * [4, 10] + [-1, 10])
+    assert scaled.energy == unit.energy
+
+
+def test_the_seed_decides() -> None:
+    one, same, other = (design(12, 3, effort="fast", rng=seed).points for seed in (1, 1, 2))
+    assert (one == same).all()
+    assert (one != other).any()
+
+
+def test_one_point_lies_in_the_middle() -> None:
+    assert design(1, 3, effort="fast").points == pytest.approx(np.full((1, 3), 0.5))
+
+
+def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
+    found = design(5, [[0, 1], [2, 3]], effort="fast")
+    found.save(tmp_path / "a.csv", names=["speed", "heat"])
+    assert (tmp_path / "a.csv").read_text().splitlines()[0] == "speed,heat"
+    assert (np.loadtxt(tmp_path / "a.csv", delimiter=",", skiprows=1) == found.points).all()
+    found.save(tmp_path / "a.npy")
+    assert (np.load(tmp_path / "a.npy") == found.points).all()
+    with pytest.raises(FileExistsError):
+        found.save(tmp_path / "a.npy")
+    with pytest.raises(ValueError, match=r"names=\['speed'\] must be 2, one for each axis"):
+        found.save(tmp_path / "b.csv", names=["speed"])
+
+
+def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
+    engine = CVTDesign(2, effort="fast", rng=3)
+    first, second = engine.random(10), engine.random(10)
+    nearest = np.sqrt(((first[:, None] - second) ** 2).sum(axis=2)).min()
+    assert nearest > 0.05
+    assert (engine.reset().random(10) == first).all()
+    assert qmc.discrepancy(np.concatenate([first, second])) < qmc.discrepancy(np.random.default_rng(0).random((20, 2)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_points": 0}, r"n_points=0 must be in 1\.\."),
+        ({"bounds": [[0, 0]]}, r"bounds=\[\[0.0, 0.0\]\] must be finite, the first of each axis below the second"),
+        ({"bounds": [0, 1]}, r"bounds of shape \(2,\) must be \(d, 2\)"),
+        ({"existing": [[2, 0]]}, "existing must be finite and lie within the bounds"),
+        ({"existing": [[0, 0, 0]]}, r"existing of shape \(1, 3\) must be \(L, 2\)"),
+        ({"effort": "none"}, "effort='none' must be one of"),
+        ({"latin": True, "density": lambda p: p[:, 0]}, "latin=True must not be given with density or feasible"),
+        ({"periodic": True, "feasible": lambda p: p[:, 0] > 0}, "periodic=True must not be given with"),
+        ({"feasible": lambda p: p[:, 0] > 2}, "feasible holds for 0 of the samples"),
+        ({"feasible": lambda p: True}, r"feasible gave an array of shape \(\)"),
+        ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
+    given = {"n_points": 5, "bounds": 2, "effort": "fast", **options}
+    with pytest.raises(ValueError, match=message):
+        design(given.pop("n_points"), given.pop("bounds"), **given)
