@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.designs.exact_cells import exact_cells
+from cvtimg.designs.discrepancy import star_discrepancy
+from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, exact_cells
 from cvtimg.designs.latin import latinize, latinize_beside
 from cvtimg.designs.sampled_cells import nearest_points, offsets
 from cvtimg.engine.methods import Stopping
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
-from cvtimg.placement.moments import CellMoments, Moments
+from cvtimg.placement.moments import Moments
 
 _Floats = NDArray[np.float64]
 
@@ -23,7 +24,9 @@ _LATIN_ROUNDS = {"fast": 10, "balanced": 30, "best": 60}
 _EXACT = {"fast": Stopping(1e-4, 40), "balanced": Stopping(1e-5, 120), "best": Stopping(1e-7, 600)}
 _SAMPLED = {"fast": Stopping(1e-3, 20), "balanced": Stopping(1e-4, 60), "best": Stopping(1e-5, 150)}
 #: Starts of which the best is kept.
-_STARTS = {"fast": 1, "balanced": 1, "best": 4}
+_STARTS = {"fast": 1, "balanced": 1, "best": 6}
+#: Latin points may have so much more energy than the best if they are more even.
+_ABOUT = 5e-3
 #: Free points stay so far from the walls of the cube.
 _MARGIN = 1e-9
 
@@ -58,7 +61,7 @@ class Cube:
         labels = nearest_points(self.samples, inside, self.periodic)
         apart = offsets(self.samples, inside, labels, self.periodic)
         loads = np.full(len(apart), 1 / len(apart)) if self.weights is None else self.weights / self.weights.sum()
-        masses = np.bincount(labels, loads, len(points))
+        masses: _Floats = np.bincount(labels, loads, len(points)).astype(np.float64)
         centroids = points.copy()
         for axis in range(points.shape[1]):
             sums = np.bincount(labels, loads * apart[:, axis], len(points))
@@ -66,31 +69,50 @@ class Cube:
         return Moments(masses, centroids, float(loads @ (apart**2).sum(axis=1)))
 
 
-def place(cube: Cube, n_points: int, existing: _Floats, effort: str, rng: np.random.Generator) -> _Floats:
-    """Find (n, d) points of low energy beside (L, d) that exist."""
+def place(cube: Cube, n_points: int, existing: _Floats, effort: str, rng: np.random.Generator) -> list[_Floats]:
+    """Find (n, d) points of low energy beside (L, d) that exist, from a few starts, those of least energy first."""
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
     if not cube.exact and not cube.periodic:
-        return starts[0]
+        return starts
     starts += [_tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in range(_STARTS[effort] - 1)]
     free = np.arange(n_points + len(existing)) >= len(existing)
     descend, stopping = (l_bfgs, _EXACT[effort]) if cube.exact else (over_relaxed, _SAMPLED[effort])
     terms = Terms(stopping, free, None if cube.periodic else _within)
-    ends = (descend(cube.moments, np.concatenate([existing, start]), terms) for start in starts)
-    best = min(ends, key=lambda end: end.energies[-1]).generators[len(existing) :]
-    return best % 1.0 if cube.periodic else best
+    ends = [descend(cube.moments, np.concatenate([existing, start]), terms) for start in starts]
+    ends.sort(key=lambda end: end.energies[-1])
+    found = [end.generators[len(existing) :] for end in ends]
+    return [points % 1.0 for points in found] if cube.periodic else found
 
 
-def place_latin(cube: Cube, points: _Floats, existing: _Floats, effort: str) -> _Floats:
+def place_latin(cube: Cube, starts: list[_Floats], existing: _Floats, effort: str) -> _Floats:
+    """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
+    ends = [_alternate(cube, points, existing, effort) for points in starts]
+    if len(ends) == 1:
+        return ends[0][0]
+    enough = min(energy for _, energy in ends) * (1 + _ABOUT)
+    return min((points for points, energy in ends if energy <= enough), key=_unevenness)
+
+
+def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: str) -> tuple[_Floats, float]:
     """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
     points = _latin(points, existing)
     best, least = points, np.inf
     for _ in range(_LATIN_ROUNDS[effort]):
-        moments: CellMoments = cube.moments
-        found = moments(np.concatenate([existing, points]))
+        found = cube.moments(np.concatenate([existing, points]))
         if found.energy < least:
             best, least = points, found.energy
-        points = _latin(found.centroids[len(existing) :], existing)
-    return best
+        moved = _latin(found.centroids[len(existing) :], existing)
+        if (moved == points).all():
+            break
+        points = moved
+    return best, least
+
+
+def _unevenness(points: _Floats) -> float:
+    """Star discrepancy where that is exact, else centered L2: F. Hickernell, Math. Comp. 67 (1998) 299-322."""
+    from scipy.stats.qmc import discrepancy
+
+    return star_discrepancy(points)[0] if points.shape[1] <= MOST_EXACT_DIMS else float(discrepancy(points))
 
 
 def _tessellated(

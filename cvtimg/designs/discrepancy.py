@@ -55,26 +55,34 @@ def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -
 
 
 def _exact(points: _Floats) -> float:
-    """Visit the corners that points span, layer by layer along the third axis."""
-    full = np.concatenate([points, np.zeros((len(points), 3 - points.shape[1]))], axis=1)
-    down, right, layers = (np.unique(np.append(axis, 1.0)) for axis in full.T)
-    at = [np.searchsorted(sides, axis) for sides, axis in zip((down, right, layers), full.T, strict=True)]
-    layers = layers if points.shape[1] == 3 else np.ones(1)
-    # A box that is open has the points up to the corner before its own: the first row and column stay 0.
-    counts = np.zeros((len(down) + 1, len(right) + 1), np.int32)
-    closed, before = counts[1:, 1:], counts[:-1, :-1]
-    share, greatest = 1 / len(points), 0.0
-    for layer, depth in enumerate(layers):
-        if points.shape[1] == 3:
-            open_gap = _discrepancy.greatest_gap(np.ascontiguousarray(before), down, right, depth, share, -1)
-            greatest = max(greatest, open_gap)
-        for point in np.flatnonzero(at[2] == layer) if points.shape[1] == 3 else range(len(points)):
-            closed[at[0][point] :, at[1][point] :] += 1
-        greatest = max(greatest, _discrepancy.greatest_gap(np.ascontiguousarray(closed), down, right, depth, share, 1))
-    if points.shape[1] < 3:
-        open_gap = _discrepancy.greatest_gap(np.ascontiguousarray(before), down, right, 1.0, share, -1)
-        greatest = max(greatest, open_gap)
-    return float(greatest)
+    """Visit all corners that coordinates of points span: boxes with and without their upper sides."""
+    n_points, n_dims = points.shape
+    sides = [np.unique(np.append(axis, 1.0)) for axis in points.T]
+    if n_dims == 1:
+        levels = np.sort(points[:, 0])
+        closed, within = (np.searchsorted(levels, sides[0], side) / n_points for side in ("right", "left"))
+        return float(max((closed - sides[0]).max(), (sides[0] - within).max()))
+    at = [np.searchsorted(own, axis) for own, axis in zip(sides, points.T, strict=True)]
+    # An open box has the points up to the corner before its own: the first row and column stay 0.
+    counts = np.zeros((len(sides[0]) + 1, len(sides[1]) + 1), np.int32)
+    closed_counts, open_counts = counts[1:, 1:], counts[:-1, :-1]
+
+    def gap(of: NDArray[np.int32], depth: float, sign: int) -> float:
+        return _discrepancy.greatest_gap(np.ascontiguousarray(of), sides[0], sides[1], depth, 1 / n_points, sign)
+
+    def add(members: NDArray[np.intp]) -> None:
+        for point in members:
+            closed_counts[at[0][point] :, at[1][point] :] += 1
+
+    if n_dims == 2:
+        add(np.arange(n_points))
+        return max(gap(closed_counts, 1.0, 1), gap(open_counts, 1.0, -1))
+    greatest = 0.0
+    for layer, depth in enumerate(sides[2]):
+        greatest = max(greatest, gap(open_counts, depth, -1))
+        add(np.flatnonzero(at[2] == layer))
+        greatest = max(greatest, gap(closed_counts, depth, 1))
+    return greatest
 
 
 def _lower_bound(points: _Floats, rng: np.random.Generator) -> float:

@@ -169,9 +169,8 @@ def design(
     generator = np.random.default_rng(rng)
     request = _checked(n_points, bounds, periodic, latin, density, feasible, existing, effort, generator)
     cube, old = request.cube, request.existing
-    unit = place(cube, n_points, old, effort, generator)
-    if request.latin:
-        unit = place_latin(cube, unit, old, effort)
+    found = place(cube, n_points, old, effort, generator)
+    unit = place_latin(cube, found, old, effort) if request.latin else found[0]
     low, high = request.bounds.T
     return Design(
         low + unit * (high - low),

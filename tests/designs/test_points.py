@@ -49,8 +49,8 @@ def test_points_that_exist_stay_and_keep_new_ones_away() -> None:
     corner = np.random.default_rng(0).random((30, 2)) / 2
     found = design(30, 2, existing=corner, latin=False, effort="fast")
     assert (found.existing == corner).all()
-    in_corner = (found.points < 0.5).all(axis=1)
-    assert in_corner.sum() <= 3
+    # Without those that exist a quarter of the points would lie in that corner, 7 or 8.
+    assert (found.points < 0.5).all(axis=1).sum() <= 4
     assert found.energy < design(30, 2, latin=False, effort="fast").energy
 
 
