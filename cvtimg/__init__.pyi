@@ -33,6 +33,7 @@ from .quantization.images import quantize
 from .quantization.palette_search import find_palette
 from .restoration.reconstruction import restore
 from .segmentation.grid_cells import superpixels
+from .segmentation.hierarchy.building import segment_hierarchy
 from .segmentation.segments import segment
 from .tables.estimator import CVT
 
@@ -70,6 +71,7 @@ __all__ = [
     "restoration",
     "restore",
     "segment",
+    "segment_hierarchy",
     "segmentation",
     "superpixels",
     "tables",

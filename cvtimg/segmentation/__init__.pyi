@@ -1,5 +1,7 @@
 from .averaging import Averaging
 from .grid_cells import superpixels
+from .hierarchy.building import segment_hierarchy
+from .hierarchy.tree import RegionHierarchy
 from .noise import estimate_noise
 from .result import Segmentation
 from .segments import segment, segment_curve
@@ -7,11 +9,13 @@ from .tiled import SegmentedFile, segment_file
 
 __all__ = [
     "Averaging",
+    "RegionHierarchy",
     "Segmentation",
     "SegmentedFile",
     "estimate_noise",
     "segment",
     "segment_curve",
     "segment_file",
+    "segment_hierarchy",
     "superpixels",
 ]

@@ -70,12 +70,13 @@ def superpixels(
     weight = check_non_negative("compactness", compactness)
     check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
-    cells = _grid(values.inside, n_superpixels)
+    cells = grid_of_cells(values.inside, n_superpixels)
     descent = descend(field, cells, int(cells.max()), edge_weight=weight, connected=True)
     return from_labels(values, field, descent.labels, descent, weight)
 
 
-def _grid(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
+def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
+    """Divide what is inside (H, W) into about so many connected cells of like size, numbered from 1."""
     height, width = inside.shape
     # The whole image gets proportionally more cells, so that the number requested lies inside the mask.
     n_all = n_cells * inside.size / inside.sum()

@@ -1,0 +1,1 @@
+"""Hierarchies: trees of regions, from which any number of regions is cut."""

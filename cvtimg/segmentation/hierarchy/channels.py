@@ -1,0 +1,154 @@
+"""What regions of a photograph differ in: color, channel by channel, and texture.
+
+Every pixel gets a bin for each channel of color and one for its texture. Textures are told apart by textons: the
+responses of filters to an image are samples as colors are, and the generators of their tessellation are the patterns
+that the image is made of.
+
+J. Malik, S. Belongie, T. Leung, J. Shi, Int. J. Computer Vision 43 (2001) 7-27, doi 10.1023/A:1011174803800: textons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine.points import assign, pack
+from cvtimg.engine.tessellation import tessellate
+from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
+from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.values import PictureValues
+
+#: Least and greatest value of each channel, in values, where white is 255.
+_RANGES = {
+    "rgb": ((0, 255), (0, 255), (0, 255)),
+    "linear": ((0, 255), (0, 255), (0, 255)),
+    "lab": ((0, 255), (-186, 242), (-186, 242)),
+    "oklab": ((0, 255), (-140, 140), (-160, 110)),
+}
+#: Filters are derivatives of Gaussians of these widths, in pixels.
+_SCALES = (1.0, 2.0)
+#: Responses of this size are about halfway between weak ones, which count as they are, and strong ones, of which
+#: only the logarithm does. In the units of the lightness, 0 to 1.
+_CONTRAST = 0.03
+#: Textons are found from one of so many pixels at least, and from so many at most.
+_SAMPLED, _ENOUGH = 7, 40_000
+#: Contrast is stretched until these percentiles of the first channel are black and white.
+_EXTREMES = (0.1, 99.9)
+#: Noise of this standard deviation, in values, does no harm. More is blurred, by Gaussians of these widths.
+_HARMLESS_NOISE = 6.0
+_LEAST_BLUR, _LARGEST_BLUR = 0.5, 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channels:
+    """What pixels are like.
+
+    Attributes
+    ----------
+    bins : (H, W, C) uint8 array
+        Bins of color, `N_LEVELS` for each channel but the last, which has the textons.
+    values : (H, W, D) float32 array
+        Where distances of colors are measured, at full contrast and centered; 0 outside.
+    inside : (H, W) bool array
+        Pixels that count.
+    """
+
+    bins: NDArray[np.uint8]
+    values: NDArray[np.float32]
+    inside: NDArray[np.bool_]
+
+
+def find_channels(values: PictureValues) -> Channels:
+    """Sort the pixels of an image into bins of color and texture."""
+    field, inside = values.field(), values.inside
+    noise = noise_covariance(field, inside)
+    blur = _blur_for(noise)
+    if blur:
+        field = averaged(field, Averaging("before", "gaussian", blur), inside)
+        noise = noise * Averaging("before", "gaussian", blur).noise_gain
+    colors, ranges = _colors(field, values)
+    low, gain = _full_contrast(colors[inside], noise)
+    bins = np.empty((*inside.shape, colors.shape[2] + 1), np.uint8)
+    for channel, (least, greatest) in enumerate(ranges):
+        offset = low if least == 0 else 0.0
+        share = (colors[..., channel] - np.float32(offset)) * np.float32(gain) - np.float32(least)
+        share /= np.float32(greatest - least)
+        bins[..., channel] = np.clip(share * N_LEVELS, 0, N_LEVELS - 1)
+        if channel == 0:
+            bins[..., -1] = textons(_filled(share, inside), inside)
+    return Channels(bins, field * np.float32(gain), inside)
+
+
+def _blur_for(noise: NDArray[np.float64]) -> float:
+    """Return the width of the Gaussian that leaves of noise what does no harm; 0 if none is needed."""
+    deviation = float(np.sqrt(noise[0, 0]))
+    # A Gaussian of width s leaves 1 / (2 s sqrt(pi)) of white noise.
+    blur = deviation / _HARMLESS_NOISE / (2 * np.sqrt(np.pi))
+    return 0.0 if blur < _LEAST_BLUR else min(blur, _LARGEST_BLUR)
+
+
+def _colors(
+    field: NDArray[np.float32], values: PictureValues
+) -> tuple[NDArray[np.float32], Sequence[tuple[float, float]]]:
+    """(H, W, 1 or 3) colors, and the range of each channel: if it starts at 0, contrast may be stretched to fill it.
+
+    Of more bands than three the three principal components are taken, or of two both.
+    """
+    n_bands = field.shape[2]
+    if n_bands in (1, 3):
+        colors = field + values.center.astype(np.float32)
+        return colors, _RANGES[values.space][:n_bands]
+    rows = field[values.inside].astype(np.float64)
+    axes = np.linalg.eigh(np.einsum("ni,nj->ij", rows, rows))[1][:, ::-1][:, :3]
+    axes *= np.where(axes.sum(axis=0) < 0, -1, 1)
+    components = np.einsum("hwd,dc->hwc", field, axes.astype(np.float32))
+    return components, [(0, 255), (-128, 128), (-128, 128)][: axes.shape[1]]
+
+
+def _full_contrast(rows: NDArray[np.float32], noise: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the least value of the first channel, and what stretches its contrast to 255."""
+    low, high = np.percentile(rows[:, 0], _EXTREMES)
+    # No bin is narrower than the noise.
+    span = max(float(high - low), N_LEVELS * float(np.sqrt(noise[0, 0])))
+    return float(low), 255 / span if span > 0 else 1.0
+
+
+def _filled(channel: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Give pixels outside the value of the nearest pixel inside, so that filters see no edge there."""
+    if inside.all():
+        return channel
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    filled: NDArray[np.float32] = channel[tuple(nearest)]
+    return filled
+
+
+def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(H, W) number of the pattern around each pixel."""
+    responses = _responses(lightness).reshape(lightness.size, -1)
+    flat = inside.ravel()
+    sampled = responses[flat][:: max(_SAMPLED, flat.sum() // _ENOUGH)]
+    n_textons = min(N_TEXTONS, len(np.unique(sampled, axis=0)))
+    generators = tessellate(sampled, n_textons, effort="fast").generators
+    packed = pack(responses, np.ones(len(responses)), center=np.zeros(responses.shape[1]))
+    return assign(packed, packed.frame.inward(generators))[: lightness.size].reshape(lightness.shape)
+
+
+def _responses(lightness: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, F) derivatives of the first and second order at each scale, their contrast compressed."""
+    from scipy.ndimage import gaussian_filter
+
+    responses = np.empty((*lightness.shape, 5 * len(_SCALES)), np.float32)
+    for number, scale in enumerate(_SCALES):
+        for place, order in enumerate(((0, 1), (1, 0), (0, 2), (1, 1), (2, 0))):
+            gain = scale ** sum(order) * (2**0.5 if order == (1, 1) else 1)
+            responses[..., 5 * number + place] = gaussian_filter(lightness, scale, order) * np.float32(gain)
+    size = np.sqrt(np.einsum("hwf,hwf->hw", responses, responses))
+    gain = np.log1p(size / np.float32(_CONTRAST)) / np.maximum(size, np.float32(1e-9))
+    responses *= gain[..., None]
+    return responses

@@ -1,0 +1,123 @@
+"""Merging of regions, the pair that differs least first, until one is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.segmentation.hierarchy import _merging
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """What makes regions differ: strength of the border + color + texture, less what is shared, by their sizes.
+
+    Attributes
+    ----------
+    color : float
+        Of the chi-square distance between the histograms of the regions in each channel of color.
+    texture : float
+        The same of textons.
+    shared : float
+        Regions count as less different by this times the share of the border in the shorter of their perimeters.
+    size_power : float
+        Power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first.
+    """
+
+    color: float = 0.5
+    texture: float = 0.8
+    shared: float = 0.3
+    size_power: float = 0.17
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Merges:
+    """Merges of N regions in their order.
+
+    Attributes
+    ----------
+    pairs : (M, 2) int32 array
+        Numbers of the regions that merge, the lower first. Merge m makes region N + m.
+    altitudes : (M,) float64 array
+        How much they differ; the running maximum, so that it never falls.
+    """
+
+    pairs: NDArray[np.int32]
+    altitudes: NDArray[np.float64]
+
+
+def merge_regions(
+    pairs: NDArray[np.int32],
+    lengths: NDArray[np.int32],
+    strengths: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    histograms: list[NDArray[np.float64]],
+    weights: Weights,
+) -> Merges:
+    """Merge regions until no neighbors are left.
+
+    Parameters
+    ----------
+    pairs : (B, 2) int32 array
+        Regions at the two sides of each border.
+    lengths, strengths : (B,) array
+        Of the borders.
+    sizes : (N,) float64 array
+        Pixels of each region.
+    histograms : list of (N, H) float64 arrays
+        For each channel, textons last.
+    weights : Weights
+        How differences are weighed.
+
+    Returns
+    -------
+    Merges
+    """
+    n_regions, n_borders = len(sizes), len(pairs)
+    if not n_borders:
+        return Merges(np.zeros((0, 2), np.int32), np.zeros(0))
+    halves = pairs.ravel()
+    perimeters: NDArray[np.float64] = np.bincount(halves, np.repeat(lengths, 2), n_regions).astype(np.float64)
+    degrees = np.bincount(halves, minlength=n_regions).astype(np.int32)
+    heads, following = _lists(halves, degrees)
+    merges = np.zeros((n_regions - 1, 2), np.int32)
+    altitudes = np.zeros(n_regions - 1)
+    n_merges = _merging.merge(
+        pairs.copy(),
+        lengths.astype(np.float64),
+        strengths * lengths,
+        sizes.copy(),
+        perimeters,
+        np.concatenate(histograms, axis=1),
+        np.cumsum([0, *(histogram.shape[1] for histogram in histograms)], dtype=np.int32),
+        weights.color,
+        weights.texture,
+        weights.shared,
+        weights.size_power,
+        heads,
+        following,
+        np.empty(n_borders, np.int32),
+        np.empty(n_borders, np.int32),
+        np.empty(n_borders),
+        np.empty(n_borders, np.int32),
+        np.arange(n_regions, dtype=np.int32),
+        degrees,
+        np.full(n_regions, -1, np.int32),
+        merges,
+        altitudes,
+    )
+    return Merges(merges[:n_merges], np.maximum.accumulate(altitudes[:n_merges]))
+
+
+def _lists(halves: NDArray[np.int32], degrees: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """For each region its first half border, and for each half border the next of the same region; -1 at the ends."""
+    order = np.argsort(halves, kind="stable").astype(np.int32)
+    stops = np.cumsum(degrees)
+    following = np.full(len(halves), -1, np.int32)
+    following[order[:-1]] = order[1:]
+    following[order[stops[degrees > 0] - 1]] = -1
+    heads = np.full(len(degrees), -1, np.int32)
+    heads[degrees > 0] = order[(stops - degrees)[degrees > 0]]
+    return heads, following

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cvtimg import segment_hierarchy
+from cvtimg._shared import threads
+
+
+def shapes(height: int = 90, width: int = 120) -> NDArray[np.int32]:
+    """Draw a disc and a bar on a ground: labels 1, 2, 3."""
+    rows, columns = np.mgrid[:height, :width]
+    truth = np.ones((height, width), np.int32)
+    truth[(rows - 45) ** 2 + (columns - 35) ** 2 < 25**2] = 2
+    truth[10:80, 80:105] = 3
+    return truth
+
+
+def agreement(labels: NDArray[Any], truth: NDArray[Any]) -> float:
+    """Share of the pixels that the best region of each true one has right."""
+    return sum(np.bincount(labels[truth == label]).max() for label in np.unique(truth)) / truth.size
+
+
+def test_shapes_are_found_in_color_grey_and_many_bands() -> None:
+    truth = shapes()
+    for levels in (
+        [40, 120, 200],
+        [[200, 30, 40], [40, 160, 60], [60, 60, 190]],
+        [[9, 9, 9, 9, 9], [9, 9, 80, 9, 9], [70, 9, 9, 9, 9]],
+    ):
+        image = np.array(levels, np.uint8)[truth - 1]
+        hierarchy = segment_hierarchy(image, n_leaves=200)
+        assert agreement(hierarchy.cut(3), truth) > 0.995
+        assert 3 <= hierarchy.cut().max() <= 5
+
+
+def test_texture_alone_tells_regions_apart() -> None:
+    rng = np.random.default_rng(0)
+    rows, columns = np.mgrid[:120, :160]
+    fine = 128 + 60 * np.where(columns < 80, np.sin(rows * 1.2), np.sin(columns * 1.2))
+    image = np.clip(fine + rng.normal(0, 4, fine.shape), 0, 255).astype(np.uint8)
+    labels = segment_hierarchy(image, n_leaves=100).cut(2)
+    assert agreement(labels, 1 + (columns >= 80)) > 0.95
+
+
+@pytest.mark.parametrize("deviation", [15, 40])
+def test_noise_hides_no_large_shapes(deviation: float) -> None:
+    truth = shapes()
+    rng = np.random.default_rng(1)
+    clean = np.array([70.0, 130, 190])[truth - 1]
+    image = np.clip(clean + rng.normal(0, deviation, truth.shape), 0, 255).astype(np.uint8)
+    assert agreement(segment_hierarchy(image, n_leaves=200).cut(3), truth) > 0.97
+
+
+def test_the_type_of_an_image_does_not_matter(photograph: NDArray[Any]) -> None:
+    expected = segment_hierarchy(photograph, n_leaves=80)
+    for image in (photograph * np.uint16(257), photograph / np.float64(255)):
+        found = segment_hierarchy(image, n_leaves=80)
+        np.testing.assert_array_equal(found.leaves, expected.leaves)
+        np.testing.assert_array_equal(found.merges, expected.merges)
+
+
+def test_a_dim_image_has_the_regions_of_a_bright_one() -> None:
+    truth = shapes()
+    image = np.array([100, 160, 220], np.uint16)[truth - 1]  # of 65535
+    hierarchy = segment_hierarchy(image, n_leaves=200)
+    assert hierarchy.cut().max() == 3
+    assert agreement(hierarchy.cut(), truth) > 0.995
+
+
+def test_two_runs_and_any_number_of_threads_give_the_same_bits(
+    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for number in ("1", "1", "3"):
+        monkeypatch.setenv("CVTIMG_THREADS", number)
+        threads.n_threads.cache_clear()
+        threads._pool.cache_clear()
+        found.append(segment_hierarchy(photograph, n_leaves=200))
+    monkeypatch.undo()
+    threads.n_threads.cache_clear()
+    threads._pool.cache_clear()
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.leaves, found[0].leaves)
+        np.testing.assert_array_equal(other.merges, found[0].merges)
+        assert other.altitudes.tobytes() == found[0].altitudes.tobytes()
+
+
+def test_an_image_is_left_as_it_is(photograph: NDArray[Any]) -> None:
+    image, mask = photograph.copy(), np.ones((256, 256), bool)
+    mask[:20] = False
+    segment_hierarchy(image, n_leaves=30, mask=mask)
+    np.testing.assert_array_equal(image, photograph)
+    assert mask[20:].all()
+    assert not mask[:20].any()
+
+
+def test_masked_pixels_have_no_label_and_no_influence(photograph: NDArray[Any]) -> None:
+    rows, columns = np.mgrid[:256, :256]
+    mask = (rows - 128) ** 2 + (columns - 128) ** 2 < 100**2
+    hierarchy = segment_hierarchy(photograph, n_leaves=100, mask=mask)
+    np.testing.assert_array_equal(hierarchy.cut(10) > 0, mask)
+    other = np.where(mask[..., None], photograph, 255 - photograph)
+    np.testing.assert_array_equal(segment_hierarchy(other, n_leaves=100, mask=mask).cut(10), hierarchy.cut(10))
+    missing = np.where(mask[..., None], photograph / 255.0, np.nan)
+    np.testing.assert_array_equal(segment_hierarchy(missing, n_leaves=100).cut(10), hierarchy.cut(10))
+
+
+def test_parts_that_a_mask_keeps_apart_never_merge() -> None:
+    mask = np.ones((40, 60), bool)
+    mask[:, 20:30] = False
+    hierarchy = segment_hierarchy(np.linspace(0, 1, 2400).reshape(40, 60), n_leaves=30, mask=mask)
+    assert hierarchy.n_parts == 2
+    assert hierarchy.cut(2)[0, ::10].tolist() == [1, 1, 0, 2, 2, 2]
+    assert hierarchy.tree[-1, 2] == np.inf
+    assert hierarchy.contour_map()[:, 15:40].any()
+    with pytest.raises(ValueError, match="n_regions=1 must be at least 2"):
+        hierarchy.cut(1)
+    np.testing.assert_array_equal(hierarchy.cut(threshold=99), hierarchy.cut(2))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (1, 20), (60, 80), (60, 80, 3)])
+def test_one_color_is_one_region(shape: tuple[int, ...]) -> None:
+    hierarchy = segment_hierarchy(np.full(shape, 77, np.uint8))
+    assert (hierarchy.cut() == 1).all()
+    assert hierarchy.energy_curve().elbow() == 1
+    assert not (hierarchy.contour_map("cracks") > 1e-6).any()
+
+
+def test_nothing_to_segment_is_an_error() -> None:
+    for image, mask in ((np.full((4, 5), np.nan), None), (np.zeros((4, 5)), np.zeros((4, 5)))):
+        with pytest.raises(ValueError, match="image must have at least one pixel that is in the mask and finite"):
+            segment_hierarchy(image, mask=mask)
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match=r"n_leaves=0 must be in 1\.\.65536"):
+        segment_hierarchy(np.zeros((4, 5)), n_leaves=0)
+    with pytest.raises(ValueError, match="space='hsv' must be one of"):
+        segment_hierarchy(np.zeros((4, 5)), space="hsv")
+    with pytest.raises(ValueError, match="mask of shape"):
+        segment_hierarchy(np.zeros((4, 5)), mask=np.ones((5, 4)))
+
+
+@settings(max_examples=25)
+@given(st.integers(1, 24), st.integers(1, 24), st.sampled_from([(), (2,), (3,), (5,)]), st.integers(0, 2**31))
+def test_every_cut_of_any_image_is_connected_and_nested(
+    height: int, width: int, bands: tuple[int, ...], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    image = rng.integers(0, rng.choice([2, 256]), (height, width, *bands)).astype(np.uint8)
+    mask = rng.random((height, width)) < rng.choice([0.7, 1.0])
+    mask[0, 0] = True
+    hierarchy = segment_hierarchy(image, n_leaves=20, mask=mask)
+    coarse = None
+    for n in range(hierarchy.n_parts, hierarchy.n_leaves + 1):
+        labels = hierarchy.cut(n)
+        assert (labels > 0).tolist() == mask.tolist()
+        assert sum(ndimage.label(labels == label)[1] for label in range(1, n + 1)) == n == labels.max()
+        if coarse is not None:
+            assert len(set(zip(coarse.ravel().tolist(), labels.ravel().tolist(), strict=True)) - {(0, 0)}) == n
+        coarse = labels

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.cluster.hierarchy import fcluster, is_valid_linkage
+
+from cvtimg import find_edges, segment_hierarchy
+from cvtimg.labels import region_means
+from cvtimg.segmentation import RegionHierarchy
+
+
+@pytest.fixture(scope="module")
+def hierarchy(photograph: NDArray[Any]) -> RegionHierarchy:
+    return segment_hierarchy(photograph, n_leaves=300)
+
+
+def is_refined(coarse: NDArray[Any], fine: NDArray[Any]) -> bool:
+    """Whether each region of the fine labels lies in one of the coarse."""
+    return len(np.unique(np.stack([coarse, fine]).reshape(2, -1), axis=1).T) == len(np.unique(fine))
+
+
+def test_cuts_have_the_number_of_regions_asked_for(hierarchy: RegionHierarchy) -> None:
+    for n in (1, 2, 7, 50, hierarchy.n_leaves):
+        np.testing.assert_array_equal(np.unique(hierarchy.cut(n)), np.arange(1, n + 1))
+
+
+def test_cuts_are_connected_and_nested(hierarchy: RegionHierarchy) -> None:
+    finer = hierarchy.cut(hierarchy.n_leaves)
+    for n in (120, 60, 30, 10, 3, 1):
+        labels = hierarchy.cut(n)
+        assert all(ndimage.label(labels == label)[1] == 1 for label in range(1, n + 1))
+        assert is_refined(labels, finer)
+        finer = labels
+
+
+def test_labels_go_from_dark_to_bright(hierarchy: RegionHierarchy, photograph: NDArray[Any]) -> None:
+    means = region_means(hierarchy.cut(12), photograph)[1:].sum(axis=1)
+    assert (np.diff(means) > -3).all()  # means are taken in Lab
+
+
+def test_colors_sizes_and_energies_are_those_of_the_nodes(photograph: NDArray[Any]) -> None:
+    hierarchy = segment_hierarchy(photograph, n_leaves=40, space="rgb")
+    labels = hierarchy.cut(hierarchy.n_parts)
+    root = len(hierarchy.sizes) - 1
+    assert hierarchy.sizes[root] == labels.size
+    np.testing.assert_allclose(hierarchy.colors[root], photograph.reshape(-1, 3).mean(axis=0))
+    np.testing.assert_allclose(hierarchy.energies[root], photograph.reshape(-1, 3).var(axis=0).sum() * labels.size)
+    leaf = hierarchy.leaves == 5
+    np.testing.assert_allclose(hierarchy.colors[4], photograph[leaf].mean(axis=0))
+    np.testing.assert_allclose(hierarchy.energies[4], photograph[leaf].var(axis=0).sum() * leaf.sum(), rtol=1e-4)
+
+
+def test_a_threshold_keeps_apart_what_differs_by_more(hierarchy: RegionHierarchy) -> None:
+    altitudes = np.unique(hierarchy.altitudes)
+    for threshold in (0.0, altitudes[5], altitudes[-3], altitudes[-1]):
+        n = 1 + np.count_nonzero(hierarchy.altitudes > threshold)
+        assert hierarchy.n_regions(threshold) == n == hierarchy.cut(threshold=threshold).max()
+    assert hierarchy.cut(threshold=99, min_regions=4).max() == 4
+    np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=0.45))
+
+
+def test_the_tree_is_a_linkage_that_scipy_cuts_alike(hierarchy: RegionHierarchy) -> None:
+    linkage = hierarchy.tree
+    assert is_valid_linkage(linkage)
+    for threshold in np.unique(hierarchy.altitudes)[[3, -4, -2]]:
+        clusters = fcluster(linkage, threshold, "distance")
+        ours = hierarchy.cut(threshold=threshold)
+        assert is_refined(ours, clusters[hierarchy.leaves - 1])
+        assert clusters.max() == ours.max()
+
+
+def test_contours_above_a_threshold_are_the_borders_of_its_cut(hierarchy: RegionHierarchy) -> None:
+    pixels, cracks = hierarchy.contour_map(), hierarchy.contour_map("cracks")
+    height, width = hierarchy.leaves.shape
+    assert cracks.shape == (2 * height + 1, 2 * width + 1)
+    for threshold in np.unique(hierarchy.altitudes)[[0, 40, -5, -2]]:
+        labels = hierarchy.cut(threshold=threshold)
+        upright, flat = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
+        level = np.float32(threshold)
+        np.testing.assert_array_equal(cracks[1::2, 2:-1:2] > level, upright)
+        np.testing.assert_array_equal(cracks[2:-1:2, 1::2] > level, flat)
+        expected = np.zeros(labels.shape, bool)
+        expected[:, :-1] |= upright
+        expected[:-1] |= flat
+        np.testing.assert_array_equal(pixels > level, expected)
+        assert (expected <= find_edges(labels, mode="thick")).all()
+        meeting = np.zeros((height - 1, width - 1), bool)
+        meeting |= upright[1:] | upright[:-1] | flat[:, 1:] | flat[:, :-1]
+        np.testing.assert_array_equal(cracks[2:-1:2, 2:-1:2] > level, meeting)
+    assert not cracks[1::2, 1::2].any()
+
+
+def test_the_energy_curve_is_that_of_the_cuts(photograph: NDArray[Any]) -> None:
+    hierarchy = segment_hierarchy(photograph, n_leaves=60, space="rgb")
+    curve = hierarchy.energy_curve(12)
+    assert (np.diff(curve.energies) <= 0).all()
+    labels = hierarchy.cut(9)
+    energy = sum(photograph[labels == label].var(axis=0).sum() * (labels == label).sum() for label in range(1, 10))
+    assert curve.energies[8] == pytest.approx(energy, rel=1e-6)
+    assert 1 <= curve.elbow() <= 12
+
+
+def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_path: Path) -> None:
+    path = tmp_path / "tree.npz"
+    hierarchy.save(path)
+    loaded = RegionHierarchy.load(path)
+    np.testing.assert_array_equal(loaded.cut(17), hierarchy.cut(17))
+    np.testing.assert_array_equal(loaded.tree, hierarchy.tree)
+    np.testing.assert_array_equal(loaded.colors, hierarchy.colors)
+    with pytest.raises(FileExistsError):
+        hierarchy.save(path)
+    with pytest.raises(ValueError, match="suffix"):
+        hierarchy.save(tmp_path / "tree.txt")
+
+
+def test_what_is_no_hierarchy_is_refused(tmp_path: Path) -> None:
+    text, other = tmp_path / "text.npz", tmp_path / "other.npz"
+    text.write_text("no archive")
+    np.savez(other, leaves=np.zeros(3))
+    for path in (text, other):
+        with pytest.raises(ValueError, match="is not a region hierarchy"):
+            RegionHierarchy.load(path)
+
+
+def test_cuts_that_cannot_be_are_refused(hierarchy: RegionHierarchy) -> None:
+    with pytest.raises(ValueError, match=rf"n_regions=0 must be in 1\.\.{hierarchy.n_leaves}, the number of leaves"):
+        hierarchy.cut(0)
+    with pytest.raises(ValueError, match="n_regions=1000 must be in"):
+        hierarchy.cut(1000)
+    with pytest.raises(ValueError, match="n_regions must not be given with threshold"):
+        hierarchy.cut(3, threshold=0.4)
+    with pytest.raises(ValueError, match=r"threshold=-1.* must be"):
+        hierarchy.cut(threshold=-1)
+    with pytest.raises(ValueError, match="kind='lines' must be one of pixels, cracks"):
+        hierarchy.contour_map("lines")  # type: ignore[arg-type]
