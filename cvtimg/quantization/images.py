@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Literal, Unpack
 
 from numpy.typing import ArrayLike
@@ -12,9 +11,10 @@ from cvtimg._shared.checks import check_alone, check_count, check_image, check_n
 from cvtimg.colors.places import has_alpha, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
+from cvtimg.engine.tessellation import Tessellation
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, check_room, find_palette, fixed_colors
-from cvtimg.quantization.remapping import MAX_COLORS, Quantized, map_to_palette
+from cvtimg.quantization.remapping import MAX_COLORS, Quantized, map_samples
 from cvtimg.quantization.targets import first_reaching
 
 #: Colors to begin with, and what twice as many bring at least, where a target is to be reached.
@@ -97,7 +97,7 @@ def quantize(
             raise TypeError("n_colors, psnr or palette must be given")
         if n_colors == "auto":
             n_colors, curve = source.elbow(engine)
-            return replace(source.quantized(n_colors, engine), curve=curve)
+            return source.quantized(n_colors, engine, curve)
         return source.quantized(n_colors, engine)
     quality = check_non_negative("psnr", psnr)
     if n_colors == "auto":
@@ -193,10 +193,10 @@ class _Source:
         """How many colors its palettes must have."""
         return fixed_colors(self._samples, self._locked)[2]
 
-    def quantized(self, n_colors: int, engine: EngineOptions) -> Quantized:
+    def quantized(self, n_colors: int, engine: EngineOptions, curve: EnergyCurve | None = None) -> Quantized:
         """Find a palette and map the picture to it."""
         found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
-        return replace(self.mapped(found.colors), tessellation=found.tessellation)
+        return self.mapped(found.colors, found.tessellation, curve)
 
     def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies."""
@@ -204,16 +204,17 @@ class _Source:
         n_colors, curve = auto_count(self._counted, space=self._space, **options)
         return max(n_colors, self.least), curve
 
-    def mapped(self, palette: ArrayLike) -> Quantized:
+    def mapped(
+        self, palette: ArrayLike, tessellation: Tessellation | None = None, curve: EnergyCurve | None = None
+    ) -> Quantized:
         """Map the picture to a palette."""
-        result = map_to_palette(
-            self._samples, palette, space=self._space, dither=self._dither, dither_strength=self._strength
-        )
-        if self._has_idle_alpha and not has_alpha(result.palette.shape[1]):
-            result = replace(result, palette=with_alpha(result.palette))
-        n_channels = result.palette.shape[1]
+        colors, indices, energy = map_samples(self._samples, palette, self._space, self._dither, self._strength)
+        if self._has_idle_alpha and not has_alpha(colors.shape[1]):
+            colors = with_alpha(colors)
+        n_channels = colors.shape[1]
         as_before = n_channels == 1 or self._shape[2:] == (n_channels,)
-        return replace(result, shape=self._shape if as_before else (*self._shape[:2], n_channels))
+        shape = self._shape if as_before else (*self._shape[:2], n_channels)
+        return Quantized(colors, indices, shape, energy, tessellation, self._samples.n_colors, curve)
 
     def first_reaching(
         self,

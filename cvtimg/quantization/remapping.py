@@ -136,6 +136,15 @@ def map_to_palette(
     [[0, 0, 255], [0, 255, 255]]
     """
     samples = picture if isinstance(picture, ColorSamples) else color_samples(picture)
+    colors, indices, energy = map_samples(samples, palette, space, dither, dither_strength)
+    shape = (*indices.shape, colors.shape[1]) if colors.shape[1] > 1 else indices.shape
+    return Quantized(colors, indices, shape, energy, None, samples.n_colors)
+
+
+def map_samples(
+    samples: ColorSamples, palette: ArrayLike, space: str, dither: str | None, dither_strength: float
+) -> tuple[NDArray[Any], NDArray[Any], float]:
+    """Return the palette, the (H, W) index of the color of each pixel, and the energy; see `map_to_palette`."""
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
     if (kinds_of(samples.colors) == CLEAR).any() and not (kinds_of(colors) == CLEAR).any():
@@ -145,12 +154,9 @@ def map_to_palette(
     dtype = np.uint8 if len(colors) <= 256 else np.uint16
     if dither is None:
         labels, energy = _map(samples, colors, space)
-        indices = labels.astype(dtype)[samples.inverse]
-    else:
-        labels, energy = _dither(samples, colors, space, dither, dither_strength)
-        indices = labels.astype(dtype)
-    shape = (*samples.inverse.shape, colors.shape[1]) if colors.shape[1] > 1 else samples.inverse.shape
-    return Quantized(colors, indices, shape, energy, None, samples.n_colors)
+        return colors, labels.astype(dtype)[samples.inverse], energy
+    labels, energy = _dither(samples, colors, space, dither, dither_strength)
+    return colors, labels.astype(dtype), energy
 
 
 def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDArray[np.int32], float]:
