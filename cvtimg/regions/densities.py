@@ -1,0 +1,112 @@
+"""Densities: how much each place of a region counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_picture_density
+
+Points = NDArray[np.float64]
+#: From (N, D) points to their (N,) densities.
+Density: TypeAlias = Callable[[Points], NDArray[np.float64]]
+#: What `as_density` takes.
+DensityLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike] | None
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantDensity:
+    """The same density everywhere."""
+
+    value: float = 1.0
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return the density at (N, D) points."""
+        return np.full(len(points), self.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureDensity:
+    """The values of a picture, interpolated from the centers of its pixels; beyond the outermost they stay the same.
+
+    Attributes
+    ----------
+    picture : (H, W) float32 array
+    """
+
+    picture: NDArray[np.float32]
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return the density at (N, 2) points (x, y) in pixels."""
+        low, part = [], []
+        for axis, n in ((0, self.picture.shape[1]), (1, self.picture.shape[0])):
+            at = np.clip(points[:, axis] - 0.5, 0, n - 1)
+            low.append(np.minimum(at.astype(np.intp), max(n - 2, 0)))
+            part.append(at - low[-1])
+        (x, y), (right, down) = low, part
+        next_x, next_y = (np.minimum(at + 1, n - 1) for at, n in zip((x, y), self.picture.shape[::-1], strict=True))
+        above = self.picture[y, x] * (1 - right) + self.picture[y, next_x] * right
+        below = self.picture[next_y, x] * (1 - right) + self.picture[next_y, next_x] * right
+        return np.asarray(above * (1 - down) + below * down, np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FunctionDensity:
+    """A function of (N, D) points, checked at each call."""
+
+    function: Callable[[Points], Any]
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return the density at (N, D) points."""
+        values = np.asarray(self.function(points), np.float64)
+        if values.shape != (len(points),):
+            raise ValueError(f"density returned shape {values.shape} and must return ({len(points)},), one per point")
+        wrong = np.flatnonzero(~((values >= 0) & (values < np.inf)))
+        if len(wrong):
+            place = points[wrong[0]].tolist()
+            raise ValueError(f"density is {values[wrong[0]]} at {place} and must be finite and >= 0 everywhere")
+        return values
+
+
+def as_density(density: DensityLike) -> Density:
+    """Make a density of a number, a picture or a function.
+
+    Parameters
+    ----------
+    density : None, float, (H, W) array or callable
+        None for 1 everywhere; a number > 0; a picture, interpolated bilinearly, at places (x, y) in pixels; or a
+        function from (N, D) points to (N,) values >= 0.
+
+    Returns
+    -------
+    callable
+        From (N, D) points to (N,) densities.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it has NaN or negative values, or is 0 everywhere.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.regions import as_density
+    >>> as_density([[0, 1], [0, 1]])(np.array([[1.0, 1.0], [2.0, 0.0]])).tolist()
+    [0.5, 1.0]
+    """
+    if density is None:
+        return ConstantDensity()
+    if isinstance(density, (ConstantDensity, PictureDensity, FunctionDensity)):
+        return density
+    if callable(density):
+        return FunctionDensity(density)
+    if np.ndim(density) == 0:
+        value = float(np.asarray(density))
+        if not 0 < value < np.inf:
+            raise ValueError(f"density={value} must be a finite number > 0, a picture or a function")
+        return ConstantDensity(value)
+    return PictureDensity(check_picture_density("density", density))

@@ -1,0 +1,191 @@
+"""Polygons with holes, by shapely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg.labels.contours import find_contours
+from cvtimg.regions.base import Points, Region
+
+# shapely has no types that a checker could use.
+Geometry: TypeAlias = Any
+
+#: Where a boundary turns by less, in degrees, it has no corner.
+_SMOOTH = 30.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
+class PolygonRegion(Region):
+    """One or more polygons, with holes or without.
+
+    Parameters
+    ----------
+    shape : (N, 2) array, sequence of (N, 2) arrays, GeoJSON or shapely geometry
+        Coordinates of a ring; of an outer ring and its holes; a GeoJSON mapping, its geometries taken together; or a
+        shapely Polygon or MultiPolygon.
+
+    Notes
+    -----
+    Needs shapely: ``pip install cvtimg[regions]``.
+
+    Examples
+    --------
+    >>> from cvtimg.regions import PolygonRegion
+    >>> frame = PolygonRegion([[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]])
+    >>> frame.measure, frame.contains([[2, 2], [0.5, 2]]).tolist(), len(frame.corners)
+    (12.0, [False, True], 8)
+    """
+
+    geometry: Geometry
+
+    def __init__(self, shape: Any) -> None:
+        shapely = _shapely()
+        geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
+        if not shapely.is_valid(geometry):
+            raise ValueError(f"polygons must not cross themselves: {shapely.is_valid_reason(geometry)}")
+        if shapely.get_dimensions(geometry) != 2 or not geometry.area > 0:
+            raise ValueError(f"a {geometry.geom_type} of area {geometry.area:g} must be a polygon with area > 0")
+        shapely.prepare(geometry)
+        object.__setattr__(self, "geometry", geometry)
+
+    @classmethod
+    def from_labels(cls, labels: ArrayLike, label: int | None = None, *, tolerance: float = 0) -> PolygonRegion:
+        """Make it of the contours of a mask or of a segment.
+
+        Parameters
+        ----------
+        labels : (H, W) array
+            A mask, or segments of a picture.
+        label : int, optional
+            The segment; by default all that are not 0.
+        tolerance : float
+            How far contours may be moved to make them simpler, in pixels.
+        """
+        segments = np.asarray(labels)
+        inside = segments == label if label is not None else segments != 0
+        if not inside.any():
+            raise ValueError(f"the region is empty: no pixel has label={label!r}")
+        found = find_contours(inside.astype(np.int32), tolerance=tolerance)
+        shapely = _shapely()
+        return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in found.polygons]))
+
+    def __repr__(self) -> str:
+        n = len(_shapely().get_parts(self.geometry))
+        return f"<PolygonRegion of {n} polygon{'s' if n > 1 else ''}, area {self.measure:g}>"
+
+    @property
+    def bounds(self) -> Points:
+        """The least and the greatest coordinates, (2, 2)."""
+        return np.array(self.geometry.bounds).reshape(2, 2)
+
+    @property
+    def measure(self) -> float:
+        """Area."""
+        return float(self.geometry.area)
+
+    @property
+    def corners(self) -> Points:
+        """Points where the boundary turns by more than 30 degrees."""
+        shapely = _shapely()
+        found = []
+        for ring in shapely.get_rings(shapely.get_parts(self.geometry)):
+            places = shapely.get_coordinates(ring)[:-1]
+            before, after = places - np.roll(places, 1, axis=0), np.roll(places, -1, axis=0) - places
+            turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
+            found.append(places[np.abs(turn) > np.radians(_SMOOTH)])
+        return np.concatenate(found)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 2) points lie in it or on its boundary."""
+        places = self._checked(points)
+        return np.asarray(_shapely().intersects_xy(self.geometry, *places.T))
+
+    def project(self, points: ArrayLike) -> Points:
+        """Move points outside to the nearest point of the boundary."""
+        places = self._checked(points).copy()
+        outside = ~self.contains(places)
+        if outside.any():
+            places[outside] = self.to_boundary(places[outside])
+        return places
+
+    def to_boundary(self, points: ArrayLike) -> Points:
+        """Move points to the nearest point of the boundary."""
+        shapely = _shapely()
+        lines = shapely.shortest_line(shapely.boundary(self.geometry), shapely.points(self._checked(points)))
+        ends: Points = shapely.get_coordinates(lines)[::2]
+        return ends
+
+    def boundary_points(self, spacing: float) -> Points:
+        """Cover the boundary with points, all corners among them."""
+        shapely = _shapely()
+        dense = shapely.segmentize(shapely.boundary(self.geometry), spacing)
+        return np.unique(shapely.get_coordinates(dense), axis=0)
+
+    def draw(self, n: int, rng: int | np.random.Generator = 0) -> Points:
+        """Draw (n, 2) points, from triangles by their areas."""
+        random = np.random.default_rng(rng)
+        triangles = triangulate(np.array([self.geometry]))[0]
+        areas = np.cumsum(triangle_areas(triangles))
+        # Evenly spaced along the areas, so that each triangle has its share.
+        own = np.searchsorted(areas, (np.arange(n) + random.random()) / n * areas[-1])
+        first, second, third = triangles[np.minimum(own, len(areas) - 1)].transpose(1, 0, 2)
+        u, v = random.random((2, n, 1))
+        over = u + v > 1
+        u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+        points: Points = first + u * (second - first) + v * (third - first)
+        return points
+
+
+def triangulate(polygons: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
+    shapely = _shapely()
+    parts, own = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons), return_index=True)
+    return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], own
+
+
+def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the areas (T,) of (T, 3, 2) triangles."""
+    (x1, y1), (x2, y2) = ((triangles[:, i] - triangles[:, 0]).T for i in (1, 2))
+    areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)
+    return areas
+
+
+def _as_geometry(shape: Any) -> Geometry:
+    shapely = _shapely()
+    if isinstance(shape, Mapping):
+        return shapely.union_all(_geojson(shape))
+    rings = [shape] if np.ndim(shape[0]) == 1 else list(shape)
+    arrays = [np.asarray(ring, np.float64) for ring in rings]
+    for ring in arrays:
+        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+            raise ValueError(f"a ring of shape {ring.shape} must be (N, 2) finite coordinates, N >= 3")
+    return shapely.Polygon(arrays[0], arrays[1:])
+
+
+def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
+    """Read all polygons of a GeoJSON object."""
+    from shapely.geometry import shape as read
+
+    kind = shape.get("type")
+    if kind == "FeatureCollection":
+        return [each for feature in shape["features"] for each in _geojson(feature)]
+    if kind == "Feature":
+        return _geojson(shape["geometry"])
+    if kind == "GeometryCollection":
+        return [each for geometry in shape["geometries"] for each in _geojson(geometry)]
+    if kind not in ("Polygon", "MultiPolygon"):
+        raise ValueError(f"GeoJSON of type {kind!r} must be Polygon, MultiPolygon, Feature or FeatureCollection")
+    return [read(shape)]
+
+
+def _shapely() -> Any:
+    try:
+        import shapely
+    except ImportError as error:
+        raise ImportError("polygons need shapely: pip install cvtimg[regions]") from error
+    return shapely
