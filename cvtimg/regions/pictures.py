@@ -126,8 +126,7 @@ class PictureRegion(Region):
             for step in (-1, 1):
                 middle = tuple(slice(1, -1) for _ in range(self.mask.ndim))
                 inner &= np.roll(padded, step, axis)[middle]
-        centers = np.argwhere(self.mask & ~inner)[:, ::-1].astype(np.float64) + 0.5
-        return centers
+        return np.argwhere(self.mask & ~inner)[:, ::-1].astype(np.float64) + 0.5
 
     def _nearest_of(self, centers: Points, places: Points) -> Points:
         """Find the nearest point of the pixels with these centers."""
