@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cvtimg.colors.samples import ColorSamples
+    from cvtimg.pictures import Metadata
     from cvtimg.quantization.remapping import Quantized
 
 EXAMPLES = """Examples:
@@ -318,16 +319,17 @@ def _quantize(
     task: Task, stopwatch: Stopwatch, *, how: QuantizeOptions, overwrite: bool, max_pixels: int | None
 ) -> Row:
     from cvtimg import read_image
-    from cvtimg.pictures import read_metadata
+    from cvtimg.pictures import open_bands
 
     if stays_animated(task):
         return _quantize_animation(task, stopwatch, how, overwrite)
     if needs_tiles(task.source, task.output):
         unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes")
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
-        return quantize_in_tiles(task, stopwatch, {**how.of_palette, **how.colors}, overwrite=overwrite)
+        colors = how.colors_of(open_bands(task.source).form.dtype)
+        return quantize_in_tiles(task, stopwatch, {**how.of_palette, **colors}, overwrite=overwrite)
     image = read_image(task.source)
-    file = {"metadata": read_metadata(task.source) if how.keep_metadata else None, "optimize": how.optimize}
+    file = {"metadata": _metadata(task, keep_all=how.keep_metadata), "optimize": how.optimize}
     stopwatch.lap("read")
     result = _result(image, how, task.output.suffix, file)
     stopwatch.lap("cluster")
@@ -347,6 +349,16 @@ def _quantize(
         "n_iter": tessellation.n_iter if tessellation else 0,
         "converged": tessellation.converged if tessellation else True,
     }
+
+
+def _metadata(task: Task, *, keep_all: bool) -> Metadata | None:
+    """Return what to keep of a file; its georeference is kept in any case, as it tells what the pixels are."""
+    from cvtimg.pictures import Metadata, read_metadata
+
+    if keep_all:
+        return replace(read_metadata(task.source), nodata=None)
+    tiffs = {path.suffix.lower() for path in (task.source, task.output)} <= {".tif", ".tiff"}
+    return Metadata(geo=read_metadata(task.source).geo) if tiffs else None
 
 
 def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:

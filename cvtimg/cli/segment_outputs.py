@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cvtimg.labels.contours import Contours
+    from cvtimg.pictures import Metadata
     from cvtimg.pictures.files import ImageInfo
 
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
@@ -94,13 +95,22 @@ class Subject:
 def _write_labels(subject: Subject, path: Path) -> None:
     from cvtimg.labels.files import write_labels
 
-    write_labels(path, subject.labels, overwrite=subject.overwrite)
+    write_labels(path, subject.labels, metadata=_place(subject, nodata=0), overwrite=subject.overwrite)
+
+
+def _place(subject: Subject, nodata: float | None = None) -> Metadata | None:
+    """Return where a GeoTIFF lies, and the value of pixels that are left out; None for other images."""
+    from cvtimg.pictures import Metadata, read_metadata
+
+    geo = read_metadata(subject.source).geo if subject.header.geo_transform else None
+    return Metadata(geo=geo, nodata=nodata) if geo else None
 
 
 def _write_mean(subject: Subject, path: Path) -> None:
     from cvtimg import write_image
 
-    write_image(path, _mean_picture(subject.image, subject.labels), overwrite=subject.overwrite)
+    mean = _mean_picture(subject.image, subject.labels)
+    write_image(path, mean, alpha=False, metadata=_place(subject), overwrite=subject.overwrite)
 
 
 def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:

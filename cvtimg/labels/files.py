@@ -12,13 +12,15 @@ from cvtimg._shared.checks import check_choice, check_labels
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.formats.numbers import shortest
-from cvtimg.pictures.files import write_image
+from cvtimg.pictures.files import Metadata, write_image
 
 #: Suffixes of files of labels.
 LABEL_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
 
 
-def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -> None:
+def write_labels(
+    path: StrPath, labels: ArrayLike, *, metadata: Metadata | None = None, overwrite: bool = False
+) -> None:
     """Write the label of each pixel.
 
     Parameters
@@ -28,6 +30,8 @@ def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -
         65535; a TIFF has 32 bits beyond. A .npy file holds an int32 array.
     labels : (H, W) integer array
         0 or higher.
+    metadata : Metadata, optional
+        What to write beside the labels, such as where a GeoTIFF lies; as in `write_image`.
     overwrite : bool
         Replace an existing file.
 
@@ -52,7 +56,8 @@ def write_labels(path: StrPath, labels: ArrayLike, *, overwrite: bool = False) -
     n_bytes = next(size for size in (1, 2, 4) if numbers.max() < 256**size)
     if suffix == ".png" and n_bytes == 4:
         raise ValueError(f"{path}: has labels up to {numbers.max()}, and .png holds 65535; use .tif or .npy")
-    write_image(path, numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}"), overwrite=overwrite)
+    stored = numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}")
+    write_image(path, stored, metadata=metadata, overwrite=overwrite)
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:

@@ -144,6 +144,7 @@ def write_image(
     image: NDArray[Any],
     *,
     palette: NDArray[np.uint8] | None = None,
+    alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,
     overwrite: bool = False,
@@ -161,6 +162,9 @@ def write_image(
         Writes an indexed picture, a PNG of the smallest of 1, 2, 4 and 8 bits that holds K
         colours. A format without palette or without its transparency gets the same colours as
         RGB or RGBA. No format that loses colours is taken.
+    alpha : bool, optional
+        Whether the last band is transparency; by default that of four. Other bands than gray, RGB and alpha fit into
+        a .tif or a .npy.
     metadata : Metadata, optional
         What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
         gets the first part of EXIF alone, and none with 16-bit color or bands.
@@ -189,7 +193,7 @@ def write_image(
     ...     image_info(f"{folder}/a.png").bits
     1
     """
-    write = encoder(Path(path).suffix, image, palette, metadata, optimize)
+    write = encoder(Path(path).suffix, image, palette, alpha, metadata, optimize)
     with whole_file(path, overwrite=overwrite) as file:
         try:
             write(file)

@@ -158,7 +158,10 @@ class _Mapping:
         fits = len(palette) <= 256 and palette.dtype == np.uint8 and n_channels == 3
         self.indexed = pixel.palette if may_be_indexed and fits else None
         shape = form.shape[:2] if n_channels == 1 or self.indexed is not None else (*form.shape[:2], n_channels)
-        self.form = replace(form, shape=shape)
+        # An index, or a color that is the mean of others, is not the value of unknown pixels.
+        nodata = None if self.indexed is not None else form.nodata
+        alpha = form.alpha and shape == form.shape
+        self.form = replace(form, shape=shape, alpha=alpha, nodata=nodata)
 
     def __iter__(self) -> Iterator[Band]:
         for band in self._bands:

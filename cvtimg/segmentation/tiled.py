@@ -158,7 +158,7 @@ def segment_file(
         masses = cells.state.cells.masses[1:, 0]
         new_label = dark_to_bright(generators, masses)
         dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
-        form = Form(bands.form.shape[:2], dtype, geo_tags=bands.form.geo_tags)
+        form = Form(bands.form.shape[:2], dtype, geo=bands.form.geo, nodata=0 if bands.form.geo else None)
         write_bands(target, form, cells.labels(np.append(0, new_label).astype(dtype)), overwrite=overwrite)
     order = in_order(new_label)
     unit = picture.values.unit**2

@@ -20,6 +20,7 @@ from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.elbow.curves import auto_count
 from cvtimg.labels import region_table
 from cvtimg.labels.figures import run_lengths
+from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
 
 RNG = np.random.default_rng(6)
@@ -239,6 +240,20 @@ def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out
     for ring, west in ((left, 500_000), (right, 500_040)):
         x, y = np.array(ring).T
         assert (x.min(), x.max(), y.min(), y.max()) == (west, west + 40, 4_599_940, 4_599_990)
+
+
+def test_labels_and_reduced_colors_of_a_geotiff_lie_where_it_does(run: Run) -> None:
+    rgb = np.repeat(RGB, 2, axis=0)
+    scale, corner = (10.0, 10.0, 0.0), (0.0, 0.0, 0.0, 500_000.0, 4_600_000.0, 0.0)
+    tags = [(33550, "d", 3, scale), (33922, "d", 6, corner), (42113, "s", 0, "7")]
+    tifffile.imwrite("geo.tif", rgb, photometric="rgb", extratags=tags)
+    assert run("geo.tif", "-k", "2", "-o", "labels.tif", "--mean", "mean.tif").status == 0
+    assert cli.main(["quantize", "geo.tif", "-k", "3", "-o", "few.tif", "--quiet"]) == 0
+    place = image_info("geo.tif").geo_transform
+    assert place == (10, 0, 500_000, 0, -10, 4_600_000)
+    assert [image_info(name).geo_transform for name in ("labels.tif", "mean.tif", "few.tif")] == [place] * 3
+    # 7 is a label like others; 0 stands for pixels that are left out.
+    assert [image_info(name).nodata for name in ("labels.tif", "few.tif")] == [0, None]
 
 
 # How it is segmented

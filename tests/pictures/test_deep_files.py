@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import struct
 import subprocess
 import sys
 from contextlib import suppress
@@ -189,12 +190,37 @@ def test_bands_of_other_programs_are_read(tmp_path: Path, planar: str, compressi
     assert (info.bands, info.has_alpha) == (("B1", "B2", "B3", "B4", "B5", "B6"), False)
 
 
-def test_a_band_beside_rgb_is_not_lost_and_not_called_alpha(tmp_path: Path) -> None:
-    image = RGBA.astype(np.uint8)
+@pytest.mark.parametrize("said", ["unspecified", "nothing"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_band_beside_rgb_is_alpha_only_where_the_file_says_so(tmp_path: Path, dtype: type, said: str) -> None:
+    image = RGBA.astype(dtype)
     tifffile.imwrite(tmp_path / "a.tif", image, photometric="rgb", extrasamples=["unspecified"])
+    if said == "nothing":
+        content = (tmp_path / "a.tif").read_bytes()
+        without = content.replace(struct.pack("<HH", 338, 3), struct.pack("<HH", 337, 3))  # what the fourth band means
+        assert without != content
+        (tmp_path / "a.tif").write_bytes(without)
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
     info = image_info(tmp_path / "a.tif")
     assert (len(info.bands), info.has_alpha) == (4, False)
+    tifffile.imwrite(tmp_path / "b.tif", image, photometric="rgb", extrasamples=["unassalpha"])
+    assert image_info(tmp_path / "b.tif").has_alpha
+
+
+@pytest.mark.parametrize("n_bands", [2, 4, 5])
+@pytest.mark.parametrize("alpha", [False, True])
+def test_a_tiff_says_of_its_last_band_whether_it_is_alpha(tmp_path: Path, n_bands: int, alpha: bool) -> None:
+    image = RNG.integers(0, 65536, (5, 7, n_bands), np.uint16)
+    write_image(tmp_path / "a.tif", image, alpha=alpha)
+    assert image_info(tmp_path / "a.tif").has_alpha is (alpha and n_bands < 5)
+    with tifffile.TiffFile(tmp_path / "a.tif") as tiff:
+        extra = tiff.pages.first.tags.valueof(338)
+    extra = extra if isinstance(extra, tuple) else (extra,)
+    assert (2 in extra) is alpha
+    if not alpha:
+        np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
+        with pytest.raises(ValueError, match=r"\.png cannot hold .*bands that are no colors"):
+            write_image(tmp_path / "a.png", image, alpha=False)
 
 
 @pytest.mark.parametrize(

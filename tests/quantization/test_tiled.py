@@ -24,6 +24,7 @@ from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import color_samples
 from cvtimg.files.whole import whole_folder
 from cvtimg.pictures import tiles
+from cvtimg.pictures.formats import bands as _bands
 from cvtimg.quantization import map_to_palette, quantize_file
 from cvtimg.quantization import tiled as tiled_quantization
 
@@ -45,7 +46,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 def small_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several bands in a picture."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
+    monkeypatch.setattr(_bands, "BAND_PIXELS", 40_000)
 
 
 def write(image: NDArray[Any], **layout: Any) -> None:
@@ -191,6 +192,20 @@ def test_profile_and_place_on_earth_stay() -> None:
         page = tiff.pages.first
         assert page.iccprofile == b"profile" * 30
         assert (page.tags.valueof(33550), page.tags.valueof(33922)) == (scale, points)
+
+
+@pytest.mark.parametrize("option", ["--palette", "--lock"])
+def test_given_colors_are_brought_to_16_bits(monkeypatch: pytest.MonkeyPatch, option: str) -> None:
+    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    write(PICTURE.astype(np.uint16) * 257, tile=(64, 64))
+    Path("three.hex").write_text("000000\n808080\nffffff\n")
+    given = ["--palette", "three.hex"] if option == "--palette" else ["-k", "2", "--lock", "#808080"]
+    assert cli.main(["quantize", "a.tif", "-o", "b.tif", "--quiet", *given]) == 0
+    found = {tuple(color) for color in np.unique(read_image("b.tif").reshape(-1, 3), axis=0).tolist()}
+    if option == "--palette":
+        assert found == {(0,) * 3, (0x80 * 257,) * 3, (65535,) * 3}
+    else:
+        assert (0x80 * 257,) * 3 in found
 
 
 def test_what_cannot_be_read_by_tiles_says_why() -> None:

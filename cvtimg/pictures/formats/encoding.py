@@ -16,13 +16,30 @@ from cvtimg.pictures.formats.tiff import encode_tiff
 
 __all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
 
-_Picture: TypeAlias = Image.Image | NDArray[Any]
 
 # Beside Pillow's modes, those that it has no picture for: 16-bit color, and whatever else an array holds.
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"
 _ALL = ("icc_profile", "dpi", "exif")
 _PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
+
+
+class _Samples(NamedTuple):
+    """An array that Pillow has no image for; `alpha` says whether its last band is transparency."""
+
+    values: NDArray[Any]
+    alpha: bool
+
+
+class _Indexed(NamedTuple):
+    """(H, W) indices into (K, 3) colors with (K,) alpha."""
+
+    indices: NDArray[Any]
+    colors: NDArray[np.uint8]
+    alpha: NDArray[np.uint8]
+
+
+_Picture: TypeAlias = Image.Image | _Samples | _Indexed
 
 
 class _Format(NamedTuple):
@@ -35,7 +52,7 @@ class _Format(NamedTuple):
 
 # Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph in 24-bit RGB, one core of two: level 1 0.7 s 12.3 MB,
 # 3 1.0 s 11.4 MB, 6 (Pillow's own choice) 3.2 s 10.5 MB.
-_PNG = _Format("PNG", ("P", "PA", *_PLAIN), True, {"compress_level": 3}, _ALL)
+_PNG = _Format("PNG", ("P", *_PLAIN), True, {"compress_level": 3}, _ALL)
 _TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
 _JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
@@ -72,6 +89,7 @@ def encode_image(
     image: NDArray[Any],
     *,
     palette: NDArray[np.uint8] | None = None,
+    alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,
 ) -> bytes:
@@ -81,7 +99,7 @@ def encode_image(
     ----------
     suffix : str
         Such as ``".png"``, of those that `write_image` knows.
-    image, palette, metadata, optimize
+    image, palette, alpha, metadata, optimize
         As in `write_image`.
 
     Returns
@@ -100,7 +118,7 @@ def encode_image(
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette, metadata, optimize)(buffer)
+    encoder(suffix, image, palette, alpha, metadata, optimize)(buffer)
     return buffer.getvalue()
 
 
@@ -108,6 +126,7 @@ def encoder(
     suffix: str,
     image: NDArray[Any],
     palette: NDArray[np.uint8] | None,
+    alpha: bool | None,
     metadata: Metadata | None,
     optimize: bool,
 ) -> Callable[[BinaryIO], None]:
@@ -119,7 +138,7 @@ def encoder(
     if palette is not None and not form.lossless:
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
-    picture = _direct(image) if palette is None else _indexed(image, palette, form)
+    picture = _direct(image, alpha) if palette is None else _indexed(image, palette, form)
     while isinstance(picture, Image.Image) and picture.mode not in form.modes and picture.mode in _WIDER:
         picture = picture.convert(_WIDER[picture.mode])
     mode = _mode(picture)
@@ -147,21 +166,21 @@ def lossless_suffixes() -> list[str]:
 
 def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
     mode = _mode(picture)
-    if form.name == "NPY":
-        np.save(file, np.asarray(picture), allow_pickle=False)
-    elif form.name == "PNG" and mode == "P":
-        encode_indexed_png(file, *_parts(picture), metadata.png_chunks(mode))
+    if isinstance(picture, _Indexed):
+        encode_indexed_png(file, *picture, metadata.png_chunks(mode))
+    elif form.name == "NPY":
+        np.save(file, picture.values if isinstance(picture, _Samples) else np.asarray(picture), allow_pickle=False)
     elif isinstance(picture, Image.Image):
         picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
     elif form.name == "PNG":
-        encode_deep_png(file, picture, metadata.png_chunks(mode))
+        encode_deep_png(file, picture.values, metadata.png_chunks(mode))
     else:
         given = metadata.options("", mode, ("icc_profile", "dpi"))
-        encode_tiff(file, picture, **given, geo=metadata.geo)
+        encode_tiff(file, picture.values, alpha=picture.alpha, **given, geo=metadata.geo, nodata=metadata.nodata)
 
 
-def _direct(image: NDArray[Any]) -> _Picture:
-    """Check an array, and give it as a Pillow image if there is such a kind."""
+def _direct(image: NDArray[Any], alpha: bool | None) -> Image.Image | _Samples:
+    """Check an array, and return it as a Pillow image if there is such a kind."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
     if image.ndim not in (2, 3) or not (numbers or (image.dtype == bool and image.ndim == 2)) or image.size == 0:
@@ -169,41 +188,43 @@ def _direct(image: NDArray[Any]) -> _Picture:
             f"image with shape={image.shape} and dtype={image.dtype} must be (H, W) or (H, W, C) integers, float32 "
             "or float64, or (H, W) bool, and have pixels"
         )
-    image = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
-    return image if _mode(image) in (*_DEEP, _OTHER) else Image.fromarray(image)
+    values = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
+    n_bands = values.shape[2] if values.ndim == 3 else 1
+    samples = _Samples(values, n_bands == 4 if alpha is None else alpha and n_bands > 1)
+    return samples if _mode(samples) in (*_DEEP, _OTHER) else Image.fromarray(values)
 
 
 def _mode(picture: _Picture) -> str:
     if isinstance(picture, Image.Image):
         return picture.mode
-    n_bands = picture.shape[2] if picture.ndim == 3 else 1
+    if isinstance(picture, _Indexed):
+        return "P"
+    values, alpha = picture
+    n_bands = values.shape[2] if values.ndim == 3 else 1
+    if alpha != (n_bands == 4):
+        return _OTHER
     kinds = {np.bool_: {1: "1"}, np.uint8: {1: "L", 3: "RGB", 4: "RGBA"}}
     kinds[np.uint16] = {1: "I;16", 3: "RGB;16", 4: "RGBA;16"}
-    return kinds.get(picture.dtype.type, {}).get(n_bands, _OTHER)
+    return kinds.get(values.dtype.type, {}).get(n_bands, _OTHER)
 
 
-def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
+def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> Image.Image | _Indexed:
     indices, palette = np.asarray(indices), np.asarray(palette)
     check_indexed(indices, palette)
+    colors = palette[:, :3]
     alpha = palette[:, 3] if palette.shape[1] == 4 else np.full(len(palette), 255, np.uint8)
+    if form.name == "PNG":
+        return _Indexed(indices, np.ascontiguousarray(colors), alpha)
     clear = np.flatnonzero(alpha < 255)
     # GIF has one index that is transparent, and no half transparency.
     gif_clear = form.name == "GIF" and len(clear) == 1 and alpha[clear[0]] == 0
-    if "P" not in form.modes or (len(clear) and "PA" not in form.modes and not gif_clear):
+    if "P" not in form.modes or (len(clear) and not gif_clear):
         return Image.fromarray(palette[:, : 4 if len(clear) else 3][indices])
     picture = Image.fromarray(np.ascontiguousarray(indices, np.uint8))
-    picture.putpalette(palette[:, :3].tobytes())
+    picture.putpalette(colors.tobytes())
     if len(clear):
-        picture.info["transparency"] = int(clear[0]) if gif_clear else alpha.tobytes()
+        picture.info["transparency"] = int(clear[0])
     return picture
-
-
-def _parts(picture: _Picture) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Give indices, (K, 3) colors and (K,) alpha of an indexed picture."""
-    assert isinstance(picture, Image.Image)
-    colors = np.frombuffer(bytes(picture.getpalette() or []), np.uint8).reshape(-1, 3)
-    alpha = picture.info.get("transparency", b"\xff" * len(colors))
-    return np.asarray(picture), colors, np.frombuffer(alpha, np.uint8)
 
 
 def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:

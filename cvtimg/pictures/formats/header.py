@@ -10,11 +10,11 @@ from PIL import ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
+from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
-    Place,
     first_page,
     icc_profile,
     is_turned,

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 
+from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.png import chunk
-from cvtimg.pictures.formats.tiff import GEO_TYPES, TIFF_MAGICS, geo_tags, tags_of, tiff_tags
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, tags_of, tiff_tags
 
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -24,6 +24,7 @@ _EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: artist, copyright, and Windows' title, comment, author, keywords and subject.
 _ABOUT_THE_PICTURE = (270, 271, 272, 305, 306, 315, 33432, *range(0x9C9B, 0x9CA0), _EXIF_PART, _GPS_PART)
 _SIZE = (0xA002, 0xA003)
+_ASCII = 2
 _INCHES_A_METER = 39.3701
 
 
@@ -42,12 +43,15 @@ class Metadata:
         EXIF without orientation, size and thumbnail, which may not be true of the picture that is written.
     geo : mapping of int
         Tags of a GeoTIFF that say where it lies; a .tif keeps them.
+    nodata : float or None
+        Value of the pixels of a GeoTIFF that are not known; a .tif keeps it.
     """
 
     icc: bytes | None = None
     dpi: tuple[float, float] | None = None
     exif: bytes | None = None
-    geo: Mapping[int, Any] = field(default_factory=dict)
+    geo: GeoTags = field(default_factory=dict)
+    nodata: float | None = None
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
@@ -66,6 +70,9 @@ class Metadata:
         for code, value in self.geo.items():
             tags.tagtype[code] = GEO_TYPES[code][0]
             tags[code] = value
+        if self.nodata is not None:
+            tags.tagtype[NODATA] = _ASCII
+            tags[NODATA] = f"{self.nodata:.17g}"
         about = Image.Exif()
         about.load(exif or b"")
         for code in about:
@@ -104,7 +111,7 @@ def decode_metadata(file: BinaryIO) -> Metadata:
         return _of_tiff(file)
     with image:
         icc = image.info.get("icc_profile")
-        exif = image.getexif()
+        exif, tags = image.getexif(), tags_of(image)
         dpi = _dpi(image)
         if dpi and exif.get(0x0112, 1) >= 5:
             dpi = dpi[::-1]
@@ -112,7 +119,7 @@ def decode_metadata(file: BinaryIO) -> Metadata:
             from cvtimg.pictures.profiles import kept_profile
 
             icc = kept_profile(icc, image.mode)
-        return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags_of(image)))
+        return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata)
 
 
 def _of_tiff(file: BinaryIO) -> Metadata:
@@ -123,7 +130,8 @@ def _of_tiff(file: BinaryIO) -> Metadata:
 
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
-        return Metadata(geo=geo_tags(tiff_tags(tiff)))
+        tags = tiff_tags(tiff)
+        return Metadata(geo=geo_tags(tags), nodata=Place.of(tags).nodata)
 
 
 def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:

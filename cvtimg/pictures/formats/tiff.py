@@ -1,9 +1,7 @@
-"""TIFF beyond what Pillow reads: more than 8 bits in color, many bands, floating point, and where on Earth it lies."""
+"""TIFF beyond what Pillow reads: more than 8 bits in color, many bands, floating point."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -13,20 +11,19 @@ from PIL import Image
 
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
+from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Tags, extra_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 
 if TYPE_CHECKING:
     import tifffile
 
 __all__ = [
-    "GEO_TYPES",
     "TIFF_MAGICS",
     "Layout",
-    "Place",
+    "Tags",
     "decode_tiff",
     "encode_tiff",
     "first_page",
-    "geo_tags",
     "icc_profile",
     "is_turned",
     "tiff_tags",
@@ -37,24 +34,11 @@ TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 _BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES = 258, 262, 274, 277
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
-_PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS, _NODATA = 33550, 33922, 34264, 34735, 42113
 _OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
-#: Tags that say where a picture lies, with the types of their values in TIFF and in Python's struct.
-GEO_TYPES = {
-    _PIXEL_SCALE: (12, "d"),
-    _TIEPOINT: (12, "d"),
-    _MATRIX: (12, "d"),
-    _GEO_KEYS: (3, "H"),
-    34736: (12, "d"),
-    34737: (2, "s"),
-}
-_RASTER_TYPE, _GEOGRAPHIC, _PROJECTED = 1025, 2048, 3072
-_PIXEL_IS_POINT = 2
-_USER_DEFINED = 32767
 _GREYS, _RGB = (0, 1), 2
 _PREMULTIPLIED = 1
-
-Tags = Mapping[int, Any]
+#: What ExtraSamples says of transparency: premultiplied, not so, and what CorelDRAW says.
+_ALPHA = ((1,), (2,), (999,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,51 +73,12 @@ class Layout:
         n_samples, bits = int(_first(tags.get(_N_SAMPLES, 1))), max(_numbers(tags.get(_BITS, 1)))
         extra = _numbers(tags.get(_EXTRA_SAMPLES, ()))
         n_colors = 3 if photometric == _RGB else 1
-        # Some programs leave out what the fourth sample of RGB means; 999 is what CorelDRAW says.
-        meaning = extra or ((2,) if photometric == _RGB else ())
-        alpha = n_samples == n_colors + 1 and meaning in ((1,), (2,), (999,))
+        # A fourth sample without a meaning is a band, such as near infrared.
+        alpha = n_samples == n_colors + 1 and extra in _ALPHA
         bands = n_samples > n_colors + alpha
         deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(_SAMPLE_FORMAT, 1)) > 3
         for_pillow = photometric not in (*_GREYS, _RGB) or not (bands or deep)
-        return cls(n_samples, bits, n_colors, alpha, alpha and meaning == (_PREMULTIPLIED,), for_pillow)
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where on Earth a picture lies, as GeoTIFF says; None for what the file does not say.
-
-    Attributes
-    ----------
-    geo_transform : tuple of float (a, b, c, d, e, f) or None
-        From a place in the picture to one on the map: ``x = a * column + b * row + c``, ``y = d * column + e * row
-        + f``, where (0, 0) is the upper left corner of the first pixel, and (0.5, 0.5) its center.
-    epsg : int or None
-        Number of the coordinate system in the EPSG register.
-    nodata : float or None
-        Value of pixels that are not known.
-    """
-
-    geo_transform: tuple[float, float, float, float, float, float] | None
-    epsg: int | None
-    nodata: float | None
-
-    @classmethod
-    def of(cls, tags: Tags) -> Place:
-        """Tell from the tags of a page; what is damaged is not said."""
-        keys: dict[int, int] = {}
-        transform = epsg = nodata = None
-        with suppress(TypeError, ValueError, IndexError):
-            flat = [int(value) for value in tags.get(_GEO_KEYS, ())]
-            keys = {flat[at]: flat[at + 3] for at in range(4, len(flat) - 3, 4) if flat[at + 1] == 0}
-        code = keys.get(_PROJECTED, keys.get(_GEOGRAPHIC, _USER_DEFINED))
-        epsg = code if 0 < code < _USER_DEFINED else None
-        with suppress(TypeError, ValueError, IndexError):
-            # Nobody turns maps; where one does, the upright picture lies elsewhere than the file says.
-            if tags.get(_ORIENTATION, 1) == 1:
-                transform = _transform(tags, point=keys.get(_RASTER_TYPE) == _PIXEL_IS_POINT)
-        with suppress(TypeError, ValueError):
-            nodata = float(str(tags[_NODATA]).strip("\0 ")) if _NODATA in tags else None
-        return cls(transform, epsg, nodata)
+        return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
 
 
 def decode_tiff(file: BinaryIO) -> NDArray[Any]:
@@ -171,7 +116,7 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
     """Give the tags of the first page that are of use here."""
     tags = tiff.pages.first.tags
-    return {code: tag.value for code in (*_OF_SAMPLES, *GEO_TYPES, _NODATA) if (tag := tags.get(code)) is not None}
+    return {code: tag.value for code in (*_OF_SAMPLES, *GEO_TYPES, NODATA) if (tag := tags.get(code)) is not None}
 
 
 def icc_profile(tags: Tags) -> bytes | None:
@@ -185,15 +130,6 @@ def tags_of(image: Image.Image) -> Tags:
     return tags
 
 
-def geo_tags(tags: Tags) -> dict[int, Any]:
-    """Give the tags that say where an upright picture lies, if all is there to say it."""
-    if Place.of(tags).geo_transform is None:
-        return {}
-    given = {code: tags[code] for code in GEO_TYPES if code in tags}
-    # A value of its own is one of a row, but for text.
-    return {code: value if isinstance(value, (tuple, str)) else (value,) for code, value in given.items()}
-
-
 def is_turned(tags: Tags) -> bool:
     """Whether width and height change places in the upright picture."""
     return _first(tags.get(_ORIENTATION, 1)) in (5, 6, 7, 8)
@@ -202,38 +138,46 @@ def is_turned(tags: Tags) -> bool:
 def encode_tiff(
     file: BinaryIO,
     values: NDArray[Any],
+    *,
+    alpha: bool,
     icc_profile: bytes | None = None,
     dpi: tuple[float, float] | None = None,
-    geo: Tags | None = None,
+    geo: GeoTags | None = None,
+    nodata: float | None = None,
 ) -> None:
-    """Write an array (H, W) or (H, W, C): three bands are RGB, four RGB and alpha, others have no meaning."""
+    """Write an array (H, W) or (H, W, C); `alpha` says whether the last band is transparency."""
     import tifffile
 
-    n_bands = values.shape[2] if values.ndim == 3 else 1
-    color = n_bands in (3, 4)
-    # Differences of neighbours make all that is written here smaller, but for what has not two of a kind.
+    # Differences of neighbors make everything smaller that has pairs of samples to compare.
     tifffile.imwrite(
         file,
         values,
-        photometric="rgb" if color else "minisblack",
-        planarconfig="contig" if n_bands > 1 else None,
-        extrasamples=["unassalpha"] if n_bands == 4 else None if color else ["unspecified"] * (n_bands - 1),
+        **sample_options(values.shape, alpha),
         compression="adobe_deflate",
         predictor=values.dtype.itemsize < 8,
         iccprofile=icc_profile,
         resolution=dpi,
         resolutionunit="inch" if dpi else None,
-        extratags=[_extra_tag(code, value) for code, value in (geo or {}).items()],
+        extratags=extra_tags(geo or {}, nodata),
         metadata=None,
         software=False,
         maxworkers=n_threads(),
     )
 
 
-def _extra_tag(code: int, value: Any) -> tuple[int, str, int, Any, bool]:
-    """Word a tag as tifffile takes it."""
-    kind = GEO_TYPES[code][1]
-    return code, kind, 0 if kind == "s" else len(value), value, True
+def sample_options(shape: tuple[int, ...], alpha: bool) -> dict[str, Any]:
+    """Say what the bands of an (H, W) or (H, W, C) array are, in the words of tifffile.
+
+    One band is gray and three are RGB; one more may be `alpha`. Others have no meaning.
+    """
+    n_bands = shape[2] if len(shape) == 3 else 1
+    n_colors = 3 if n_bands - alpha == 3 else 1
+    n_extra = n_bands - n_colors - alpha
+    return {
+        "photometric": "rgb" if n_colors == 3 else "minisblack",
+        "planarconfig": "contig" if n_bands > 1 else None,
+        "extrasamples": ["unassalpha"] * alpha + ["unspecified"] * n_extra or None,
+    }
 
 
 def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
@@ -248,21 +192,6 @@ def _divide_by_alpha(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind == "u":
         colors = np.rint(np.minimum(colors, top))
     return np.concatenate([colors.astype(values.dtype), values[..., -1:]], axis=-1)
-
-
-def _transform(tags: Tags, *, point: bool) -> tuple[float, float, float, float, float, float] | None:
-    if _MATRIX in tags:
-        matrix = [float(value) for value in tags[_MATRIX]]
-        a, b, c, d, e, f = (matrix[at] for at in (0, 1, 3, 4, 5, 7))
-    elif _PIXEL_SCALE in tags and _TIEPOINT in tags:
-        column, row, _, x, y, _ = (float(value) for value in tags[_TIEPOINT][:6])
-        a, b, d = float(tags[_PIXEL_SCALE][0]), 0.0, 0.0
-        e = -float(tags[_PIXEL_SCALE][1])
-        c, f = x - a * column, y - e * row
-    else:
-        return None
-    half = 0.5 if point else 0.0  # the file places the center of a pixel
-    return a, b, c - half * (a + b), d, e, f - half * (d + e)
 
 
 def _numbers(value: Any) -> tuple[int, ...]:

@@ -1,0 +1,79 @@
+"""Images that are read and written a band of rows at a time: what they hold, and how high a band is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BAND_PIXELS", "SAMPLES", "Band", "Bands", "Form", "band_height", "in_heights"]
+
+#: About as many pixels are in memory at a time, some bands of them.
+BAND_PIXELS = 1 << 23
+#: Types of samples that can be read in bands.
+SAMPLES = ("uint8", "uint16", "float32", "float64")
+
+Band: TypeAlias = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """What an image file holds besides its pixels.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        (H, W) or (H, W, C).
+    dtype : numpy.dtype
+        uint8, uint16, float32 or float64.
+    alpha : bool
+        Whether the last of several bands is transparency.
+    icc : bytes or None
+        Color profile: colors are taken as they are in the file, and written with the same profile.
+    geo : mapping of int
+        Tags of a GeoTIFF that say where it lies, as in `Metadata`.
+    nodata : float or None
+        Value of the pixels of a GeoTIFF that are not known.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    alpha: bool = False
+    icc: bytes | None = None
+    geo: Mapping[int, Any] = field(default_factory=dict)
+    nodata: float | None = None
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return self.shape[0] * self.shape[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bands:
+    """An image on disk that is read from top to bottom, one band of rows after the other, as often as needed."""
+
+    form: Form
+    read: Callable[[], Iterator[Band]]
+
+    def __iter__(self) -> Iterator[Band]:
+        return self.read()
+
+
+def band_height(width: int, piece: int) -> int:
+    """Return the rows of a band: a multiple of the rows of a tile, for about `BAND_PIXELS` pixels."""
+    return max(1, BAND_PIXELS // (width * piece)) * piece
+
+
+def in_heights(bands: Iterable[Band], height: int) -> Iterator[Band]:
+    """Give the same rows in bands of so many, but for the last."""
+    left: list[Band] = []
+    for band in bands:
+        rows = np.concatenate([*left, band]) if left else band
+        n_whole = len(rows) // height * height
+        yield from (rows[top : top + height] for top in range(0, n_whole, height))
+        left = [rows[n_whole:]] if n_whole < len(rows) else []
+    yield from left
