@@ -1,0 +1,3 @@
+from .tours import find_tour
+
+__all__ = ["find_tour"]

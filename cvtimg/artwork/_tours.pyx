@@ -1,0 +1,202 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops of tours through points of the plane, over buffers that the caller owns.
+
+Nothing here allocates or decides how long to go on. Each argument is marked IN, OUT or INOUT.
+"""
+from libc.math cimport sqrt
+from libc.stdint cimport int32_t, uint8_t
+
+#: Points of the longest chain that is moved as a whole.
+cdef enum:
+    CHAIN = 3
+
+
+cdef inline double distance(const double[:, ::1] points, int32_t a, int32_t b) noexcept nogil:
+    cdef double x = points[a, 0] - points[b, 0], y = points[a, 1] - points[b, 1]
+    return sqrt(x * x + y * y)
+
+
+cdef inline int32_t root_of(int32_t[::1] parents, int32_t point) noexcept nogil:
+    while parents[point] != point:
+        parents[point] = parents[parents[point]]
+        point = parents[point]
+    return point
+
+
+def join(
+    const int32_t[:, ::1] pairs,  # IN (P, 2): ends that may be joined, the shortest first
+    int32_t[:, ::1] links,        # INOUT (N, 2): the points beside each in its path, or -1
+    int32_t[::1] parents,         # INOUT (N,): forest in which points of one path have one root
+):
+    """Join ends of different paths; return how many pairs were joined."""
+    cdef Py_ssize_t i, n_joined = 0
+    cdef int32_t a, b, root_a, root_b
+    with nogil:
+        for i in range(pairs.shape[0]):
+            a = pairs[i, 0]
+            b = pairs[i, 1]
+            if links[a, 1] >= 0 or links[b, 1] >= 0:
+                continue
+            root_a = root_of(parents, a)
+            root_b = root_of(parents, b)
+            if root_a == root_b:
+                continue
+            parents[root_a] = root_b
+            links[a, 0 if links[a, 0] < 0 else 1] = b
+            links[b, 0 if links[b, 0] < 0 else 1] = a
+            n_joined += 1
+    return n_joined
+
+
+def walk(
+    const int32_t[:, ::1] links,  # IN (N, 2): of one path through all points
+    int32_t start,                # IN: one of its ends
+    int32_t[::1] tour,            # OUT (N,): the points in order
+):
+    """Follow a path from one end to the other."""
+    cdef int32_t before = -1, point = start, following
+    cdef Py_ssize_t i
+    with nogil:
+        for i in range(tour.shape[0]):
+            tour[i] = point
+            following = links[point, 0] if links[point, 0] != before else links[point, 1]
+            before = point
+            point = following
+
+
+cdef inline void reverse(int32_t[::1] tour, int32_t[::1] places, int32_t low, int32_t high) noexcept nogil:
+    cdef int32_t a, b
+    while low < high:
+        a = tour[low]
+        b = tour[high]
+        tour[low] = b
+        places[b] = low
+        tour[high] = a
+        places[a] = high
+        low += 1
+        high -= 1
+
+
+cdef bint turn_part(
+    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
+    uint8_t[::1] settled, int32_t reach, int32_t a, int32_t step
+) noexcept nogil:
+    """Try 2-opt at a point and the next of its path, after it (step 1) or before it (-1)."""
+    cdef int32_t n = <int32_t>tour.shape[0], i = places[a], b, c, d, j, low, high
+    cdef Py_ssize_t k
+    cdef double gap, gain
+    if not 0 <= i + step < n:
+        return False
+    b = tour[i + step]
+    gap = distance(points, a, b)
+    for k in range(near.shape[1]):
+        c = near[a, k]
+        gain = gap - distance(points, a, c)
+        if gain <= 1e-12:
+            return False
+        j = places[c]
+        low = min(i, j) + (1 if step > 0 else 0)
+        high = max(i, j) - (0 if step > 0 else 1)
+        if high - low > reach:
+            continue
+        # Beyond an end of the path there is no gap to close.
+        if 0 <= j + step < n:
+            d = tour[j + step]
+            gain += distance(points, c, d) - distance(points, b, d)
+        else:
+            d = c
+        if gain > 1e-9:
+            reverse(tour, places, low, high)
+            settled[a] = settled[b] = settled[c] = settled[d] = 0
+            return True
+    return False
+
+
+cdef bint move_chain(
+    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
+    uint8_t[::1] settled, int32_t reach, int32_t s
+) noexcept nogil:
+    """Try Or-opt: move the chain that starts at a point to between two others, turned or not."""
+    cdef int32_t n = <int32_t>tour.shape[0], i = places[s], e, p, q, c, f, j, length, side
+    cdef Py_ssize_t k
+    cdef double saved, to_c, cost
+    for length in range(1, CHAIN + 1):
+        if i == 0 or i + length >= n:
+            return False
+        p = tour[i - 1]
+        e = tour[i + length - 1]
+        q = tour[i + length]
+        saved = distance(points, p, s) + distance(points, e, q) - distance(points, p, q)
+        if saved <= 1e-12:
+            continue
+        for k in range(near.shape[1]):
+            c = near[s, k]
+            to_c = distance(points, s, c)
+            if to_c >= saved:
+                break
+            j = places[c]
+            if i <= j < i + length or j - i > reach or i - j > reach:
+                continue
+            # s comes beside c, and e beside the point after c (side 1) or before it (-1).
+            for side in range(-1, 2, 2):
+                if not 0 <= j + side < n:
+                    continue
+                f = tour[j + side]
+                if i <= places[f] < i + length:
+                    continue
+                cost = to_c + distance(points, e, f) - distance(points, c, f)
+                if saved - cost <= 1e-9:
+                    continue
+                if j < i:
+                    # The chain goes to between j and j + 1, or j - 1 and j; what was there moves behind it.
+                    shift(tour, places, j + 1 if side > 0 else j, i, length, side < 0)
+                else:
+                    shift_on(tour, places, i, length, j if side > 0 else j - 1, side < 0)
+                settled[p] = settled[q] = settled[s] = settled[e] = settled[c] = settled[f] = 0
+                return True
+    return False
+
+
+cdef inline void shift(
+    int32_t[::1] tour, int32_t[::1] places, int32_t at, int32_t i, int32_t length, bint turned
+) noexcept nogil:
+    """Move the chain at i back, so that it begins at `at`."""
+    reverse(tour, places, at, i + length - 1)
+    reverse(tour, places, at + length, i + length - 1)
+    if not turned:
+        reverse(tour, places, at, at + length - 1)
+
+
+cdef inline void shift_on(
+    int32_t[::1] tour, int32_t[::1] places, int32_t i, int32_t length, int32_t last, bint turned
+) noexcept nogil:
+    """Move the chain at i on, so that it ends at `last`."""
+    reverse(tour, places, i, last)
+    reverse(tour, places, i, last - length)
+    if not turned:
+        reverse(tour, places, last - length + 1, last)
+
+
+def improve(
+    const double[:, ::1] points,  # IN (N, 2)
+    const int32_t[:, ::1] near,   # IN (N, M): other points near each, the nearest first
+    int32_t[::1] tour,            # INOUT (N,): points in order
+    int32_t[::1] places,          # INOUT (N,): where in the tour each point is
+    uint8_t[::1] settled,         # INOUT (N,): whether there was nothing to gain at a point
+    int32_t reach,                # IN: points of the longest part that is turned or passed over
+):
+    """Shorten a path by 2-opt and Or-opt where it is not settled, in one pass; return how many moves were made."""
+    cdef int32_t point
+    cdef Py_ssize_t n_moves = 0
+    with nogil:
+        for point in range(<int32_t>tour.shape[0]):
+            while not settled[point]:
+                settled[point] = 1
+                if (
+                    turn_part(points, near, tour, places, settled, reach, point, 1)
+                    or turn_part(points, near, tour, places, settled, reach, point, -1)
+                    or move_chain(points, near, tour, places, settled, reach, point)
+                ):
+                    settled[point] = 0
+                    n_moves += 1
+    return n_moves

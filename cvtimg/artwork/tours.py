@@ -1,0 +1,96 @@
+"""Short tours through points, so that a pen plotter travels little between its marks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_rows
+from cvtimg.artwork._tours import improve, join, walk
+
+#: Neighbors among which better connections are looked for.
+_N_NEAR = 8
+#: Points of the longest part that a move may turn. Longer ones gain next to nothing and take most of the time.
+_REACH = 25_000
+_MAX_PASSES = 50
+
+
+def find_tour(points: ArrayLike) -> NDArray[np.intp]:
+    """Order points along a short open path.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+        Finite places (x, y), in any unit.
+
+    Returns
+    -------
+    (N,) integer array
+        The points in order: a permutation of 0..N-1. The path begins at its end that is nearer to (0, 0).
+
+    Notes
+    -----
+    The shortest connections first, as long as they leave paths (greedy), then 2-opt and Or-opt among the 8 nearest
+    neighbors of each point, until nothing is gained.
+
+    References
+    ----------
+    J. L. Bentley, Fast algorithms for geometric traveling salesman problems, ORSA Journal on Computing 4 (1992)
+    387-411, doi 10.1287/ijoc.4.4.387.
+
+    Examples
+    --------
+    >>> find_tour([[0, 0], [9, 0], [3, 0], [5, 0]]).tolist()
+    [0, 2, 3, 1]
+    """
+    places = check_rows("points", points).astype(np.float64)
+    if places.shape[1] != 2:
+        raise ValueError(f"points of shape {places.shape} must be (N, 2)")
+    tour, near = _greedy_path(places)
+    where = np.empty_like(tour)
+    where[tour] = np.arange(len(tour), dtype=np.int32)
+    settled = np.zeros(len(tour), np.uint8)
+    for _ in range(_MAX_PASSES):
+        if not improve(places, near, tour, where, settled, _REACH):
+            break
+    first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
+    return tour[:: 1 if first <= last else -1].astype(np.intp)
+
+
+def tour_length(points: NDArray[np.float64], order: NDArray[np.intp]) -> float:
+    """Measure the path through points in this order."""
+    return float(np.hypot(*np.diff(points[order], axis=0).T).sum())
+
+
+def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
+    n_points = len(points)
+    links = np.full((n_points, 2), -1, np.int32)
+    parents = np.arange(n_points, dtype=np.int32)
+    near = np.empty((n_points, 0), np.int32)
+    n_paths = n_points
+    while n_paths > 1:
+        ends = np.flatnonzero(links[:, 1] < 0).astype(np.int32)
+        distances, others = _nearest(points[ends])
+        if n_paths == n_points:
+            near = others
+        # Each end has at most one other of its own path, so that some pair can always be joined.
+        pairs = np.stack([np.repeat(ends, others.shape[1]), ends[others.ravel()]], axis=1)
+        n_paths -= join(pairs[np.argsort(distances.ravel(), kind="stable")], links, parents)
+    tour = np.empty(n_points, np.int32)
+    walk(links, int(np.flatnonzero(links[:, 1] < 0)[0]), tour)
+    return tour, near
+
+
+def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Find the nearest others of each point, and their distances; points may coincide."""
+    from scipy.spatial import cKDTree
+
+    n_points = len(points)
+    n_near = min(_N_NEAR, n_points - 1)
+    distances, found = cKDTree(points).query(points, n_near + 1)
+    # A point is found itself, and not always first where others lie on it, or even not at all.
+    itself = found == np.arange(n_points)[:, np.newaxis]
+    itself[~itself.any(axis=1), -1] = True
+    return distances[~itself].reshape(n_points, n_near), found[~itself].reshape(n_points, n_near).astype(np.int32)
+
