@@ -1,0 +1,29 @@
+import numpy as np
+from numpy.typing import NDArray
+
+def add_colors(
+    image: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    first_row: int,
+    stop_row: int,
+    sums: NDArray[np.float64],
+) -> None: ...
+def add_border_gradient(
+    image: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    points: NDArray[np.float64],
+    colors: NDArray[np.float64],
+    first_row: int,
+    stop_row: int,
+    gradient: NDArray[np.float64],
+) -> None: ...
+def label_triangles(
+    points: NDArray[np.float64], triangles: NDArray[np.int32], labels: NDArray[np.int32]
+) -> None: ...
+def add_edge_gradient(
+    image: NDArray[np.float32],
+    points: NDArray[np.float64],
+    edges: NDArray[np.int32],
+    colors: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+) -> None: ...

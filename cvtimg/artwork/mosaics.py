@@ -1,0 +1,268 @@
+"""Mosaics: an image as convex tiles of one color each, placed so that the mosaic is as like the image as can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_colors, check_count, check_image
+from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
+from cvtimg.artwork.starts import detail_density, place_corners, place_points
+from cvtimg.artwork.tilings import DelaunayTiling, Painted, Tiling, VoronoiTiling, descend_error, paint
+from cvtimg.colors.spaces import from_space, peak, to_space
+from cvtimg.engine.tessellation import tessellate
+from cvtimg.files.whole import StrPath
+
+#: Steps of the descent.
+_STEPS = {"fast": 25, "balanced": 80, "best": 240}
+#: Share of a uniform density in the first places of points: flat parts need a few tiles, too.
+_UNIFORM = {"cells": 0.05, "triangles": 0.02}
+SHAPES = tuple(_UNIFORM)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mosaic:
+    """An image made of tiles of one color each.
+
+    Attributes
+    ----------
+    points : (N, 2) float64 array
+        Generators of the cells, or corners of the triangles: (x, y) in pixels, the first pixel covering
+        [0, 1] x [0, 1].
+    colors : (K, C) array
+        Color of each tile, of the type of the image.
+    labels : (H, W) int32 array
+        The tile, in 0..K-1, of each pixel.
+    triangles : (K, 3) int32 array or None
+        The corners of each tile, as indices of points; None for cells.
+    energy : float
+        Squared error summed over pixels and channels, in the color space of the mosaic, before `palette`.
+    energies : tuple of float
+        Before each step of the descent, and at the end. They may rise in between; the least is kept.
+    """
+
+    points: NDArray[np.float64]
+    colors: NDArray[Any]
+    labels: NDArray[np.int32]
+    triangles: NDArray[np.int32] | None
+    energy: float
+    energies: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.colors, self.labels, self.triangles):
+            if array is not None:
+                array.flags.writeable = False
+
+    @property
+    def image(self) -> NDArray[Any]:
+        """The mosaic as an (H, W) or (H, W, C) image."""
+        image: NDArray[Any] = self.colors[self.labels]
+        return image[:, :, 0] if image.shape[2] == 1 else image
+
+    @property
+    def shape(self) -> str:
+        """The kind of tiles: "cells" or "triangles"."""
+        return "cells" if self.triangles is None else "triangles"
+
+    def polygons(self) -> Polygons:
+        """Compute the corners of each tile.
+
+        Returns
+        -------
+        tuple of (M, 2) float64 arrays
+            In pixels, in order around the tile, clockwise as seen on a screen. Empty for a point that shares its place
+            with another and has no cell.
+        """
+        if self.triangles is not None:
+            return triangle_polygons(self.points, self.triangles)
+        return cell_polygons(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
+
+    def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
+        """Draw the mosaic with smooth edges.
+
+        Parameters
+        ----------
+        scale : float
+            Pixels of the drawing per pixel of the image.
+        outline : float
+            Width of dark lines between tiles, in pixels of the image; 0 for none.
+
+        Returns
+        -------
+        (H scale, W scale, 3) or (H scale, W scale, 4) uint8 array
+        """
+        from cvtimg.artwork.mosaic_files import draw_mosaic
+
+        return draw_mosaic(self, scale, outline)
+
+    def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
+        """Write the mosaic as vectors or as pixels; the suffix picks the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Ends in .svg, or .geojson for a polygon a tile; or in a suffix that `write_image` knows, for pixels.
+        outline : float
+            Width of dark lines between tiles, in pixels of the image; 0 for none. Not for .geojson.
+        scale : float
+            Pixels written per pixel of the image; only for pixels.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is unknown.
+        OSError
+            If the file cannot be written.
+        """
+        from cvtimg.artwork.mosaic_files import save_mosaic
+
+        save_mosaic(self, path, outline, scale, overwrite)
+
+    def _repr_png_(self) -> bytes:
+        from cvtimg.pictures.files import encode_image
+
+        return encode_image(".png", self.draw())
+
+    def __repr__(self) -> str:
+        height, width = self.labels.shape
+        return f"Mosaic({len(self.colors)} {self.shape} in {width} x {height}, energy={self.energy:.4g})"
+
+
+def mosaic(
+    image: Any,
+    n_cells: int,
+    *,
+    shape: str = "cells",
+    space: str = "rgb",
+    palette: int | ArrayLike | None = None,
+    effort: str = "balanced",
+    callback: Callable[[int, float], None] | None = None,
+) -> Mosaic:
+    """Compose an image of convex tiles, each of one color.
+
+    The tiles are Voronoi cells or Delaunay triangles. Their points begin where the image changes most, and descend
+    the squared error of the mosaic itself, so that borders of tiles settle on edges of the image.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array, or Pillow image
+        uint8, uint16 or floating point. Of 2 or 4 channels the last is alpha.
+    n_cells : int
+        Number of tiles, in 1..pixels; of triangles 2 or more, and not more than pixels.
+    shape : {"cells", "triangles"}
+        Voronoi cells, or triangles ("low poly").
+    space : {"rgb", "linear", "lab", "oklab"}
+        Color space in which colors are averaged and errors are measured. Floating point images must be in 0..1
+        except for "rgb".
+    palette : int or (P, C) array, optional
+        Restrict tiles to so many colors, found by their energy, or to the nearest of these. Alpha is not restricted.
+    effort : {"fast", "balanced", "best"}
+        25, 80 or 240 steps.
+    callback : callable, optional
+        Called as ``callback(step, energy)`` before each step.
+
+    Returns
+    -------
+    Mosaic
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Notes
+    -----
+    The error of a tessellation, the sum of the integrals of abs(u - c)**2 over its cells with c their mean colors,
+    changes with a generator only where the borders of its cell move: its gradient is an integral over these borders
+    of the difference of the errors on both sides.
+
+    References
+    ----------
+    Q. Du, V. Faber, M. Gunzburger, Centroidal Voronoi tessellations: Applications and algorithms, SIAM Review 41
+    (1999) 637-676, doi 10.1137/S0036144599352836.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import mosaic
+    >>> image = np.repeat([[30, 200]], 8, axis=0).repeat(8, axis=1).astype(np.uint8)
+    >>> result = mosaic(image, 2)
+    >>> sorted(result.colors.ravel().tolist())
+    [30, 200]
+    """
+    check_choice("shape", shape, SHAPES)
+    check_choice("effort", effort, _STEPS)
+    samples = check_image("image", image)
+    samples = samples.reshape(*samples.shape[:2], -1)
+    height, width, n_channels = samples.shape
+    check_count("n_cells", n_cells, height * width, "the number of pixels")
+    if shape == "triangles" and n_cells < 2:
+        raise ValueError(f"n_cells={n_cells} must be >= 2: a rectangle has at least two triangles")
+    bands, has_alpha = _bands(samples, space)
+    density = detail_density(bands, n_cells, _UNIFORM[shape])
+    tiling: Tiling
+    if shape == "cells":
+        points = place_points(density, n_cells)
+        tiling = VoronoiTiling((height, width), n_cells)
+    else:
+        points = place_corners(density, n_cells)
+        tiling = DelaunayTiling((height, width), points)
+    points, energies = descend_error(tiling, bands, points, _STEPS[effort], callback or (lambda step, energy: None))
+    painted = paint(bands, tiling.labels(points), tiling.n_tiles())
+    colors = _colors(painted, space, samples.dtype, has_alpha)
+    if palette is not None:
+        colors = _restricted(colors, painted.areas, palette, has_alpha)
+    triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
+    return Mosaic(points, colors, painted.labels, triangles, painted.energy, tuple(energies))
+
+
+def _bands(samples: NDArray[Any], space: str) -> tuple[NDArray[np.float32], bool]:
+    """Return what colors are averaged in, (H, W, C) and whether the last is alpha; others are then times alpha."""
+    has_alpha = samples.shape[2] in (2, 4)
+    rows = samples.reshape(-1, samples.shape[2])
+    colors = rows[:, :-1] if has_alpha else rows
+    bands = to_space(np.ascontiguousarray(colors), space).astype(np.float32)
+    if has_alpha:
+        opacity = rows[:, -1:] / np.float32(peak(samples.dtype))
+        # Alpha counts as much as white does.
+        white = to_space(np.full((1, colors.shape[1]), peak(samples.dtype), samples.dtype), space).max()
+        bands = np.concatenate([bands * opacity, opacity * np.float32(white)], axis=1)
+    return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha
+
+
+def _colors(painted: Painted, space: str, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
+    """Return the means of tiles as colors of a type."""
+    means = painted.colors
+    if not has_alpha:
+        return from_space(means, space, dtype)
+    white = to_space(np.full((1, means.shape[1] - 1), peak(dtype), dtype), space).max()
+    opacity = means[:, -1:] / white
+    colors = from_space(means[:, :-1] / np.maximum(opacity, 1e-6), space, dtype)
+    return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
+
+
+def _restricted(
+    colors: NDArray[Any], areas: NDArray[np.float64], palette: int | ArrayLike, has_alpha: bool
+) -> NDArray[Any]:
+    """Replace colors by those of a palette, which is found or given."""
+    shown = colors[:, : colors.shape[1] - has_alpha]
+    if isinstance(palette, int | np.integer):
+        density = np.where(areas > 0, areas, areas[areas > 0].min())
+        n_distinct = len(np.unique(shown, axis=0))
+        count = check_count("palette", int(palette), 1 << 31, "or an array of colors")
+        found = tessellate(shown, min(count, n_distinct), density=density).generators
+        chosen = from_space(found, "rgb", colors.dtype)
+    else:
+        chosen = check_colors("palette", palette, colors.dtype)
+        if chosen.shape[1] != shown.shape[1]:
+            raise ValueError(f"palette has {chosen.shape[1]} channels, and the image {shown.shape[1]} without alpha")
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(chosen.astype(np.float64)).query(shown.astype(np.float64))[1]
+    return np.concatenate([chosen[nearest], colors[:, shown.shape[1] :]], axis=1)
