@@ -17,9 +17,7 @@ def add_border_gradient(
     stop_row: int,
     gradient: NDArray[np.float64],
 ) -> None: ...
-def label_triangles(
-    points: NDArray[np.float64], triangles: NDArray[np.int32], labels: NDArray[np.int32]
-) -> None: ...
+def label_triangles(points: NDArray[np.float64], triangles: NDArray[np.int32], labels: NDArray[np.int32]) -> None: ...
 def add_edge_gradient(
     image: NDArray[np.float32],
     points: NDArray[np.float64],

@@ -208,7 +208,7 @@ def mosaic(
     density = detail_density(bands, n_cells, _UNIFORM[shape])
     tiling: Tiling
     if shape == "cells":
-        points = place_points(density, n_cells)
+        points = place_points(density, n_cells)[0]
         tiling = VoronoiTiling((height, width), n_cells)
     else:
         points = place_corners(density, n_cells)

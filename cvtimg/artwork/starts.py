@@ -45,17 +45,19 @@ def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> 
     return np.maximum(gaussian_filter(density, width, mode="nearest"), 0) + np.float32(uniform)
 
 
-def place_points(density: NDArray[np.float32], n_points: int) -> Floats:
-    """Place points by a density: a tessellation of a few steps."""
+def place_points(density: NDArray[np.float32], n_points: int) -> tuple[Floats, float]:
+    """Place points by a density, as the generators of a tessellation; return them and its energy."""
     rng = np.random.default_rng(0)
     sums = np.cumsum(np.sqrt(density, dtype=np.float64))
     pixels = np.minimum(np.searchsorted(sums, rng.random(n_points) * sums[-1]), density.size - 1)
     y, x = np.divmod(pixels, density.shape[1])
     points = np.stack([x, y], axis=1) + rng.random((n_points, 2))
     moments = PixelMoments(density)
-    for _ in range(20):
-        points = moments(points).centroids
-    return points
+    found = moments(points)
+    for _ in range(60):
+        points = np.clip(points + 1.8 * (found.centroids - points), 0, density.shape[::-1])
+        found = moments(points)
+    return points, found.energy
 
 
 def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
@@ -71,7 +73,7 @@ def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
     n_inner = (n_triangles + 2 - n_border) // 2
     border = _border_points(density, n_border - 4)
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
-    inner = place_points(density, n_inner) if n_inner else np.empty((0, 2))
+    inner = place_points(density, n_inner)[0] if n_inner else np.empty((0, 2))
     return np.concatenate([corners, border, inner])
 
 

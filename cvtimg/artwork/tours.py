@@ -93,4 +93,3 @@ def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     itself = found == np.arange(n_points)[:, np.newaxis]
     itself[~itself.any(axis=1), -1] = True
     return distances[~itself].reshape(n_points, n_near), found[~itself].reshape(n_points, n_near).astype(np.int32)
-

@@ -1,0 +1,193 @@
+"""The value that stippling returns: dots, and what may be drawn of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.polygons import Polygons, cell_polygons
+from cvtimg.colors.spaces import from_space, to_space
+from cvtimg.files.whole import StrPath
+
+#: Pixels between dots in a drawing by default, and the most pixels of one.
+_SPACING, _MOST_PIXELS = 8.0, 1 << 25
+_BYTE = np.dtype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stipples:
+    """Dots that reproduce the tones of an image.
+
+    Attributes
+    ----------
+    points : (N, 2) float64 array
+        Centers (x, y) in pixels of the image, the first of which covers [0, 1] x [0, 1]; x to the right, y down.
+    radii : (N,) float64 array
+        In pixels.
+    masses : (N,) float64 array
+        The ink, as area in pixels, that the cell of each dot asks for.
+    weights : (N,) float64 array
+        Weights of the power cells, in squared pixels; 0 where cells are Voronoi cells.
+    layers : (N,) int32 array
+        The pen of each dot: an index of `colors`. Dots of one layer follow each other.
+    order : (N,) integer array
+        A short tour through the dots, layer by layer.
+    colors : (L, 3) uint8 array
+        Color of each pen.
+    names : tuple of str
+        Name of each pen.
+    paper : (3,) uint8 array
+        Color of the paper: white, or black if inverted.
+    size : (int, int)
+        Height and width of the image.
+    max_ink : float
+        Coverage of what is black in the image; all tones are scaled by it.
+    energy : float
+        Integral of density times squared distance to the nearest dot, summed over layers.
+    """
+
+    points: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    layers: NDArray[np.int32]
+    order: NDArray[np.intp]
+    colors: NDArray[np.uint8]
+    names: tuple[str, ...]
+    paper: NDArray[np.uint8]
+    size: tuple[int, int]
+    max_ink: float
+    energy: float
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.radii, self.masses, self.weights, self.layers, self.order, self.colors):
+            array.flags.writeable = False
+        self.paper.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def cells(self) -> Polygons:
+        """Compute the cell of each dot among those of its layer, cut off at the sides of the image.
+
+        Returns
+        -------
+        tuple of (M, 2) float64 arrays
+            In pixels, in order around the cell, clockwise as seen on a screen. Empty for a dot without a cell, one of
+            two in the same place.
+        """
+        cells: list[NDArray[np.float64]] = [np.empty((0, 2))] * len(self)
+        for layer in range(len(self.colors)):
+            own = np.flatnonzero(self.layers == layer)
+            if len(own):
+                for dot, cell in zip(own, cell_polygons(self.points[own], self.weights[own], self.size), strict=True):
+                    cells[dot] = cell
+        return tuple(cells)
+
+    def coverage(self, layer: int, scale: float = 1.0) -> NDArray[np.float32]:
+        """Compute the share of each pixel that the dots of a layer cover, (H scale, W scale)."""
+        own = self.layers == layer
+        return draw_dots(self.points[own], self.radii[own], self.size, scale)
+
+    def draw(self, *, scale: float | None = None) -> NDArray[np.uint8]:
+        """Draw the dots with smooth edges, mixed in linear light as the eye does.
+
+        Parameters
+        ----------
+        scale : float, optional
+            Pixels of the drawing per pixel of the image. By default dots are 8 pixels apart, if that makes no drawing
+            of more than 32 megapixels.
+
+        Returns
+        -------
+        (H scale, W scale) or (H scale, W scale, 3) uint8 array
+            Gray for one black or white pen.
+        """
+        factor = self.default_scale() if scale is None else scale
+        channels = 1 if len(self.colors) == 1 and np.ptp(self.colors) == 0 else 3
+        paper = to_space(self.paper[np.newaxis, :channels], "linear")[0].astype(np.float32)
+        inks = to_space(self.colors[:, :channels], "linear").astype(np.float32)
+        height, width = (max(round(side * factor), 1) for side in self.size)
+        light = np.full((height, width, channels), paper, np.float32)
+        for layer, ink in enumerate(inks):
+            covered = self.coverage(layer, factor)[:, :, np.newaxis]
+            if paper.all():  # inks on white paper let light through; others hide what is below
+                light *= 1 - covered * (1 - ink / paper)
+            else:
+                light += covered * (ink - light)
+        # A table in place of powers of each pixel: 12 bits of light tell 8-bit levels apart where edges are.
+        levels = from_space(np.linspace(0, 1, 4096)[:, np.newaxis], "linear", _BYTE)[:, 0]
+        drawn: NDArray[np.uint8] = levels[np.rint(light * 4095).astype(np.uint16)]
+        return drawn[:, :, 0] if channels == 1 else drawn
+
+    def default_scale(self) -> float:
+        """Pixels of a drawing per pixel of the image, so that dots can be told apart."""
+        area = self.size[0] * self.size[1]
+        spacing = np.sqrt(area / max(len(self), 1))
+        return float(min(max(_SPACING / spacing, 1.0), max(np.sqrt(_MOST_PIXELS / area), 1.0)))
+
+    def save(
+        self,
+        path: StrPath,
+        *,
+        width: float = 200.0,
+        marks: str = "disks",
+        pen_width: float | None = None,
+        tour: bool = True,
+        scale: float | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Write the dots; the suffix picks the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            .svg: a drawing in millimeters with one layer a pen. .png and other formats of pixels: what `draw` gives.
+            .csv: a line for each dot. .npy: an (N, 4) array of x, y, radius and layer. .npz: arrays by name. Places
+            and radii are in pixels in the last three.
+        width : float
+            Width on paper in millimeters, for .svg and .png.
+        marks : {"disks", "circles", "points", "lines"}
+            For .svg: filled dots; their outlines; tiny circles that a pen makes dots of; or lines so short that a pen
+            makes dots of them.
+        pen_width : float, optional
+            Width of the pen's line in millimeters, for .svg. By default the mean diameter of the dots of a layer, so
+            that points and lines have the tone of the image; 0.3 for circles.
+        tour : bool
+            Write dots in the order of the tour, else in that in which they were placed.
+        scale : float, optional
+            Pixels per pixel of the image, as for `draw`.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        ValueError
+            If the suffix or the marks are unknown, or a width is not > 0.
+        OSError
+            If the file cannot be written.
+        """
+        from cvtimg.artwork.stipple_files import Paper, save_stipples
+
+        paper = Paper(width, marks, pen_width, tour)
+        save_stipples(self, path, paper, scale=scale, overwrite=overwrite)
+
+    def save_cells(self, path: StrPath, *, width: float = 200.0, overwrite: bool = False) -> None:
+        """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson)."""
+        from cvtimg.artwork.stipple_files import save_cells
+
+        save_cells(self, path, width, overwrite=overwrite)
+
+    def _repr_png_(self) -> bytes:
+        from cvtimg.pictures.files import encode_image
+
+        return encode_image(".png", self.draw())
+
+    def __repr__(self) -> str:
+        height, width = self.size
+        layers = f" in {len(self.colors)} layers" if len(self.colors) > 1 else ""
+        radii = f", radius {self.radii.mean():.3g}" if len(self) else ""
+        return f"Stipples({len(self)} dots{layers} on {width} x {height}{radii}, max_ink={self.max_ink:.3g})"

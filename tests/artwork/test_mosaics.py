@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from skimage import data
+from skimage.segmentation import slic
+
+from cvtimg import mosaic, read_image
+from cvtimg.artwork.tilings import DelaunayTiling, VoronoiTiling, paint
+
+PHOTO = data.coffee()[::3, ::3]
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return float(-10 * np.log10(((a.astype(float) - b) ** 2).mean() / 255**2))
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+@pytest.mark.parametrize("n_cells", [2, 3, 50, 301])
+def test_tiles_are_as_many_as_asked_for_and_fill_the_image_in_their_mean_colors(shape: str, n_cells: int) -> None:
+    result = mosaic(PHOTO, n_cells, shape=shape, effort="fast")
+    assert len(result.colors) == n_cells == len(result.polygons())
+    for tile in np.unique(result.labels)[:20]:
+        mean = PHOTO[result.labels == tile].mean(axis=0)
+        assert np.abs(result.colors[tile] - mean).max() <= 0.51
+    squared = ((result.image.astype(float) - PHOTO) ** 2).sum()
+    assert squared == pytest.approx(result.energy, rel=0.02)
+    corners = [polygon for polygon in result.polygons() if len(polygon)]
+    areas = sum(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (corner.T for corner in corners))
+    assert areas == pytest.approx(PHOTO.shape[0] * PHOTO.shape[1])
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+def test_the_descent_lowers_the_error_and_keeps_the_least(shape: str) -> None:
+    result = mosaic(PHOTO, 200, shape=shape)
+    assert result.energy == pytest.approx(min(result.energies))
+    assert result.energy < 0.8 * result.energies[0]
+
+
+def test_cells_are_nearer_to_the_image_than_superpixels_in_their_means() -> None:
+    labels = slic(PHOTO, n_segments=400, start_label=0, compactness=10)
+    means = np.stack([PHOTO[labels == label].mean(axis=0) for label in range(labels.max() + 1)])
+    assert psnr(mosaic(PHOTO, labels.max() + 1).image, PHOTO) > psnr(means[labels], PHOTO) + 1
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
+    # A smooth image, where steps of whole pixels average out.
+    y, x = np.mgrid[:90, :120] / 30
+    image = np.stack([np.sin(x + y), np.cos(1.5 * y - x)], axis=2).astype(np.float32)
+    rng = np.random.default_rng(0)
+    points = rng.random((12, 2)) * [120, 90]
+    corners = np.array([[0, 0], [120, 0], [120, 90], [0, 90]], np.float64)
+    tiling: VoronoiTiling | DelaunayTiling
+    if shape == "cells":
+        tiling = VoronoiTiling((90, 120), len(points))
+    else:
+        points = np.concatenate([corners, points])
+        tiling = DelaunayTiling((90, 120), points)
+
+    def painted(places: np.ndarray):
+        labels = tiling.labels(places)
+        return paint(image, labels, tiling.n_tiles())
+
+    gradient = tiling.gradient(image, points, painted(points))
+    moved = range(4, len(points)) if shape == "triangles" else range(len(points))
+    differences = np.zeros_like(points)
+    for point in moved:
+        for axis in (0, 1):
+            step = np.zeros_like(points)
+            step[point, axis] = 1.0
+            differences[point, axis] = (painted(points + step).energy - painted(points - step).energy) / 2
+    chosen = list(moved)
+    error = np.abs(gradient - differences)[chosen].max()
+    assert error < 0.12 * np.abs(differences).max()
+
+
+def test_types_agree_and_the_image_is_left_as_it_was() -> None:
+    before = PHOTO.copy()
+    results = [mosaic(image, 60) for image in (PHOTO, PHOTO.astype(np.uint16) * 257, PHOTO / 255)]
+    assert np.array_equal(PHOTO, before)
+    assert [result.image.dtype for result in results] == [np.uint8, np.uint16, np.float64]
+    assert np.allclose(results[1].image / 257, results[0].image, atol=2)
+    assert np.allclose(results[2].image * 255, results[0].image, atol=2)
+
+
+def test_gray_stays_gray_and_alpha_stays_alpha() -> None:
+    gray = PHOTO[:, :, 0]
+    assert mosaic(gray, 9, effort="fast").image.shape == gray.shape
+    alpha = np.where(np.arange(gray.shape[1]) < 100, 0, 255).astype(np.uint8)
+    image = np.dstack([PHOTO, np.broadcast_to(alpha, gray.shape)])
+    result = mosaic(image, 150, space="oklab")
+    assert set(np.unique(result.image[:, 130:, 3])) == {255}
+    assert not result.image[:, :70, 3].any()
+
+
+def test_a_palette_restricts_the_colors() -> None:
+    assert len(np.unique(mosaic(PHOTO, 100, palette=5, effort="fast").colors, axis=0)) == 5
+    palette = np.array([[0, 0, 0], [255, 128, 0], [255, 255, 255]], np.uint8)
+    found = np.unique(mosaic(PHOTO, 100, palette=palette, effort="fast").colors, axis=0)
+    assert {tuple(color) for color in found.tolist()} <= {tuple(color) for color in palette.tolist()}
+
+
+def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    from cvtimg._shared import threads
+
+    plain = mosaic(PHOTO, 80, effort="fast")
+    monkeypatch.setattr(threads, "n_threads", lambda: 3)
+    threads._pool.cache_clear()
+    assert np.array_equal(mosaic(PHOTO, 80, effort="fast").points, plain.points)
+    threads._pool.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_cells": 0}, "n_cells=0 must be in 1..4"),
+        ({"n_cells": 5}, "n_cells=5 must be in 1..4"),
+        ({"n_cells": 1, "shape": "triangles"}, "n_cells=1 must be >= 2"),
+        ({"n_cells": 1, "shape": "squares"}, "shape='squares' must be one of cells, triangles"),
+        ({"n_cells": 2, "palette": [[1, 2, 3]]}, "palette has 3 channels"),
+    ],
+)
+def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        mosaic(np.zeros((2, 2), np.uint8), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+def test_files_hold_each_tile_once(tmp_path: Path, shape: str) -> None:
+    result = mosaic(PHOTO, 40, shape=shape, effort="fast")
+    result.save(tmp_path / "a.svg")
+    paths = [node for node in ElementTree.parse(tmp_path / "a.svg").getroot() if node.tag.endswith("path")]
+    assert len(paths) == 40
+    # A stroke of its own color hides the seam to the next tile.
+    assert all(node.get("fill") == node.get("stroke") for node in paths)
+    result.save(tmp_path / "a.geojson")
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert len(features) == 40
+    assert sum(feature["properties"]["pixels"] for feature in features) == result.labels.size
+    result.save(tmp_path / "a.png")
+    assert psnr(read_image(tmp_path / "a.png"), result.image) > 25
+    result.save(tmp_path / "b.png", outline=2, scale=2)
+    assert read_image(tmp_path / "b.png").shape == (2 * PHOTO.shape[0], 2 * PHOTO.shape[1], 3)
+    with pytest.raises(FileExistsError, match="exists"):
+        result.save(tmp_path / "b.png")
+    with pytest.raises(ValueError, match=r"suffix='.xyz' must be one of .svg"):
+        result.save(tmp_path / "b.xyz")

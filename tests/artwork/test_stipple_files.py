@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cvtimg import read_image, stipple
+from cvtimg.artwork.stipple_files import MARKS
+
+RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (40, 1))
+STIPPLES = stipple(RAMP, 150, dots="sized")
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def places_in(path: Path) -> np.ndarray:
+    root = ElementTree.parse(path).getroot()
+    circles = [(float(node.get("cx", "")), float(node.get("cy", ""))) for node in root.iter(f"{SVG}circle")]
+    lines = [node.get("d", "")[1:].split("h")[0].split() for node in root.iter(f"{SVG}path")]
+    return np.array(circles or [(float(x), float(y)) for x, y in lines])
+
+
+@pytest.mark.parametrize("marks", MARKS)
+def test_a_drawing_has_each_dot_in_millimeters_in_the_order_of_the_tour(tmp_path: Path, marks: str) -> None:
+    path = tmp_path / "a.svg"
+    STIPPLES.save(path, width=160, marks=marks)
+    root = ElementTree.parse(path).getroot()
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("160mm", "80mm", "0 0 160 80")
+    assert np.allclose(places_in(path), 2 * STIPPLES.points[STIPPLES.order], atol=6e-4)
+    STIPPLES.save(path, width=160, marks=marks, tour=False, overwrite=True)
+    assert np.allclose(places_in(path), 2 * STIPPLES.points, atol=6e-4)
+
+
+def test_disks_have_the_radii_of_dots_and_points_that_of_the_pen(tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    STIPPLES.save(path, width=80, tour=False)
+    radii = [float(node.get("r", "")) for node in ElementTree.parse(path).getroot().iter(f"{SVG}circle")]
+    assert np.allclose(radii, STIPPLES.radii, atol=1e-4)
+    STIPPLES.save(path, marks="points", pen_width=0.5, overwrite=True)
+    group = ElementTree.parse(path).getroot()[0]
+    assert group.get("stroke-width") == "0.5"
+    assert {node.get("r") for node in group} == {"0.05"}
+
+
+def test_tables_hold_the_dots(tmp_path: Path) -> None:
+    order = STIPPLES.order
+    STIPPLES.save(tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert np.array_equal([[float(row["x"]), float(row["y"])] for row in rows], STIPPLES.points[order])
+    STIPPLES.save(tmp_path / "a.npy")
+    array = np.load(tmp_path / "a.npy")
+    assert np.array_equal(array[:, :2], STIPPLES.points[order])
+    assert np.array_equal(array[:, 2], STIPPLES.radii[order])
+    STIPPLES.save(tmp_path / "a.npz")
+    assert np.array_equal(np.load(tmp_path / "a.npz")["masses"], STIPPLES.masses[order])
+
+
+def test_pixels_and_cells(tmp_path: Path) -> None:
+    STIPPLES.save(tmp_path / "a.png", scale=3)
+    assert np.array_equal(read_image(tmp_path / "a.png"), STIPPLES.draw(scale=3))
+    STIPPLES.save_cells(tmp_path / "a.geojson")
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert len(features) == 150
+    STIPPLES.save_cells(tmp_path / "a.svg")
+    assert len(list(ElementTree.parse(tmp_path / "a.svg").getroot().iter(f"{SVG}path"))) == 150
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"marks": "stars"}, "marks='stars' must be one of disks"),
+        ({"width": 0}, "width=0 must be a finite number > 0"),
+        ({"pen_width": -1}, "pen_width=-1 must be"),
+    ],
+)
+def test_wrong_options_write_nothing(tmp_path: Path, options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        STIPPLES.save(tmp_path / "a.svg", **options)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())

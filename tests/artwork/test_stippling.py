@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from skimage import data
+
+from cvtimg import stipple
+from cvtimg.artwork import Stipples, ink_coverage
+from cvtimg.artwork.dot_layers import DOTS
+
+PHOTO = data.camera()[::2, ::2]
+RAMP = np.tile(np.linspace(0, 255, 160).astype(np.uint8), (120, 1))
+
+
+def tone_error(result: Stipples, coverage: np.ndarray, fine: int = 5) -> float:
+    """Root mean square over the image of the difference in light, blurred at the distance of dots."""
+    height, width = coverage.shape
+    drawn = result.coverage(0, fine).reshape(height, fine, width, fine).mean(axis=(1, 3))
+    blur = np.sqrt(coverage.size / len(result))
+    return float(np.sqrt(((gaussian_filter(drawn, blur) - gaussian_filter(coverage, blur)) ** 2).mean()))
+
+
+@pytest.mark.parametrize("dots", DOTS)
+def test_the_ink_of_dots_adds_up_to_the_tones(dots: str) -> None:
+    result = stipple(PHOTO, 3000, dots=dots, max_ink=0.6)
+    coverage = 0.6 * ink_coverage(PHOTO)
+    assert len(result) == 3000
+    assert np.pi * (result.radii**2).sum() == pytest.approx(coverage.sum(), rel=2e-3)
+    assert result.masses.sum() == pytest.approx(coverage.sum(), rel=1e-5)
+    assert tone_error(result, coverage) < {"equal": 0.03, "equal-mass": 0.02, "sized": 0.01}[dots]
+
+
+def test_dots_of_density_1_minus_gray_would_miss_the_tones() -> None:
+    # What others do: the number of dots follows the root of their density.
+    coverage = ink_coverage(RAMP) * np.float32(0.6)
+    thirds = np.array_split(coverage.sum(axis=0), 4)
+    wanted = np.array([third.sum() for third in thirds]) / coverage.sum()
+    result = stipple(RAMP, 2000, max_ink=0.6)
+    found = np.histogram(result.points[:, 0], 4, (0, 160))[0] / 2000
+    assert np.abs(found - wanted).max() < 0.01
+
+
+def test_equal_masses_are_equal() -> None:
+    result = stipple(PHOTO, 2000, dots="equal-mass")
+    assert result.masses.std() < 0.05 * result.masses.mean()
+    assert np.ptp(result.radii) == 0
+    plain = stipple(PHOTO, 2000)
+    assert result.masses.std() < 0.5 * plain.masses.std()
+
+
+def test_sizes_stay_in_their_range_and_large_dots_are_dark() -> None:
+    result = stipple(RAMP, 400, dots="sized", radius_range=(1.0, 5.0))
+    assert result.radii.min() >= 1
+    assert result.radii.max() <= 5
+    assert np.pi * (result.radii**2).sum() == pytest.approx(result.masses.sum(), rel=0.05)
+    assert result.radii[result.points[:, 0] < 40].mean() > 2 * result.radii[result.points[:, 0] > 110].mean()
+
+
+def test_no_dot_lies_in_white() -> None:
+    y, x = np.mgrid[:90, :90]
+    rings = np.where(np.abs(np.hypot(x - 45, y - 45) % 20 - 10) < 1, 0, 255).astype(np.uint8)
+    for n_dots in (1, 3, 200):
+        places = stipple(rings, n_dots).points.astype(int)
+        assert not rings[places[:, 1], places[:, 0]].any()
+
+
+def test_an_image_without_ink_has_no_dots() -> None:
+    result = stipple(np.full((5, 6), 255, np.uint8), 10)
+    assert len(result) == 0
+    assert len(result.order) == 0
+    assert result.draw().min() == 255
+
+
+@pytest.mark.parametrize("dots", DOTS)
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (6, 5)])
+def test_one_dot_and_as_many_as_pixels(dots: str, size: tuple[int, int]) -> None:
+    image = np.zeros(size, np.uint8)
+    for n_dots in {1, size[0] * size[1]}:
+        result = stipple(image, n_dots, dots=dots)
+        assert len(result) == n_dots
+        assert (result.points >= 0).all()
+        assert (result.points <= size[::-1]).all()
+        assert sorted(result.order) == list(range(n_dots))
+
+
+def test_light_on_dark_paper_is_the_negative() -> None:
+    light = stipple(255 - RAMP, 300, invert=True)
+    assert light.paper.tolist() == [0, 0, 0]
+    assert light.colors.tolist() == [[255, 255, 255]]
+    assert light.points[:, 0].mean() < 80
+
+
+def test_cells_fill_the_image() -> None:
+    cells = stipple(PHOTO, 500, dots="equal-mass").cells()
+    areas = [float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (cell.T for cell in cells if len(cell))]
+    assert sum(areas) == pytest.approx(PHOTO.size)
+
+
+def test_the_drawing_has_the_light_of_the_image() -> None:
+    result = stipple(RAMP, 1500, dots="sized", max_ink=0.6)
+    drawn = 1 - ink_coverage(result.draw(scale=4))
+    assert drawn.mean() == pytest.approx(1 - 0.6 * ink_coverage(RAMP).mean(), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_dots": 0}, "n_dots=0 must be in 1..19200, the number of pixels"),
+        ({"n_dots": 9, "dots": "square"}, "dots='square' must be one of equal, equal-mass, sized"),
+        ({"n_dots": 9, "max_ink": 0}, "max_ink=0 must be > 0"),
+        ({"n_dots": 9, "max_ink": 1.2}, "max_ink=1.2 must be in 0..1"),
+        ({"n_dots": 9, "white_cutoff": -1}, "white_cutoff=-1 must be in 0..1"),
+        ({"n_dots": 9, "radius_range": (1, 2)}, 'needs dots="sized"'),
+        ({"n_dots": 9, "dots": "sized", "radius_range": (3, 2)}, "the least first"),
+    ],
+)
+def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        stipple(RAMP, **options)  # type: ignore[arg-type]

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.tones import disk_area, ink_coverage, linear_light
+
+GRAYS = np.array([[0, 60, 128, 188, 255]], np.uint8)
+
+
+def test_half_the_light_of_white_asks_for_half_the_ink() -> None:
+    level = 1.055 * 0.5 ** (1 / 2.4) - 0.055
+    assert ink_coverage(np.full((2, 2), level)) == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int64, np.float32, np.float64, ">u2", ">f4"])
+def test_types_and_byte_orders_agree(dtype: str) -> None:
+    factor = {"u": 257, "f": 1 / 255}.get(np.dtype(dtype).kind if np.dtype(dtype) != np.uint8 else "", 1)
+    image = (GRAYS.astype(np.float64) * factor).astype(dtype)
+    assert np.allclose(ink_coverage(image), ink_coverage(GRAYS), atol=1e-5)
+
+
+def test_gray_and_color_and_pillow_agree() -> None:
+    expected = ink_coverage(GRAYS)
+    assert np.allclose(ink_coverage(np.dstack([GRAYS] * 3)), expected, atol=1e-6)
+    assert np.array_equal(ink_coverage(Image.fromarray(GRAYS)), expected)
+    assert np.array_equal(ink_coverage(GRAYS > 100), [[1, 1, 0, 0, 0]])
+
+
+def test_what_is_transparent_or_masked_is_paper() -> None:
+    alpha = np.array([[255, 128, 0, 255, 0]], np.uint8)
+    expected = ink_coverage(GRAYS) * alpha / 255
+    assert np.allclose(ink_coverage(np.dstack([GRAYS, alpha])), expected, atol=1e-6)
+    assert np.allclose(ink_coverage(np.dstack([GRAYS] * 3 + [alpha])), expected, atol=1e-6)
+    masked = np.ma.masked_array(GRAYS, alpha == 0)
+    assert np.array_equal(ink_coverage(masked), np.where(alpha == 0, 0, ink_coverage(GRAYS)))
+
+
+def test_white_has_no_ink_in_color_either() -> None:
+    assert not ink_coverage(np.full((3, 3, 3), 255, np.uint8)).any()
+
+
+def test_inverted_ink_is_the_light() -> None:
+    assert np.allclose(ink_coverage(GRAYS, invert=True), 1 - ink_coverage(GRAYS), atol=1e-6)
+
+
+def test_cutoff_clears_light_tones_alone() -> None:
+    plain, cut = ink_coverage(GRAYS), ink_coverage(GRAYS, white_cutoff=0.6)
+    assert np.array_equal(cut, np.where(plain <= 0.6, 0, plain))
+
+
+@pytest.mark.parametrize("coverage", [0.3, 0.9, 0.95, 0.99])
+def test_a_lattice_of_disks_of_this_area_covers_the_share(coverage: float) -> None:
+    spacing = 20.0
+    rows = np.arange(-2, 30) * spacing * np.sqrt(0.75)
+    x = np.arange(-2, 25) * spacing
+    points = np.concatenate([np.stack([x + spacing / 2 * (i % 2), np.full_like(x, y)], 1) for i, y in enumerate(rows)])
+    area = disk_area(np.array([coverage], np.float32))[0]
+    radius = np.sqrt(area * spacing**2 * np.sqrt(0.75) / np.pi)
+    drawn = draw_dots(points, np.full(len(points), radius), (round(20 * spacing * np.sqrt(0.75)), 400))
+    assert drawn.mean() == pytest.approx(coverage, abs=0.003)
+
+
+def test_the_image_is_left_as_it_was() -> None:
+    image = np.random.default_rng(0).random((5, 6, 4)).astype(np.float32)
+    before = image.copy()
+    ink_coverage(image, white_cutoff=0.1)
+    assert np.array_equal(image, before)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.array([[2.0]]), "not in 0..1"),
+        (np.array([[-5]]), "must be in 0..65535"),
+        (np.array([[np.nan]]), "must be finite"),
+        (np.zeros((2, 2, 5), np.uint8), "has 5 channels"),
+        (np.zeros((0, 2)), "none of them 0"),
+    ],
+)
+def test_what_has_no_tone_is_refused(image: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        linear_light(image)

@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cvtimg.artwork import find_tour, tour_length
+
+
+@given(st.integers(1, 60), st.integers(0, 5), st.integers(1, 1000))
+def test_a_tour_visits_each_point_once_wherever_they_are(n_points: int, seed: int, n_places: int) -> None:
+    points = np.random.default_rng(seed).integers(0, n_places, (n_points, 2)).astype(np.float64)
+    assert sorted(find_tour(points)) == list(range(n_points))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_few_points_are_toured_nearly_as_briefly_as_can_be(seed: int) -> None:
+    points = np.random.default_rng(seed).random((7, 2))
+    least = min(tour_length(points, np.array(order)) for order in permutations(range(7)))
+    assert tour_length(points, find_tour(points)) < 1.1 * least
+
+
+def test_a_tour_of_many_points_is_within_a_tenth_of_the_shortest() -> None:
+    n_points = 5000
+    points = np.random.default_rng(0).random((n_points, 2))
+    # The shortest tour is near 0.7124 sqrt(N A) (1 + 0.33 / N), D. S. Johnson and L. A. McGeoch 1996.
+    assert tour_length(points, find_tour(points)) < 1.1 * 0.7124 * np.sqrt(n_points)
+
+
+def test_the_tour_is_the_same_in_any_unit_and_starts_at_the_corner() -> None:
+    points = np.random.default_rng(1).random((300, 2))
+    order = find_tour(points)
+    assert np.array_equal(order, find_tour(1024 * points))
+    assert np.hypot(*points[order[0]]) <= np.hypot(*points[order[-1]])
+
+
+@pytest.mark.parametrize("points", [[[0, 1, 2]], [[np.nan, 0]], []])
+def test_what_are_no_points_is_refused(points: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match="points"):
+        find_tour(points)
