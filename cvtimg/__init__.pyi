@@ -1,4 +1,5 @@
 from . import (
+    artwork,
     bases,
     batch,
     colors,
@@ -17,6 +18,8 @@ from . import (
     segmentation,
     tables,
 )
+from .artwork.mosaics import mosaic
+from .artwork.stippling import stipple
 from .bases.frames import key_frames
 from .bases.reduction import reduced_basis
 from .designs.latin import latinize
@@ -42,6 +45,7 @@ __version__: str
 
 __all__ = [
     "CVT",
+    "artwork",
     "bases",
     "batch",
     "colors",
@@ -58,6 +62,7 @@ __all__ = [
     "key_frames",
     "labels",
     "latinize",
+    "mosaic",
     "palettes",
     "pictures",
     "placement",
@@ -75,6 +80,7 @@ __all__ = [
     "segment",
     "segment_hierarchy",
     "segmentation",
+    "stipple",
     "superpixels",
     "tables",
     "tessellate",

@@ -135,7 +135,8 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
         n_needed = float((counts * tones / areas(tones, np.exp(middle))).sum())
         low, high = (middle, high) if n_needed < n_dots else (low, middle)
     table = areas(np.linspace(0, darkest, _TONES), np.exp(middle)).astype(np.float32)
-    return table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]
+    chosen: Floats32 = table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]
+    return chosen
 
 
 def into_ink(points: Floats, ink: Floats32) -> Floats:

@@ -36,8 +36,8 @@ def draw_dots(
     Examples
     --------
     >>> import numpy as np
-    >>> draw_dots(np.array([[1.0, 1.0]]), np.array([1.0]), (2, 2)).round(1).tolist()
-    [[0.8, 0.8], [0.8, 0.8]]
+    >>> draw_dots(np.array([[1.0, 1.0]]), np.array([1.0]), (2, 2)).tolist()
+    [[0.8125, 0.8125], [0.8125, 0.8125]]
     """
     height, width = (max(round(side * scale), 1) for side in shape)
     centers, sizes = np.ascontiguousarray(points * scale), np.ascontiguousarray(radii * scale)

@@ -3,123 +3,146 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg.artwork._mosaics import label_triangles
+from cvtimg.artwork.polygons import Polygons
 from cvtimg.artwork.svg import drawing, hexadecimal, number, numbers, write_text
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.contours import Polygon
-from cvtimg.labels.files import write_geojson
+from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import lossless_suffixes, write_image
 from cvtimg.placement import pixel_labels
 
-if TYPE_CHECKING:
-    from cvtimg.artwork.mosaics import Mosaic
-
 #: Parts of a pixel of a drawing, each way, and the most parts of a whole drawing.
 _FINE, _MOST_PARTS = 3, 1 << 26
-#: Lines between tiles.
-_OUTLINE = "#202020"
+#: Color of lines between tiles.
+_LINES = "#202020"
 #: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. A stroke of
-#: this width, in pixels, in the color of the tile covers it.
-_SEAM = 0.4
+#: some pixel in the color of the tile covers it.
+_SEAM = 'stroke-width="0.4"'
+#: Channels of gray, gray with alpha and so on as those of RGB and RGBA.
+_CHANNELS = {1: [0, 0, 0], 2: [0, 0, 0, 1], 3: [0, 1, 2], 4: [0, 1, 2, 3]}
+#: Formats without alpha.
+_OPAQUE = (".jpg", ".jpeg")
 #: What vectors are written in.
 VECTORS = (".svg", ".geojson")
 
 
-def save_mosaic(mosaic: Mosaic, path: StrPath, outline: float, scale: float, overwrite: bool) -> None:
-    """Write a mosaic in the format that the suffix names."""
-    check_non_negative("outline", outline)
-    suffixes = (*VECTORS, *(suffix for suffix in (*lossless_suffixes(), ".jpg", ".jpeg") if suffix != ".npy"))
-    suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes)
-    if suffix == ".svg":
-        write_text(path, _svg(mosaic, outline), overwrite=overwrite)
-    elif suffix == ".geojson":
-        _write_geojson(mosaic, path, overwrite)
-    else:
-        drawn = draw_mosaic(mosaic, scale, outline)
-        write_image(path, drawn[:, :, :3] if suffix in (".jpg", ".jpeg") else drawn, overwrite=overwrite)
+@dataclass(frozen=True, slots=True, eq=False)
+class TileDrawing:
+    """What is drawn of a mosaic.
 
+    Attributes
+    ----------
+    points, triangles, colors
+        As in `Mosaic`.
+    polygons : tuple of (M, 2) arrays
+        The corners of each tile.
+    areas : (K,) integer array
+        Pixels of each tile.
+    size : (int, int)
+        Height and width of the image.
+    outline : float
+        Width of lines between tiles, in pixels of the image; 0 for none.
+    """
 
-def _eight_bits(mosaic: Mosaic) -> NDArray[np.uint8]:
-    """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
-    colors = to_depth(mosaic.colors, np.dtype(np.uint8))
-    n_channels = colors.shape[1]
-    if n_channels > 4:
-        raise ValueError(f"a mosaic of {n_channels} channels has no colors to draw")
-    shown = colors[:, [0, 0, 0, 1][: n_channels + 2]] if n_channels < 3 else colors
-    return np.ascontiguousarray(shown, np.uint8)
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32] | None
+    polygons: Polygons
+    colors: NDArray[Any]
+    areas: NDArray[np.intp]
+    size: tuple[int, int]
+    outline: float
 
+    def __post_init__(self) -> None:
+        check_non_negative("outline", self.outline)
 
-def _svg(mosaic: Mosaic, outline: float) -> Iterator[str]:
-    height, width = mosaic.labels.shape
-    line = f'stroke="{_OUTLINE}" stroke-width="{number(outline, 3)}"' if outline else f'stroke-width="{_SEAM}"'
-    attributes = f' stroke-linejoin="round" {line}'
-    return drawing(width, height, attributes=attributes, body=_svg_tiles(mosaic, bool(outline)))
+    def save(self, path: StrPath, scale: float, overwrite: bool) -> None:
+        """Write in the format that the suffix names."""
+        suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
+        if suffix == ".svg":
+            write_text(path, self._svg(), overwrite=overwrite)
+        elif suffix == ".geojson":
+            self._write_geojson(path, overwrite)
+        else:
+            drawn = self.pixels(scale)
+            write_image(path, drawn[:, :, :3] if suffix in _OPAQUE else drawn, overwrite=overwrite)
 
+    def _eight_bits(self) -> NDArray[np.uint8]:
+        """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
+        n_channels = self.colors.shape[1]
+        if n_channels > 4:
+            raise ValueError(f"a mosaic of {n_channels} channels has no colors to draw")
+        colors = to_depth(self.colors, np.dtype(np.uint8))
+        return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 
-def _svg_tiles(mosaic: Mosaic, outlined: bool) -> Iterator[str]:
-    for polygon, color in zip(mosaic.polygons(), _eight_bits(mosaic), strict=True):
-        if len(polygon) == 0 or (len(color) == 4 and color[3] == 0):
-            continue
-        fill = hexadecimal(color)
-        stroke = "" if outlined else f' stroke="{fill}"'
-        opacity = f' opacity="{number(color[3] / 255, 3)}"' if len(color) == 4 and color[3] < 255 else ""
-        places = numbers(polygon.ravel(), 3)
-        yield f'<path fill="{fill}"{stroke}{opacity} d="M{" ".join(places)}Z"/>\n'
+    def _svg(self) -> Iterator[str]:
+        line = f'stroke="{_LINES}" stroke-width="{number(self.outline, 3)}"' if self.outline else _SEAM
+        return drawing(self.size[1], self.size[0], attributes=f' stroke-linejoin="round" {line}', body=self._paths())
 
+    def _paths(self) -> Iterator[str]:
+        for polygon, color in zip(self.polygons, self._eight_bits(), strict=True):
+            if len(polygon) == 0 or (len(color) == 4 and color[3] == 0):
+                continue
+            fill = hexadecimal(color)
+            stroke = "" if self.outline else f' stroke="{fill}"'
+            opacity = f' opacity="{number(color[3] / 255, 3)}"' if len(color) == 4 and color[3] < 255 else ""
+            yield f'<path fill="{fill}"{stroke}{opacity} d="M{" ".join(numbers(polygon.ravel(), 3))}Z"/>\n'
 
-def _write_geojson(mosaic: Mosaic, path: StrPath, overwrite: bool) -> None:
-    colors = _eight_bits(mosaic)
-    areas = np.bincount(mosaic.labels.ravel(), minlength=len(colors))
-    polygons, properties = [], {}
-    for tile, polygon in enumerate(mosaic.polygons()):
-        if len(polygon):
-            polygons.append(Polygon(tile, (np.concatenate([polygon, polygon[:1]]),)))
-            color = {"fill": hexadecimal(colors[tile])}
-            opacity = {"fill-opacity": round(int(colors[tile, 3]) / 255, 3)} if colors.shape[1] == 4 else {}
-            properties[tile] = {**color, **opacity, "pixels": int(areas[tile])}
-    write_geojson(path, polygons, properties, overwrite=overwrite)
+    def _write_geojson(self, path: StrPath, overwrite: bool) -> None:
+        polygons, properties = [], {}
+        colors = self._eight_bits()
+        for tile, polygon in enumerate(self.polygons):
+            if len(polygon):
+                polygons.append(Polygon(tile, (np.concatenate([polygon, polygon[:1]]),)))
+                opacity = {"fill-opacity": round(int(colors[tile, 3]) / 255, 3)} if colors.shape[1] == 4 else {}
+                properties[tile] = {"fill": hexadecimal(colors[tile]), **opacity, "pixels": int(self.areas[tile])}
+        write_geojson(path, polygons, properties, overwrite=overwrite)
 
+    def pixels(self, scale: float) -> NDArray[np.uint8]:
+        """Draw (H scale, W scale, 3) or (H scale, W scale, 4) pixels with smooth edges."""
+        height, width = (max(round(side * scale), 1) for side in self.size)
+        fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * width)), 1, _FINE))
+        labels = self._labels((height * fine, width * fine))
+        colors = self._eight_bits()
+        drawn = np.empty((height, width, colors.shape[1]), np.uint8)
+        for row in range(height):
+            parts = colors[labels[row * fine : (row + 1) * fine]].reshape(fine, width, fine, -1)
+            drawn[row] = np.rint(parts.mean(axis=(0, 2), dtype=np.float32))
+        return self._outlined(drawn, self.outline * scale, fine) if self.outline else drawn
 
-def draw_mosaic(mosaic: Mosaic, scale: float, outline: float) -> NDArray[np.uint8]:
-    """Draw a mosaic as (H, W, 3) or (H, W, 4) pixels with smooth edges."""
-    height, width = (max(round(side * scale), 1) for side in mosaic.labels.shape)
-    fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * width)), 1, _FINE))
-    shape = (height * fine, width * fine)
-    factor = np.array([shape[1] / mosaic.labels.shape[1], shape[0] / mosaic.labels.shape[0]])
-    if mosaic.triangles is None:
-        labels = pixel_labels(shape, mosaic.points * factor)
-    else:
+    def _labels(self, shape: tuple[int, int]) -> NDArray[np.int32]:
+        points = self.points * (np.array(shape[::-1]) / self.size[::-1])
+        if self.triangles is None:
+            return pixel_labels(shape, points)
         labels = np.zeros(shape, np.int32)
-        label_triangles(mosaic.points * factor, mosaic.triangles, labels)
-    colors = _eight_bits(mosaic)
-    drawn = np.empty((height, width, colors.shape[1]), np.uint8)
-    for row in range(height):
-        parts = colors[labels[row * fine : (row + 1) * fine]].reshape(fine, width, fine, -1)
-        drawn[row] = np.rint(parts.mean(axis=(0, 2), dtype=np.float32))
-    return _outlined(drawn, mosaic, outline * scale) if outline else drawn
+        label_triangles(points, self.triangles, labels)
+        return labels
+
+    def _outlined(self, drawn: NDArray[np.uint8], width: float, fine: int) -> NDArray[np.uint8]:
+        """Draw lines between tiles."""
+        from PIL import Image, ImageDraw
+
+        lines = Image.new("L", (drawn.shape[1] * fine, drawn.shape[0] * fine))
+        pen = ImageDraw.Draw(lines)
+        factor = np.array(lines.size) / self.size[::-1]
+        for polygon in self.polygons:
+            if len(polygon):
+                places = [tuple(place) for place in (np.concatenate([polygon, polygon[:1]]) * factor).tolist()]
+                pen.line(places, fill=255, width=max(round(width * fine), 1), joint="curve")
+        share = np.asarray(lines.reduce(fine), np.float32)[:, :, np.newaxis] / 255
+        ink = np.array([*bytes.fromhex(_LINES[1:]), 255][: drawn.shape[2]], np.float32)
+        return np.rint(drawn + share * (ink - drawn)).astype(np.uint8)
 
 
-def _outlined(drawn: NDArray[np.uint8], mosaic: Mosaic, width: float) -> NDArray[np.uint8]:
-    """Draw lines between tiles."""
-    from PIL import Image, ImageDraw
-
-    height, across = drawn.shape[:2]
-    fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * across)), 1, _FINE))
-    lines = Image.new("L", (across * fine, height * fine))
-    pen = ImageDraw.Draw(lines)
-    factor = np.array([lines.width / mosaic.labels.shape[1], lines.height / mosaic.labels.shape[0]])
-    for polygon in mosaic.polygons():
-        if len(polygon):
-            places = [tuple(place) for place in (np.concatenate([polygon, polygon[:1]]) * factor).tolist()]
-            pen.line(places, fill=255, width=max(round(width * fine), 1), joint="curve")
-    share = np.asarray(lines.reduce(fine), np.float32)[:, :, np.newaxis] / 255
-    ink = np.array([*bytes.fromhex(_OUTLINE[1:]), 255][: drawn.shape[2]], np.float32)
-    return np.rint(drawn + share * (ink - drawn)).astype(np.uint8)
+def suffixes() -> list[str]:
+    """List what mosaics can be written in."""
+    return [*VECTORS, *(suffix for suffix in lossless_suffixes() if suffix != ".npy"), *_OPAQUE]

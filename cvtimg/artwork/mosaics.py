@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors, check_count, check_image
+from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
 from cvtimg.artwork.starts import detail_density, place_corners, place_points
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, Tiling, VoronoiTiling, descend_error, paint
 from cvtimg.colors.spaces import from_space, peak, to_space
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import encode_image
 
 #: Steps of the descent.
 _STEPS = {"fast": 25, "balanced": 80, "best": 240}
-#: Share of a uniform density in the first places of points: flat parts need a few tiles, too.
-_UNIFORM = {"cells": 0.05, "triangles": 0.02}
+#: Uniform density added to the detail for the first places of points, for flat parts need a few tiles, too. Few points
+#: may all begin on one edge; they try a nearly uniform start as well.
+_UNIFORM = {"cells": (0.05, 10.0), "triangles": (0.02, 10.0)}
+_FEW = 64
 SHAPES = tuple(_UNIFORM)
 
 
@@ -95,9 +99,7 @@ class Mosaic:
         -------
         (H scale, W scale, 3) or (H scale, W scale, 4) uint8 array
         """
-        from cvtimg.artwork.mosaic_files import draw_mosaic
-
-        return draw_mosaic(self, scale, outline)
+        return self._drawing(outline).pixels(scale)
 
     def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
         """Write the mosaic as vectors or as pixels; the suffix picks the format.
@@ -120,13 +122,14 @@ class Mosaic:
         OSError
             If the file cannot be written.
         """
-        from cvtimg.artwork.mosaic_files import save_mosaic
+        self._drawing(outline).save(path, scale, overwrite)
 
-        save_mosaic(self, path, outline, scale, overwrite)
+    def _drawing(self, outline: float) -> TileDrawing:
+        size = (self.labels.shape[0], self.labels.shape[1])
+        areas = np.bincount(self.labels.ravel(), minlength=len(self.colors))
+        return TileDrawing(self.points, self.triangles, self.polygons(), self.colors, areas, size, outline)
 
     def _repr_png_(self) -> bytes:
-        from cvtimg.pictures.files import encode_image
-
         return encode_image(".png", self.draw())
 
     def __repr__(self) -> str:
@@ -191,7 +194,8 @@ def mosaic(
     --------
     >>> import numpy as np
     >>> from cvtimg import mosaic
-    >>> image = np.repeat([[30, 200]], 8, axis=0).repeat(8, axis=1).astype(np.uint8)
+    >>> image = np.full((20, 40), 30, np.uint8)
+    >>> image[:, 25:] = 200
     >>> result = mosaic(image, 2)
     >>> sorted(result.colors.ravel().tolist())
     [30, 200]
@@ -200,26 +204,45 @@ def mosaic(
     check_choice("effort", effort, _STEPS)
     samples = check_image("image", image)
     samples = samples.reshape(*samples.shape[:2], -1)
-    height, width, n_channels = samples.shape
+    height, width = samples.shape[:2]
     check_count("n_cells", n_cells, height * width, "the number of pixels")
     if shape == "triangles" and n_cells < 2:
         raise ValueError(f"n_cells={n_cells} must be >= 2: a rectangle has at least two triangles")
     bands, has_alpha = _bands(samples, space)
-    density = detail_density(bands, n_cells, _UNIFORM[shape])
-    tiling: Tiling
-    if shape == "cells":
-        points = place_points(density, n_cells)[0]
-        tiling = VoronoiTiling((height, width), n_cells)
-    else:
-        points = place_corners(density, n_cells)
-        tiling = DelaunayTiling((height, width), points)
-    points, energies = descend_error(tiling, bands, points, _STEPS[effort], callback or (lambda step, energy: None))
+    ends = [
+        _descended(bands, n_cells, shape, uniform, _STEPS[effort], callback or (lambda step, energy: None))
+        for uniform in _UNIFORM[shape][: 2 if n_cells <= _FEW else 1]
+    ]
+    tiling, points, energies = min(ends, key=lambda end: min(end[2]))
     painted = paint(bands, tiling.labels(points), tiling.n_tiles())
     colors = _colors(painted, space, samples.dtype, has_alpha)
     if palette is not None:
         colors = _restricted(colors, painted.areas, palette, has_alpha)
     triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
-    return Mosaic(points, colors, painted.labels, triangles, painted.energy, tuple(energies))
+    squared = _unit(samples.dtype, space) ** 2
+    history = tuple(squared * energy for energy in energies)
+    return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history)
+
+
+def _descended(
+    bands: NDArray[np.float32],
+    n_cells: int,
+    shape: str,
+    uniform: float,
+    n_steps: int,
+    on_step: Callable[[int, float], None],
+) -> tuple[Tiling, NDArray[np.float64], list[float]]:
+    """Start from the detail of the image and a uniform share, and descend."""
+    density = detail_density(bands, n_cells, uniform)
+    size = (bands.shape[0], bands.shape[1])
+    tiling: Tiling
+    if shape == "cells":
+        points = place_points(density, n_cells)[0]
+        tiling = VoronoiTiling(size, n_cells)
+    else:
+        points = place_corners(density, n_cells)
+        tiling = DelaunayTiling(size, points)
+    return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 
 def _bands(samples: NDArray[Any], space: str) -> tuple[NDArray[np.float32], bool]:
@@ -227,23 +250,32 @@ def _bands(samples: NDArray[Any], space: str) -> tuple[NDArray[np.float32], bool
     has_alpha = samples.shape[2] in (2, 4)
     rows = samples.reshape(-1, samples.shape[2])
     colors = rows[:, :-1] if has_alpha else rows
-    bands = to_space(np.ascontiguousarray(colors), space).astype(np.float32)
+    bands = (to_space(np.ascontiguousarray(colors), space) / _unit(samples.dtype, space)).astype(np.float32)
     if has_alpha:
         opacity = rows[:, -1:] / np.float32(peak(samples.dtype))
         # Alpha counts as much as white does.
-        white = to_space(np.full((1, colors.shape[1]), peak(samples.dtype), samples.dtype), space).max()
-        bands = np.concatenate([bands * opacity, opacity * np.float32(white)], axis=1)
+        bands = np.concatenate([bands * opacity, opacity * _white(samples.dtype, space)], axis=1)
     return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha
+
+
+def _unit(dtype: np.dtype[Any], space: str) -> float:
+    """Return what coordinates are divided by, so that samples of all types are the same bands."""
+    return peak(dtype) if space == "rgb" else 1.0
+
+
+def _white(dtype: np.dtype[Any], space: str) -> np.float32:
+    """Return the largest coordinate of white as bands have it."""
+    white = to_space(np.full((1, 1), peak(dtype), dtype), space)[0, 0]
+    return np.float32(white / _unit(dtype, space))
 
 
 def _colors(painted: Painted, space: str, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
     """Return the means of tiles as colors of a type."""
-    means = painted.colors
+    means, unit = painted.colors, _unit(dtype, space)
     if not has_alpha:
-        return from_space(means, space, dtype)
-    white = to_space(np.full((1, means.shape[1] - 1), peak(dtype), dtype), space).max()
-    opacity = means[:, -1:] / white
-    colors = from_space(means[:, :-1] / np.maximum(opacity, 1e-6), space, dtype)
+        return from_space(means * unit, space, dtype)
+    opacity = means[:, -1:] / _white(dtype, space)
+    colors = from_space(means[:, :-1] * unit / np.maximum(opacity, 1e-6), space, dtype)
     return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
 
 

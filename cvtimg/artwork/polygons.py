@@ -9,6 +9,8 @@ Polygons = tuple[NDArray[np.float64], ...]
 
 #: How far the frame of points is that closes all cells, in sides of the picture.
 _FAR = 8.0
+#: Corners nearer to each other than this, in pixels, are one.
+_APART = 1e-7
 
 
 def cell_polygons(points: NDArray[np.float64], weights: NDArray[np.float64] | None, shape: tuple[int, int]) -> Polygons:
@@ -32,35 +34,46 @@ def cell_polygons(points: NDArray[np.float64], weights: NDArray[np.float64] | No
     Notes
     -----
     A power diagram is the lower hull of its generators, lifted by their squared length less their weight
-    (F. Aurenhammer, SIAM J. Computing 16 (1987) 78-96, doi 10.1137/0216006). Generators whose cells reach over a side
-    are mirrored at it: the cells of a generator and its mirror image meet at that side, and nowhere else.
+    (F. Aurenhammer, SIAM J. Computing 16 (1987) 78-96, doi 10.1137/0216006).
 
     Examples
     --------
     >>> import numpy as np
     >>> left, right = cell_polygons(np.array([[1.0, 1.0], [3.0, 1.0]]), None, (2, 4))
     >>> left.round(9).tolist()
-    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+    [[2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]
     """
     size = np.array(shape[::-1], np.float64)
     loads = np.zeros(len(points)) if weights is None else weights - weights.max()
     owners, corners = _corners(points, loads, size)
-    mirrored = [np.empty((0, 2))]
-    sources = [np.empty(0, np.intp)]
+    outside = np.unique(owners[((corners < 0) | (corners > size)).any(axis=1)])
+    cells = list(_in_order(owners, corners, len(points)))
+    for cell in outside:
+        cells[cell] = _cut_off(cells[cell], size)
+    return tuple(cells)
+
+
+def _cut_off(polygon: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cut a convex polygon off at the sides of a picture, one after the other."""
     for axis in (0, 1):
-        for side, beyond in ((0.0, corners[:, axis] < 0), (size[axis], corners[:, axis] > size[axis])):
-            crossing = np.unique(owners[beyond])
-            images = points[crossing].copy()
-            images[:, axis] = 2 * side - images[:, axis]
-            mirrored.append(images)
-            sources.append(crossing)
-    images, origin = np.concatenate(mirrored), np.concatenate(sources)
-    # One that lies on a side is its own mirror image, and would share its cell: it is moved in by a hair.
-    inner = np.clip(points, 1e-9 * size, (1 - 1e-9) * size)
-    images = np.where(images == points[origin], 2 * images - inner[origin], images)
-    owners, corners = _corners(np.concatenate([inner, images]), np.append(loads, loads[origin]), size)
-    kept = owners < len(points)
-    return _in_order(owners[kept], np.clip(corners[kept], 0, size), len(points))
+        for sign, side in ((1, 0.0), (-1, size[axis])):
+            if len(polygon) == 0:
+                return polygon
+            depth = sign * (polygon[:, axis] - side)
+            after = np.roll(depth, -1)
+            crossing = (depth < 0) != (after < 0)
+            part = np.divide(depth, depth - after, out=np.zeros_like(depth), where=crossing)
+            cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
+            cuts[:, axis] = side
+            places = np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
+            polygon = _distinct(places)
+    return polygon
+
+
+def _distinct(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Leave out corners that coincide, and polygons without an area."""
+    apart = np.hypot(*(np.roll(places, -1, axis=0) - places).T) > _APART
+    return places[apart] if apart.sum() > 2 else np.empty((0, 2))
 
 
 def _corners(
@@ -85,8 +98,8 @@ def _corners(
 def _in_order(owners: NDArray[np.int32], corners: NDArray[np.float64], n_cells: int) -> Polygons:
     """Put the corners of each cell in order around their middle, without those that coincide."""
     counts = np.bincount(owners, minlength=n_cells)
-    middles = np.stack([np.bincount(owners, corners[:, axis], n_cells) for axis in (0, 1)], axis=1)
-    middles /= np.maximum(counts, 1)[:, np.newaxis]
+    sums = np.stack([np.bincount(owners, corners[:, axis], n_cells) for axis in (0, 1)], axis=1)
+    middles = sums / np.maximum(counts, 1)[:, np.newaxis]
     steps = corners - middles[owners]
     order = np.lexsort([np.arctan2(steps[:, 1], steps[:, 0]), owners])
     owners, corners = owners[order], corners[order]
@@ -94,7 +107,7 @@ def _in_order(owners: NDArray[np.int32], corners: NDArray[np.float64], n_cells: 
     starts = np.append(0, np.cumsum(counts))
     following = np.arange(1, len(owners) + 1)
     following[last] = starts[owners[last]]
-    distinct = np.hypot(*(corners[following] - corners).T) > 1e-7
+    distinct = np.hypot(*(corners[following] - corners).T) > _APART
     ends = np.cumsum(np.bincount(owners[distinct], minlength=n_cells))[:-1]
     polygons = np.split(corners[distinct], ends)
     return tuple(polygon if len(polygon) > 2 else np.empty((0, 2)) for polygon in polygons)

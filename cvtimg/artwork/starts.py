@@ -42,7 +42,9 @@ def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> 
     if mean > 0:
         density /= np.float32(mean)
     width = 0.25 * np.sqrt(density.size / n_tiles)
-    return np.maximum(gaussian_filter(density, width, mode="nearest"), 0) + np.float32(uniform)
+    smooth = gaussian_filter(density, width, mode="nearest")
+    detail: NDArray[np.float32] = np.maximum(smooth, 0) + np.float32(uniform)
+    return detail
 
 
 def place_points(density: NDArray[np.float32], n_points: int) -> tuple[Floats, float]:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
+from cvtimg.artwork.polygons import Polygons
 from cvtimg.artwork.svg import drawing, hexadecimal, layer, number, numbers, write_text
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.labels.contours import Polygon
-from cvtimg.labels.files import write_geojson
-from cvtimg.pictures.files import Metadata, lossless_suffixes, write_image
-
-if TYPE_CHECKING:
-    from cvtimg.artwork.stipples import Stipples
+from cvtimg.labels.formats.geojson import write_geojson
+from cvtimg.pictures.files import lossless_suffixes
 
 MARKS = ("disks", "circles", "points", "lines")
 #: Formats of dots beside those of pixels.
@@ -30,7 +27,6 @@ _LINE = 0.3
 _POINT = 0.1
 #: Width of the lines of cells, in millimeters.
 _CELL_LINE = 0.1
-_INCH = 25.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +41,11 @@ class Paper:
         What stands for a dot.
     pen_width : float or None
         In millimeters; None for what suits the dots.
-    tour : bool
-        Whether dots are in the order of the tour.
     """
 
     width: float
     marks: str
     pen_width: float | None
-    tour: bool
 
     def __post_init__(self) -> None:
         check_choice("marks", self.marks, MARKS)
@@ -61,56 +54,83 @@ class Paper:
                 raise ValueError(f"{name}={value} must be a finite number > 0, in millimeters")
 
 
-def save_stipples(stipples: Stipples, path: StrPath, paper: Paper, *, scale: float | None, overwrite: bool) -> None:
-    """Write dots in the format that the suffix names."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PenDots:
+    """The dots of one pen, in the order in which they are drawn.
+
+    Attributes
+    ----------
+    name : str
+    color : (3,) uint8 array
+    points : (N, 2) float64 array
+        In pixels, as `radii`.
+    radii, masses : (N,) float64 arrays
+    cells : tuple of (M, 2) arrays
+        Empty if they are not asked for.
+    """
+
+    name: str
+    color: NDArray[np.uint8]
+    points: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    cells: Polygons = ()
+
+
+def check_suffix(path: StrPath) -> str:
+    """Return the suffix of a file that dots can be written to."""
     pixels = [suffix for suffix in (*lossless_suffixes(), ".jpg", ".jpeg") if suffix not in TABLES]
-    suffix = check_choice("suffix", Path(path).suffix.lower(), (".svg", *pixels, *TABLES))
-    order = stipples.order if paper.tour else np.arange(len(stipples))
-    if suffix == ".svg":
-        write_text(path, _svg(stipples, order, paper), overwrite=overwrite)
-    elif suffix == ".csv":
-        columns = (stipples.points[:, 0], stipples.points[:, 1], stipples.radii, stipples.masses)
-        rows = zip(*(column[order].tolist() for column in columns), stipples.layers[order].tolist(), strict=True)
+    return check_choice("suffix", Path(path).suffix.lower(), (".svg", *pixels, *TABLES))
+
+
+def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> None:
+    """Write dots as text, or as arrays of NumPy."""
+    points, radii, masses = (
+        np.concatenate([getattr(pen, name) for pen in pens]) for name in ("points", "radii", "masses")
+    )
+    layers = np.repeat(np.arange(len(pens)), [len(pen.radii) for pen in pens])
+    suffix = Path(path).suffix.lower()
+    if suffix == ".csv":
+        columns = (points[:, 0], points[:, 1], radii, masses, layers)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
         write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
-    elif suffix in TABLES:
-        _write_arrays(stipples, order, path, suffix, overwrite)
-    else:
-        drawn = stipples.draw(scale=scale)
-        dpi = drawn.shape[1] / paper.width * _INCH
-        write_image(path, drawn, metadata=Metadata(dpi=(dpi, dpi)), overwrite=overwrite)
-
-
-def _write_arrays(stipples: Stipples, order: NDArray[np.intp], path: StrPath, suffix: str, overwrite: bool) -> None:
-    points, radii, layers = stipples.points[order], stipples.radii[order], stipples.layers[order]
+        return
     with whole_file(path, overwrite=overwrite) as file:
         if suffix == ".npy":
             np.save(file, np.column_stack([points, radii, layers]))
         else:
-            arrays = {"points": points, "radii": radii, "masses": stipples.masses[order], "layers": layers}
-            np.savez(file, **arrays, colors=stipples.colors, size=np.array(stipples.size))
+            colors = np.stack([pen.color for pen in pens])
+            np.savez(file, points=points, radii=radii, masses=masses, layers=layers, colors=colors)
 
 
-def _svg(stipples: Stipples, order: NDArray[np.intp], paper: Paper) -> Iterator[str]:
-    height, width = stipples.size
-    scale = paper.width / width
-    return drawing(paper.width, height * scale, unit="mm", body=_layers(stipples, order, paper, scale))
+def write_svg(
+    path: StrPath,
+    pens: Sequence[PenDots],
+    size: tuple[int, int],
+    ground: NDArray[np.uint8],
+    paper: Paper,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write dots as a drawing in millimeters, with a layer for each pen."""
+    scale = paper.width / size[1]
+    body = _layers(pens, ground, paper, scale)
+    write_text(path, drawing(paper.width, size[0] * scale, unit="mm", body=body), overwrite=overwrite)
 
 
-def _layers(stipples: Stipples, order: NDArray[np.intp], paper: Paper, scale: float) -> Iterator[str]:
-    if not stipples.paper.all():
-        yield f'<rect width="100%" height="100%" fill="{hexadecimal(stipples.paper)}"/>\n'
-    for pen, (color, name) in enumerate(zip(stipples.colors, stipples.names, strict=True)):
-        own = order[stipples.layers[order] == pen]
-        radii = stipples.radii[own] * scale
-        suits = _LINE if paper.marks == "circles" else 2 * float(radii.mean() if len(own) else 1)
+def _layers(pens: Sequence[PenDots], ground: NDArray[np.uint8], paper: Paper, scale: float) -> Iterator[str]:
+    if not ground.all():
+        yield f'<rect width="100%" height="100%" fill="{hexadecimal(ground)}"/>\n'
+    for place, pen in enumerate(pens, 1):
+        radii = pen.radii * scale
+        suits = _LINE if paper.marks == "circles" else 2 * float(radii.mean() if len(radii) else 1)
         line = suits if paper.pen_width is None else paper.pen_width
-        ink = hexadecimal(color)
+        ink = hexadecimal(pen.color)
         look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}" stroke-linecap="round"'
         attributes = f'fill="{ink}"' if paper.marks == "disks" else look
         # Inks on white paper let the light of others through.
-        blend = ' style="mix-blend-mode:multiply"' if len(stipples.colors) > 1 and stipples.paper.all() else ""
-        marks = _marks(paper.marks, stipples.points[own] * scale, radii, line)
-        yield from layer(pen + 1, name, attributes + blend, marks)
+        blend = ' style="mix-blend-mode:multiply"' if len(pens) > 1 and ground.all() else ""
+        yield from layer(place, pen.name, attributes + blend, _marks(paper.marks, pen.points * scale, radii, line))
 
 
 def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float) -> Iterator[str]:
@@ -127,35 +147,37 @@ def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], 
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in zip(xs, ys, sizes, strict=True))
 
 
-def save_cells(stipples: Stipples, path: StrPath, width: float, *, overwrite: bool) -> None:
+def write_cells(
+    path: StrPath, pens: Sequence[PenDots], size: tuple[int, int], width: float, *, overwrite: bool
+) -> None:
     """Write the cells of dots as lines, or as polygons with what is known of each dot."""
-    suffix = check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson"))
-    cells = stipples.cells()
-    if suffix == ".geojson":
-        drawn = [Polygon(dot, (np.concatenate([cell, cell[:1]]),)) for dot, cell in enumerate(cells) if len(cell)]
-        properties = {
-            dot: {"x": x, "y": y, "radius": radius, "mass": mass, "layer": pen}
-            for dot, (x, y, radius, mass, pen) in enumerate(
-                zip(
-                    *stipples.points.T.tolist(),
-                    stipples.radii.tolist(),
-                    stipples.masses.tolist(),
-                    stipples.layers.tolist(),
-                    strict=True,
-                )
-            )
-        }
-        write_geojson(path, drawn, properties, overwrite=overwrite)
+    if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".geojson":
+        _write_geojson(path, pens, overwrite)
         return
-    scale = Paper(width, "lines", None, tour=True).width / stipples.size[1]
-    body = _cell_layers(stipples, cells, scale)
-    write_text(path, drawing(width, stipples.size[0] * scale, unit="mm", body=body), overwrite=overwrite)
+    scale = Paper(width, "lines", None).width / size[1]
+    body = _cell_layers(pens, scale)
+    write_text(path, drawing(width, size[0] * scale, unit="mm", body=body), overwrite=overwrite)
 
 
-def _cell_layers(stipples: Stipples, cells: tuple[NDArray[np.float64], ...], scale: float) -> Iterator[str]:
-    for pen, (color, name) in enumerate(zip(stipples.colors, stipples.names, strict=True)):
-        look = f'fill="none" stroke="{hexadecimal(color)}" stroke-width="{_CELL_LINE}" stroke-linejoin="round"'
-        own = (cells[dot] for dot in stipples.order if stipples.layers[dot] == pen and len(cells[dot]))
-        yield from layer(
-            pen + 1, name, look, (f'<path d="M{" ".join(numbers(cell.ravel() * scale, 3))}Z"/>\n' for cell in own)
-        )
+def _cell_layers(pens: Sequence[PenDots], scale: float) -> Iterator[str]:
+    for place, pen in enumerate(pens, 1):
+        look = f'fill="none" stroke="{hexadecimal(pen.color)}" stroke-width="{_CELL_LINE}" stroke-linejoin="round"'
+        yield from layer(place, pen.name, look, _outlines(pen.cells, scale))
+
+
+def _outlines(cells: Iterable[NDArray[np.float64]], scale: float) -> Iterator[str]:
+    for cell in cells:
+        if len(cell):
+            yield f'<path d="M{" ".join(numbers(cell.ravel() * scale, 3))}Z"/>\n'
+
+
+def _write_geojson(path: StrPath, pens: Sequence[PenDots], overwrite: bool) -> None:
+    polygons: list[Polygon] = []
+    properties: dict[int, dict[str, float | str]] = {}
+    for pen in pens:
+        values = zip(*pen.points.T.tolist(), pen.radii.tolist(), pen.masses.tolist(), pen.cells, strict=True)
+        for x, y, radius, mass, cell in values:
+            if len(cell):
+                polygons.append(Polygon(len(polygons), (np.concatenate([cell, cell[:1]]),)))
+                properties[len(properties)] = {"x": x, "y": y, "radius": radius, "mass": mass, "pen": pen.name}
+    write_geojson(path, polygons, properties, overwrite=overwrite)

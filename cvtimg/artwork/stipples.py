@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from cvtimg.artwork.dots import draw_dots
 from cvtimg.artwork.polygons import Polygons, cell_polygons
+from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, check_suffix, write_cells, write_svg, write_table
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import Metadata, encode_image, write_image
 
 #: Pixels between dots in a drawing by default, and the most pixels of one.
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
+_INCH = 25.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,20 +173,33 @@ class Stipples:
         OSError
             If the file cannot be written.
         """
-        from cvtimg.artwork.stipple_files import Paper, save_stipples
-
-        paper = Paper(width, marks, pen_width, tour)
-        save_stipples(self, path, paper, scale=scale, overwrite=overwrite)
+        paper = Paper(width, marks, pen_width)
+        suffix = check_suffix(path)
+        pens = self._pens(self.order if tour else np.arange(len(self)))
+        if suffix == ".svg":
+            write_svg(path, pens, self.size, self.paper, paper, overwrite=overwrite)
+        elif suffix in TABLES:
+            write_table(path, pens, overwrite=overwrite)
+        else:
+            drawn = self.draw(scale=scale)
+            dpi = drawn.shape[1] / width * _INCH
+            write_image(path, drawn, metadata=Metadata(dpi=(dpi, dpi)), overwrite=overwrite)
 
     def save_cells(self, path: StrPath, *, width: float = 200.0, overwrite: bool = False) -> None:
         """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson)."""
-        from cvtimg.artwork.stipple_files import save_cells
+        pens = self._pens(self.order, self.cells())
+        write_cells(path, pens, self.size, width, overwrite=overwrite)
 
-        save_cells(self, path, width, overwrite=overwrite)
+    def _pens(self, order: NDArray[np.intp], cells: Polygons = ()) -> list[PenDots]:
+        """Take the dots apart by their pens."""
+        pens = []
+        for pen, (name, color) in enumerate(zip(self.names, self.colors, strict=True)):
+            own = order[self.layers[order] == pen]
+            around = tuple(cells[dot] for dot in own) if cells else ()
+            pens.append(PenDots(name, color, self.points[own], self.radii[own], self.masses[own], around))
+        return pens
 
     def _repr_png_(self) -> bytes:
-        from cvtimg.pictures.files import encode_image
-
         return encode_image(".png", self.draw())
 
     def __repr__(self) -> str:

@@ -75,7 +75,7 @@ def stipple(
     >>> result = stipple(ramp, 500)
     >>> result.points.shape
     (500, 2)
-    >>> bool((result.points[:, 0] < 100).mean() > 0.7)
+    >>> bool((result.points[:, 0] < 100).mean() > 0.6)
     True
     """
     check_choice("dots", dots, DOTS)

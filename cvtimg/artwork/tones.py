@@ -58,38 +58,42 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
             decoded[:, :] = to_space(np.ascontiguousarray(row[:, :n_colors]).reshape(-1, 1), "linear").reshape(
                 decoded.shape
             )
-    opacity = None
+    opacity: Floats32 | None = None
     if n_colors < n_channels:
-        opacity = samples[:, :, -1] / np.float32(peak(samples.dtype))
+        opacity = (samples[:, :, -1] / peak(samples.dtype)).astype(np.float32)
     if mask is not np.ma.nomask:
-        known = ~(mask if mask.ndim == 2 else mask.any(axis=2))
-        opacity = known.astype(np.float32) if opacity is None else opacity * known
+        known = (~(mask if mask.ndim == 2 else mask.any(axis=2))).astype(np.float32)
+        opacity = known if opacity is None else opacity * known
     return light, opacity
 
 
 def _as_samples(image: Any) -> NDArray[Any]:
     """Return (H, W, C) samples of uint8, uint16, or floating point in 0..1."""
     plain = np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image
-    array = np.asarray(plain) if not hasattr(plain, "mode") else plain
-    if isinstance(array, np.ndarray) and array.dtype == bool:
-        array = array * np.uint8(255)
-    elif isinstance(array, np.ndarray) and array.size and array.dtype.kind in "iu" and array.dtype.itemsize != 1:
-        low, high = int(array.min()), int(array.max())
-        if not 0 <= low <= high <= 65535:
-            raise ValueError(f"image has integers in {low}..{high}, which must be in 0..65535")
-        if array.dtype.kind == "i" or array.dtype.itemsize > 2:
-            array = array.astype(np.uint8 if high <= 255 else np.uint16)
-    samples = check_image("image", array)
+    samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(np.asarray(plain)))
     if samples.dtype.kind == "f" and not (samples.min() >= 0 and samples.max() <= 1):
         raise ValueError(f"image has floating point samples in {samples.min()}..{samples.max()}, not in 0..1")
     return samples.reshape(*samples.shape[:2], -1)
 
 
+def _narrowed(array: NDArray[Any]) -> NDArray[Any]:
+    """Bring booleans and integers to 8 or 16 bits, in the byte order of the machine."""
+    kind, n_bytes = array.dtype.kind, array.dtype.itemsize
+    if kind == "b":
+        return array * np.uint8(255)
+    if kind in "iu" and array.size and (kind == "i" or n_bytes > 2):
+        low, high = int(array.min()), int(array.max())
+        if not 0 <= low <= high <= 65535:
+            raise ValueError(f"image has integers in {low}..{high}, which must be in 0..65535")
+        return array.astype(np.uint8 if high <= 255 else np.uint16)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
 def luminance(light: Floats32) -> Floats32:
     """Add linear light up to luminance, (H, W)."""
     if light.shape[2] == 1:
-        return light[:, :, 0]
-    total = light[:, :, 0] * np.float32(_LUMINANCE[0])
+        return np.ascontiguousarray(light[:, :, 0])
+    total: Floats32 = light[:, :, 0] * np.float32(_LUMINANCE[0])
     for channel in (1, 2):
         total += light[:, :, channel] * np.float32(_LUMINANCE[channel])
     return np.minimum(total, 1, out=total)

@@ -10,7 +10,8 @@ from skimage import data
 from skimage.segmentation import slic
 
 from cvtimg import mosaic, read_image
-from cvtimg.artwork.tilings import DelaunayTiling, VoronoiTiling, paint
+from cvtimg.artwork._mosaics import label_triangles
+from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
 
 PHOTO = data.coffee()[::3, ::3]
 
@@ -53,7 +54,7 @@ def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
     y, x = np.mgrid[:90, :120] / 30
     image = np.stack([np.sin(x + y), np.cos(1.5 * y - x)], axis=2).astype(np.float32)
     rng = np.random.default_rng(0)
-    points = rng.random((12, 2)) * [120, 90]
+    points = rng.random((12, 2)) * [100, 70] + 10
     corners = np.array([[0, 0], [120, 0], [120, 90], [0, 90]], np.float64)
     tiling: VoronoiTiling | DelaunayTiling
     if shape == "cells":
@@ -62,9 +63,13 @@ def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
         points = np.concatenate([corners, points])
         tiling = DelaunayTiling((90, 120), points)
 
-    def painted(places: np.ndarray):
-        labels = tiling.labels(places)
-        return paint(image, labels, tiling.n_tiles())
+    labels = tiling.labels(points)
+
+    def painted(places: np.ndarray) -> Painted:
+        if isinstance(tiling, DelaunayTiling):
+            label_triangles(places, tiling.triangles, labels)  # as they are: others would be another error
+            return paint(image, labels, tiling.n_tiles())
+        return paint(image, tiling.labels(places), tiling.n_tiles())
 
     gradient = tiling.gradient(image, points, painted(points))
     moved = range(4, len(points)) if shape == "triangles" else range(len(points))
@@ -84,8 +89,9 @@ def test_types_agree_and_the_image_is_left_as_it_was() -> None:
     results = [mosaic(image, 60) for image in (PHOTO, PHOTO.astype(np.uint16) * 257, PHOTO / 255)]
     assert np.array_equal(PHOTO, before)
     assert [result.image.dtype for result in results] == [np.uint8, np.uint16, np.float64]
-    assert np.allclose(results[1].image / 257, results[0].image, atol=2)
-    assert np.allclose(results[2].image * 255, results[0].image, atol=2)
+    assert np.array_equal(results[1].labels, results[0].labels)
+    assert np.array_equal(np.rint(results[1].image / 257), results[0].image)
+    assert np.allclose(results[2].image * 255, results[0].image, atol=0.5)
 
 
 def test_gray_stays_gray_and_alpha_stays_alpha() -> None:
