@@ -18,6 +18,9 @@ COMMANDS = {
     "restore": "Restore one image from several noisy or incomplete versions of it.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
+    "design": "Place N points for experiments evenly in a box.",
+    "basis": "Find N modes that nearly contain all frames of a film or rows of an array.",
+    "keyframes": "Choose the N frames of a film that represent the others.",
     "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
 }
 _OPTIONS = {

@@ -1,3 +1,4 @@
+from .bounds import read_bounds
 from .discrepancy import star_discrepancy
 from .latin import latinize
 from .measures import PointMeasures, point_measures
@@ -11,5 +12,6 @@ __all__ = [
     "design",
     "latinize",
     "point_measures",
+    "read_bounds",
     "star_discrepancy",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ _SAMPLED = {"fast": Stopping(1e-3, 20), "balanced": Stopping(1e-4, 60), "best": 
 _STARTS = {"fast": 1, "balanced": 1, "best": 6}
 #: Latin points may have so much more energy than the best if they are more even.
 _ABOUT = 5e-3
+#: So many samples are searched in two stages.
+_TWO_STAGES_FROM = 1 << 18
 #: Free points stay so far from the walls of the cube.
 _MARGIN = 1e-9
 
@@ -116,12 +119,18 @@ def _unevenness(points: _Floats) -> float:
 
 
 def _tessellated(
-    cube: Cube, n_points: int, existing: _Floats, effort: str, init: str, rng: np.random.Generator
+    cube: Cube, n_points: int, existing: _Floats, effort: str, init: Any, rng: np.random.Generator
 ) -> _Floats:
     locked = existing if len(existing) else None
     n_all = n_points + len(existing)
-    options = {"density": cube.weights, "locked": locked, "init": init, "effort": effort, "rng": rng}
-    return tessellate(cube.samples, n_all, **options).generators[len(existing) :]  # type: ignore[arg-type]
+    samples, weights, start = cube.samples, cube.weights, init
+    if len(samples) >= _TWO_STAGES_FROM:  # the first of Sobol's points are as even as all of them
+        few = slice(0, len(samples) // 4)
+        some = None if weights is None else weights[few]
+        found = tessellate(samples[few], n_all, density=some, locked=locked, init=init, effort="balanced", rng=rng)
+        start, effort = found.generators[len(existing) :], "balanced"
+    found = tessellate(samples, n_all, density=weights, locked=locked, init=start, effort=effort, rng=rng)
+    return found.generators[len(existing) :]
 
 
 def _within(points: _Floats, before: _Floats) -> _Floats:

@@ -16,6 +16,7 @@ from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
 from cvtimg.designs.measures import PointMeasures, point_measures
 from cvtimg.designs.sampled_cells import sobol_samples
 from cvtimg.engine.search import EFFORTS
+from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 
 _Floats = NDArray[np.float64]
@@ -87,11 +88,11 @@ class Design:
         header = names or [f"x{axis + 1}" for axis in range(n_dims)]
         if len(header) != n_dims:
             raise ValueError(f"names={header} must be {n_dims}, one for each axis")
+        if suffix == ".csv":
+            write_csv(path, header, self.points.tolist(), overwrite=overwrite)
+            return
         with whole_file(path, overwrite=overwrite) as file:
-            if suffix == ".npy":
-                np.save(file, self.points)
-            else:
-                np.savetxt(file, self.points, "%.17g", ",", header=",".join(header), comments="")
+            np.save(file, self.points)
 
 
 class _Request(NamedTuple):

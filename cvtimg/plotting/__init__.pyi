@@ -1,3 +1,4 @@
+from .charts import draw_pairs, draw_spectrum
 from .energy_curves import Plotted, draw_curves
 from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
 
@@ -7,6 +8,8 @@ __all__ = [
     "contact_sheet",
     "draw_curves",
     "draw_edges",
+    "draw_pairs",
+    "draw_spectrum",
     "palette_strip",
     "shown_colors",
 ]

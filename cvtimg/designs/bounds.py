@@ -1,0 +1,46 @@
+"""Names and bounds of the axes of a design, as a text file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.whole import StrPath
+
+
+def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
+    r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .csv file.
+
+    Returns
+    -------
+    list of str, (d, 2) float64 array
+        Names, and least and greatest values.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, or has other columns.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high\nspeed,0,30\nheat,20,90\n")
+    ...     names, bounds = read_bounds(f"{folder}/a.csv")
+    >>> names, bounds.tolist()
+    (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
+    """
+    try:
+        lines = list(csv.DictReader(Path(path).read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True))
+        bounds = np.array([[float(line["low"]), float(line["high"])] for line in lines])
+        return [line["name"] for line in lines], bounds.reshape(-1, 2)
+    except (KeyError, TypeError, ValueError) as error:
+        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error

@@ -1,0 +1,114 @@
+"""Charts by matplotlib: points of a design in pairs of axes, and what the modes of a basis explain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Suffixes of plots.
+PLOT_SUFFIXES = (".png", ".svg")
+#: More axes than this would leave no room for their pairs.
+_MOST_AXES = 8
+_BINS = 10
+
+
+def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing: NDArray[Any] | None = None) -> bytes:
+    """Draw points in each pair of axes, and how many lie in each tenth of an axis.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        Of more than 8 axes the first 8 are drawn.
+    names : sequence of str
+        Names of the axes.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    existing : (L, d) array, optional
+        Points to show in another color.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    n_axes = min(points.shape[1], _MOST_AXES)
+    with _figure(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
+        grid = figure.subplots(n_axes, n_axes, squeeze=False, sharex="col")
+        for (down, right), axes in np.ndenumerate(grid):
+            axes.tick_params(labelsize=6)
+            if down == right:
+                axes.hist(points[:, right], bins=_BINS, color="0.75")
+                axes.set_yticks([])
+            elif down > right:
+                axes.plot(points[:, right], points[:, down], ".", color="C0", markersize=3)
+                if existing is not None:
+                    axes.plot(existing[:, right], existing[:, down], "x", color="C3", markersize=4)
+            else:
+                axes.set_axis_off()
+            if down == n_axes - 1:
+                axes.set_xlabel(names[right], fontsize=8)
+            if right == 0 and down > 0:
+                axes.set_ylabel(names[down], fontsize=8)
+    return content.getvalue()
+
+
+def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -> bytes:
+    """Draw the share of the variance that the first 0, 1, .. n modes leave unexplained.
+
+    Parameters
+    ----------
+    energies : (n + 1,) array
+        As in `cvtimg.bases.Basis`.
+    variance : float
+        What they are shares of.
+    suffix : {".png", ".svg"}
+        Format of the file.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    with _figure(6.0, 3.6, suffix) as (figure, content):
+        axes = figure.subplots()
+        shares = energies / variance if variance else np.zeros(len(energies))
+        axes.semilogy(np.arange(len(shares)), np.maximum(shares, 1e-16), ".-")
+        axes.set_xlabel("modes")
+        axes.set_ylabel("share of the variance not explained")
+        axes.grid(alpha=0.3)
+    return content.getvalue()
+
+
+@contextmanager
+def _figure(width: float, height: float, suffix: str) -> Iterator[tuple[Figure, BytesIO]]:
+    """Give a figure to draw on; its file is written when the block ends."""
+    try:
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("plots need matplotlib: pip install 'cvtimg[plot]'") from error
+    content = BytesIO()
+    # Text stays text in an SVG, and equal charts have equal bytes.
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure, content
+        metadata = {"Date": None} if suffix == ".svg" else None
+        figure.savefig(content, format=suffix[1:], dpi=150, metadata=metadata)
