@@ -32,6 +32,7 @@ from .labels.contours import find_contours
 from .labels.edges import find_edges
 from .palettes.files import read_palette, write_palette
 from .pictures.files import read_image, write_image
+from .placement.place import place_generators
 from .quantization.animations import quantize_frames
 from .quantization.images import quantize
 from .quantization.palette_search import find_palette
@@ -65,6 +66,7 @@ __all__ = [
     "mosaic",
     "palettes",
     "pictures",
+    "place_generators",
     "placement",
     "plotting",
     "point_measures",

@@ -166,7 +166,7 @@ class _Relaxed:
 
 
 class _QuasiNewton:
-    """Moves of limited-memory BFGS; Lloyd's where a search along the direction finds nothing."""
+    """Moves of limited-memory BFGS; towards Lloyd's where a search along the direction finds nothing."""
 
     def __init__(self, moments: CellMoments, terms: Terms) -> None:
         self._moments = moments
@@ -196,15 +196,16 @@ class _QuasiNewton:
             self._memory.append((step, change, product))
 
     def _search(self, at: _State, gradient: _Points) -> _State:
-        step = self._step(gradient, at.moments.masses)
-        length = 1.0
-        while self._memory and length > _SHORTEST:
-            there = _moved(self._moments, at, length * step, self._terms)
-            promised = min(_dot(gradient, there.generators - at.generators), 0.0)
-            if there.energy <= at.energy + _ENOUGH * promised:
-                return there
-            length /= 2
-        self._memory.clear()
+        directions = [self._step(gradient, at.moments.masses)] if self._memory else []
+        for direction in (*directions, at.to_centroids):
+            length = 1.0
+            while length > _SHORTEST:
+                there = _moved(self._moments, at, length * direction, self._terms)
+                promised = min(_dot(gradient, there.generators - at.generators), 0.0)
+                if there.energy <= at.energy + _ENOUGH * promised:
+                    return there
+                length /= 2
+            self._memory.clear()
         return _moved(self._moments, at, at.to_centroids, self._terms)
 
     def _step(self, gradient: _Points, masses: NDArray[np.float64]) -> _Points:

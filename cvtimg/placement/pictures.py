@@ -13,6 +13,7 @@ from cvtimg.placement.descent import DESCENTS, Descent, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.result import Placement
 from cvtimg.placement.starts import along_hilbert_curve, split_generators
+from cvtimg.regions import PictureRegion
 
 #: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
@@ -48,7 +49,7 @@ EFFORTS: dict[str, Effort] = {
 
 
 #: More generators than this need more memory than a machine has.
-_MOST = 1 << 28
+MOST_GENERATORS = 1 << 28
 
 
 def place_in_picture(
@@ -104,7 +105,7 @@ def place_in_picture(
     [[2.0, 2.0], [6.0, 2.0]]
     """
     mass = check_picture_density("density", density)
-    check_count("n_generators", n_generators, _MOST, "what memory holds")
+    check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     if len(still) >= n_generators:
         raise ValueError(f"fixed has {len(still)} generators and must have fewer than n_generators={n_generators}")
@@ -117,7 +118,7 @@ def place_in_picture(
         rng=np.random.default_rng(rng),
         watch=Watch(callback),
     )
-    return Placement.of(end)
+    return Placement.of(end, PictureRegion(np.ones(mass.shape, bool)))
 
 
 def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMoments:

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.labels.contours import Polygon
+from cvtimg.placement.cells import cell_rings, voronoi_cells
 from cvtimg.placement.descent import Descent
+from cvtimg.placement.figures import Figures
+from cvtimg.placement.measures import CellMeasures, measure_cells
+from cvtimg.regions import Box, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -30,6 +35,10 @@ class Placement:
         How many moves that were.
     converged : bool
         Whether the energy had come to rest when the descent stopped.
+    region : Region
+        Where they were placed.
+    figures : (K, P) float64 array or None
+        Segments (x1, y1, x2, y2) or circles (x, y, radius), of which points are the middles.
     """
 
     points: NDArray[np.float64]
@@ -39,21 +48,74 @@ class Placement:
     energies: tuple[float, ...]
     n_iter: int
     converged: bool
+    region: Region
+    figures: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.points, self.masses, self.centroids):
-            array.flags.writeable = False
+        for array in (self.points, self.masses, self.centroids, self.figures):
+            if array is not None:
+                array.flags.writeable = False
 
     def __repr__(self) -> str:
         n, n_dims = self.points.shape
         rest = "converged" if self.converged else "not converged"
         return f"<Placement of {n} generators in {n_dims} dimensions, energy {self.energy:g}, {rest}>"
 
+    def cells(self) -> tuple[Polygon, ...]:
+        """Cut the region into the Voronoi cells of the points, as polygons.
+
+        Returns
+        -------
+        tuple of cvtimg.labels.Polygon
+            By label, which is the index of the point plus 1; a cell that its region cuts apart has several.
+
+        Notes
+        -----
+        Needs shapely: ``pip install cvtimg[regions]``. Cells of the Euclidean metric, for regions of the plane.
+
+        Examples
+        --------
+        >>> from cvtimg import place_generators
+        >>> from cvtimg.regions import Box
+        >>> [cell.area for cell in place_generators(Box([0, 0], [2, 2]), 1).cells()]
+        [4.0]
+        """
+        import shapely
+
+        self._refuse_figures()
+        pieces, own = shapely.get_parts(voronoi_cells(self.points, self.region), return_index=True)
+        flat = shapely.get_dimensions(pieces) == 2
+        rings, piece = cell_rings(pieces[flat])
+        found: list[list[NDArray[np.float64]]] = [[] for _ in range(np.count_nonzero(flat))]
+        for ring, index in zip(rings, piece, strict=True):
+            found[index].append(ring)
+        return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own[flat], found, strict=True))
+
+    def measures(self) -> CellMeasures:
+        """Measure how regular the Voronoi cells are, in the plane."""
+        self._refuse_figures()
+        return measure_cells(self.points, self.region)
+
+    def _refuse_figures(self) -> None:
+        if self.figures is not None:
+            raise ValueError("the cells of segments and circles are no polygons")
+
     @classmethod
-    def of(cls, descent: Descent) -> Placement:
+    def of(cls, descent: Descent, region: Region, kind: Figures | None = None) -> Placement:
         """Make it of the end of a descent."""
-        found = descent.moments
+        moments, end = descent.moments, descent.generators
+        points, centroids = (end, moments.centroids) if kind is None else map(kind.middles, (end, moments.centroids))
+        if isinstance(region, Box) and any(region.periodic):
+            wrapped = region.project(points)
+            points, centroids = wrapped, centroids + (wrapped - points)
         return cls(
-            descent.generators, found.masses, found.centroids, found.energy, descent.energies,
-            len(descent.energies) - 1, descent.converged,
-        )  # fmt: skip
+            points=np.array(points),
+            masses=np.array(moments.masses),
+            centroids=np.array(centroids),
+            energy=moments.energy,
+            energies=descent.energies,
+            n_iter=len(descent.energies) - 1,
+            converged=descent.converged,
+            region=region,
+            figures=None if kind is None else np.array(end),
+        )

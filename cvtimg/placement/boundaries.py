@@ -1,0 +1,135 @@
+"""Generators on the boundary of a region.
+
+Three ways: points that are given stay; a number of points is spread along the boundary before the others are placed;
+or generators find the boundary themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_places
+from cvtimg.regions import Box, Density, PictureRegion, PolygonRegion, Region
+
+Points = NDArray[np.float64]
+
+#: Points that stand for the boundary, for each side of a cell.
+_PER_CELL = 8
+#: What is called on the boundary may be off by so much of the size of the region.
+_NEAR = 1e-6
+#: Pixels by which the outline of a mask may be simplified before points are spread along it.
+_SIMPLER = 0.75
+
+
+class ToBoundary:
+    """Brings to a corner the generator whose cell holds it, and to the boundary those whose cells meet it.
+
+    The energy may rise at a move. M. Gunzburger's lecture on centroidal Voronoi tessellations has the recipe.
+
+    Parameters
+    ----------
+    region : Region
+    n_generators : int
+    """
+
+    def __init__(self, region: Region, n_generators: int) -> None:
+        spacing = (region.measure / n_generators) ** (1 / region.n_dims)
+        self._region = region
+        self._corners = region.corners
+        self._boundary = region.boundary_points(spacing / _PER_CELL)
+        if not len(self._boundary):
+            raise ValueError(f"on_boundary='auto' needs a region with a boundary, and {region!r} has none")
+
+    def __call__(self, there: Points, before: Points) -> Points:
+        """Move generators whose cells, before they moved, met the boundary."""
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(before)
+        moved = there.copy()
+        meets = np.unique(tree.query(self._boundary)[1])
+        moved[meets] = self._region.to_boundary(there[meets])
+        if len(self._corners):
+            gaps, owner = tree.query(self._corners)
+            # The nearest corner last, so that it wins where a cell holds several.
+            for corner in np.argsort(-gaps, kind="stable"):
+                moved[owner[corner]] = self._corners[corner]
+        return moved
+
+
+def checked_boundary(on_boundary: ArrayLike, region: Region) -> Points:
+    """Return points given as (B, D), which must lie on the boundary."""
+    points = check_places("on_boundary", on_boundary, region.n_dims)
+    off = np.linalg.norm(region.to_boundary(points) - points, axis=1)
+    size = float(np.linalg.norm(region.bounds[1] - region.bounds[0]))
+    if off.max() > _NEAR * size:
+        worst = points[off.argmax()].tolist()
+        raise ValueError(f"on_boundary has {worst}, which is {off.max():g} from the boundary; it must be on it")
+    return points
+
+
+def spread_along_boundary(region: Region, n_points: int, density: Density) -> Points:
+    """Spread points along the boundary of a region of the plane, as dense as generators inside; corners come first.
+
+    In the plane generators are rho^(-1/4) apart, and so are these.
+    """
+    import shapely
+
+    lines = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(_outline(region)))]
+    spacing = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines) / (32 * n_points)
+    found, lengths = [], []
+    for line in lines:
+        dense = shapely.get_coordinates(shapely.segmentize(shapely.linestrings(line), spacing))
+        steps = np.linalg.norm(np.diff(dense, axis=0), axis=1)
+        weights = steps * density((dense[1:] + dense[:-1]) / 2) ** 0.25
+        found.append(dense)
+        lengths.append(np.concatenate([[0.0], np.cumsum(weights)]))
+    shares = _shares(np.array([length[-1] for length in lengths]), n_points)
+    corners = region.corners
+    spread: list[Points] = []
+    for dense, length, n in zip(found, lengths, shares, strict=True):
+        if n == 0:
+            continue
+        first = _first_corner(dense, corners)
+        at = (length[first] + np.arange(n) / n * length[-1]) % length[-1]
+        points = np.stack([np.interp(at, length, column) for column in dense.T], axis=1)
+        spread.append(_with_corners(points, dense, corners))
+    return np.concatenate(spread)
+
+
+def _outline(region: Region) -> object:
+    import shapely
+
+    if isinstance(region, PolygonRegion):
+        return region.geometry
+    if isinstance(region, PictureRegion):
+        return region.polygons(tolerance=_SIMPLER).geometry
+    if isinstance(region, Box) and not any(region.periodic) and region.n_dims == 2:
+        return shapely.box(*region.bounds.ravel())
+    raise ValueError(f"on_boundary as a number needs a region of the plane with a boundary, not {region!r}")
+
+
+def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:
+    """Divide n by lengths, the largest remainders rounded up."""
+    exact = lengths / lengths.sum() * n
+    shares: NDArray[np.intp] = np.floor(exact).astype(np.intp)
+    shares[np.argsort(shares - exact, kind="stable")[: n - shares.sum()]] += 1
+    return shares
+
+
+def _first_corner(dense: Points, corners: Points) -> int:
+    if not len(corners):
+        return 0
+    gaps = np.linalg.norm(dense[:, None] - corners, axis=2).min(axis=1)
+    return int(gaps.argmin())
+
+
+def _with_corners(points: Points, dense: Points, corners: Points) -> Points:
+    """Move the nearest point of a ring to each of its corners."""
+    own = [corner for corner in corners if np.linalg.norm(dense - corner, axis=1).min() < 1e-9]
+    free = np.ones(len(points), bool)
+    for corner in own[: len(points)]:
+        gaps = np.where(free, np.linalg.norm(points - corner, axis=1), np.inf)
+        points[gaps.argmin()] = corner
+        free[gaps.argmin()] = False
+    return points

@@ -1,0 +1,272 @@
+"""Placement of generators in any region: what is asked for decides how cells are integrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_count, check_places
+from cvtimg.engine.methods import Callback, Stopping, Watch
+from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
+from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
+from cvtimg.placement.cells import PolygonMoments
+from cvtimg.placement.descent import DESCENTS, Terms
+from cvtimg.placement.figures import FigureMoments, Figures
+from cvtimg.placement.moments import CellMoments
+from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, picture_moments, place_by_levels
+from cvtimg.placement.result import Placement
+from cvtimg.placement.samples import SampleMoments
+from cvtimg.regions import (
+    Box,
+    Density,
+    DensityLike,
+    Gauge,
+    LpGauge,
+    MetricLike,
+    PictureDensity,
+    PictureRegion,
+    PolygonRegion,
+    Region,
+    as_density,
+    as_gauge,
+    as_region,
+)
+
+Points = NDArray[np.float64]
+
+#: Candidates of a start for each generator.
+_CANDIDATES = 32
+
+
+@dataclass(frozen=True, slots=True)
+class _Effort:
+    """Samples for each generator, and at most, where cells are not integrated exactly; when to stop; and starts."""
+
+    samples: int
+    most_samples: int
+    stopping: Stopping
+    n_starts: int = 1
+
+
+#: As `pictures.EFFORTS`, for regions that are no pictures.
+_EFFORTS: dict[str, _Effort] = {
+    "fast": _Effort(100, 1 << 17, Stopping(1e-3, 15)),
+    "balanced": _Effort(400, 1 << 19, Stopping(1e-6, 100)),
+    "best": _Effort(1000, 1 << 21, Stopping(1e-10, 1000), n_starts=8),
+}
+_FEWEST_SAMPLES = 1 << 14
+
+
+def place_generators(
+    region: Any,
+    n_generators: int,
+    *,
+    density: DensityLike = None,
+    fixed: ArrayLike | None = None,
+    on_boundary: ArrayLike | str | None = None,
+    metric: MetricLike = 2,
+    generators: str | Figures = "points",
+    method: str | None = None,
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+    callback: Callback | None = None,
+) -> Placement:
+    """Place generators in a region, each at the center of mass of its own Voronoi cell.
+
+    Parameters
+    ----------
+    region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
+        What `cvtimg.regions.as_region` takes.
+    n_generators : int
+        Number of generators K, those that are fixed or on the boundary among them.
+    density : None, float, (H, W) array or callable
+        What `cvtimg.regions.as_density` takes: 1 everywhere, a number, a picture, or a function of (N, D) points.
+    fixed : (L, D) array, optional
+        Generators that stay in place: the first L of the K.
+    on_boundary : (B, D) array, int or "auto", optional
+        Points of the boundary, which stay; or how many to spread along it, corners first, before the others are
+        placed (in the plane); or "auto" to let generators whose cells meet the boundary move along it. These follow
+        the fixed ones; with "auto" they may be any, and the energy may rise at some moves.
+    metric : float, str or (M, 2) array
+        Power p of the p-norm, by which places are nearest and which is squared in the energy: 2, the Euclidean, 1, 20,
+        numpy.inf; "triangle"; or the corners of a convex polygon around the origin, where the distance is 1.
+    generators : "points" or Figures
+        `Segments` or `Circles` in place of points, in the plane.
+    method : {"l-bfgs", "over-relaxed", "lloyd"}, optional
+        How generators move: "lloyd" by default with ``on_boundary="auto"``, else "l-bfgs".
+    effort : {"fast", "balanced", "best"}
+        How long. "best" takes the lowest of 8 starts where the region is no picture.
+    rng : int or numpy.random.Generator
+        Seed. The same seed gives the same bits, whatever the number of threads.
+    callback : callable, optional
+        Called before each move with its number and the energy; it stops by returning True.
+
+    Returns
+    -------
+    Placement
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Notes
+    -----
+    Cells are integrated exactly over the pixels of a picture; as polygons in other regions of the plane, exactly for
+    a constant density; and over samples for other dimensions, metrics and figures.
+
+    References
+    ----------
+    Q. Du, V. Faber, M. Gunzburger, SIAM Review 41 (1999) 637-676, doi 10.1137/S0036144599352836.
+
+    Examples
+    --------
+    >>> from cvtimg import place_generators
+    >>> from cvtimg.regions import Box
+    >>> placement = place_generators(Box([0, 0], [2, 1]), 2)
+    >>> sorted(placement.points.round(3).tolist())
+    [[0.5, 0.5], [1.5, 0.5]]
+    """
+    where, weight, gauge = as_region(region), as_density(density), as_gauge(metric)
+    check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
+    check_choice("effort", effort, EFFORTS)
+    auto = isinstance(on_boundary, str)
+    if isinstance(on_boundary, str):
+        check_choice("on_boundary", on_boundary, ("auto",))
+    name = check_choice("method", method or ("lloyd" if auto else "l-bfgs"), DESCENTS)
+    random = np.random.default_rng(rng)
+    if isinstance(generators, str):
+        check_choice("generators", generators, ("points",))
+    elif fixed is not None or on_boundary is not None or gauge != LpGauge(2) or where.n_dims != 2:
+        raise ValueError(f"generators={generators} must be in the plane, with metric=2, none fixed or on the boundary")
+    else:
+        return _place_figures(where, weight, n_generators, generators, name, effort, random, Watch(callback))
+    still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
+    terms = Terms(
+        _EFFORTS[effort].stopping,
+        free=np.arange(n_generators) >= len(still) if len(still) else None,
+        project=_Inside(where, n_generators if auto else None, len(still)),
+        may_rise=auto,
+        watch=Watch(callback),
+    )
+    if isinstance(where, PictureRegion) and where.n_dims == 2 and gauge == LpGauge(2):
+        moments = picture_moments(_on_pixels(where, weight), n_generators)
+        settings = EFFORTS[effort]
+        end = place_by_levels(
+            moments, n_generators, fixed=still, method=name, effort=settings, rng=random, watch=terms.watch
+        )
+        if auto:
+            end = DESCENTS[name](moments, end.generators, replace(terms, stopping=settings.stopping))
+        return Placement.of(end, where)
+    cells = _moments(where, weight, gauge, n_generators, effort, random)
+    ends = []
+    for _ in range(_EFFORTS[effort].n_starts):
+        start = np.concatenate([still, draw_start(where, weight, n_generators - len(still), random)])
+        ends.append(DESCENTS[name](cells, start, terms))
+        if terms.watch.stopped:
+            break
+    return Placement.of(min(ends, key=lambda end: end.energies[-1]), where)
+
+
+class _Inside:
+    """The projection of points: to the boundary, if asked for; around a periodic box; and never out of a region."""
+
+    def __init__(self, region: Region, n_on_boundary: int | None, n_still: int) -> None:
+        self._region = region
+        self._to_boundary = None if n_on_boundary is None else ToBoundary(region, n_on_boundary)
+        self._n_still = n_still
+
+    def __call__(self, there: Points, before: Points) -> Points:
+        moved = there if self._to_boundary is None else self._to_boundary(there, before)
+        if self._to_boundary is not None:
+            moved[: self._n_still] = before[: self._n_still]
+        if isinstance(self._region, Box) and any(self._region.periodic):
+            return moved  # wrapped in the end: a descent compares places
+        return self._region.project(moved) if self._region.n_dims > 3 else moved
+
+
+def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:
+    """Return the generators that stay: those fixed, then those on the boundary."""
+    parts = [np.empty((0, region.n_dims))]
+    if fixed is not None:
+        parts.append(check_places("fixed", fixed, region.n_dims))
+    if on_boundary is not None and np.ndim(on_boundary) == 0:
+        n = check_count("on_boundary", on_boundary, n_generators, "n_generators")
+        parts.append(spread_along_boundary(region, n, density))
+    elif on_boundary is not None:
+        parts.append(checked_boundary(on_boundary, region))
+    still = np.concatenate(parts)
+    if len(still) >= n_generators:
+        raise ValueError(
+            f"fixed and on_boundary have {len(still)} generators and must have fewer than n_generators={n_generators}"
+        )
+    return still
+
+
+def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
+    """Density of each pixel of a mask."""
+    height, width = region.mask.shape
+    if isinstance(density, PictureDensity):
+        if density.picture.shape != region.mask.shape:
+            raise ValueError(f"density of shape {density.picture.shape} must be {region.mask.shape}, as the region")
+        values = density.picture
+    else:
+        y, x = np.mgrid[:height, :width] + 0.5
+        values = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width).astype(np.float32)
+    inside = np.where(region.mask, values, np.float32(0))
+    if not inside.any():
+        raise ValueError("density must not be 0 everywhere in the region")
+    return inside
+
+
+def _moments(
+    region: Region, density: Density, gauge: Gauge, n_generators: int, effort: str, rng: np.random.Generator
+) -> CellMoments:
+    if region.n_dims == 2 and isinstance(region, (Box, PolygonRegion)) and gauge == LpGauge(2):
+        return PolygonMoments(region, density)
+    return SampleMoments(_samples(region, density, n_generators, effort, rng), gauge, region)
+
+
+def _samples(region: Region, density: Density, n_generators: int, effort: str, rng: np.random.Generator) -> Any:
+    settings = _EFFORTS[effort]
+    n = int(np.clip(settings.samples * n_generators, _FEWEST_SAMPLES, settings.most_samples))
+    samples = region.sample(max(n, 4 * n_generators), density=density, rng=rng)
+    if not samples.density.any():
+        raise ValueError("density must not be 0 everywhere in the region")
+    return samples
+
+
+def draw_start(region: Region, density: Density, n_generators: int, rng: np.random.Generator) -> Points:
+    """Take K of many points, as dense as rho^(D / (D + 2)), in the order of a curve in few dimensions."""
+    n_dims = region.n_dims
+    points = region.draw(max(_CANDIDATES * n_generators, 1024), rng)
+    if n_dims <= MAX_ORDERED_DIMS:
+        points = points[along_curve(points)]
+    weights = np.cumsum(density(points) ** (n_dims / (n_dims + 2)))
+    if weights[-1] == 0:
+        raise ValueError("density must not be 0 everywhere in the region")
+    own = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
+    starts: Points = points[np.minimum(own, len(points) - 1)]
+    return starts
+
+
+def _place_figures(
+    region: Region,
+    density: Density,
+    n_generators: int,
+    kind: Figures,
+    method: str,
+    effort: str,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> Placement:
+    points = draw_start(region, density, n_generators, rng)
+    spacing = (region.measure / n_generators) ** 0.5
+    start = kind.start(points, spacing, rng)
+    samples = _samples(region, density, n_generators, effort, rng)
+    terms = Terms(_EFFORTS[effort].stopping, project=kind.project, watch=watch)
+    end = DESCENTS[method](FigureMoments(samples, kind), start, terms)
+    return Placement.of(end, region, kind)

@@ -1,0 +1,263 @@
+"""Placement in regions of every kind."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from cvtimg import place_generators
+from cvtimg.engine.methods import Probabilistic
+from cvtimg.placement import (
+    MACQUEEN,
+    Circles,
+    FigureMoments,
+    PixelMoments,
+    PolygonMoments,
+    SampleMoments,
+    Segments,
+    measure_cells,
+    place_by_draws,
+    voronoi_cells,
+)
+from cvtimg.regions import Box, ConstantDensity, ImplicitRegion, PolygonRegion, as_density, as_gauge
+
+SQUARE = Box([0, 0], [1, 1])
+FRAME = PolygonRegion([[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]])
+POINTS = np.random.default_rng(0).random((60, 2)) * 4
+
+
+def exact_polygon(cell: Any, generator: Any) -> tuple[float, Any, float]:
+    """Area, center of mass and energy of one polygon, by its triangles: a second way."""
+    area, first, energy = 0.0, np.zeros(2), 0.0
+    for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(cell)):
+        corners = shapely.get_coordinates(triangle)[:3]
+        middles = (corners + np.roll(corners, 1, axis=0)) / 2
+        area += triangle.area
+        first += triangle.area * corners.mean(axis=0)
+        energy += triangle.area * ((middles - generator) ** 2).sum(axis=1).mean()  # exact for squares
+    return area, first / area, energy
+
+
+@pytest.mark.parametrize("region", [FRAME, Box([0, 0], [4, 4])], ids=str)
+def test_moments_of_polygons_are_exact(region: Any) -> None:
+    points = region.draw(60)
+    moments = PolygonMoments(region, ConstantDensity(3.0))(points)
+    expected = [exact_polygon(*each) for each in zip(voronoi_cells(points, region), points, strict=True)]
+    np.testing.assert_allclose(moments.masses, [3 * area for area, _, _ in expected], atol=1e-12)
+    np.testing.assert_allclose(moments.centroids, [center for _, center, _ in expected], atol=1e-9)
+    assert moments.energy == pytest.approx(3 * sum(energy for _, _, energy in expected), rel=1e-12)
+
+
+def test_quadrature_is_exact_for_cubic_densities() -> None:
+    constant = PolygonMoments(FRAME, ConstantDensity())(POINTS)
+    as_function = PolygonMoments(FRAME, as_density(lambda p: np.ones(len(p))))(POINTS)
+    np.testing.assert_allclose(as_function.masses, constant.masses, rtol=1e-12)
+    np.testing.assert_allclose(as_function.centroids, constant.centroids, atol=1e-12)
+    assert as_function.energy == pytest.approx(constant.energy, rel=1e-12)
+    cubic = PolygonMoments(Box([0, 0], [1, 1]), as_density(lambda p: p[:, 0] ** 3))(POINTS / 4)
+    assert cubic.masses.sum() == pytest.approx(1 / 4, rel=1e-12)
+    assert (cubic.masses * cubic.centroids[:, 0]).sum() == pytest.approx(1 / 5, rel=1e-12)
+
+
+def test_pixels_and_polygons_agree() -> None:
+    by_pixels = PixelMoments(np.ones((400, 400), np.float32), scale=100)(POINTS)
+    by_polygons = PolygonMoments(Box([0, 0], [4, 4]), ConstantDensity(10000.0))(POINTS)
+    np.testing.assert_allclose(by_pixels.masses, by_polygons.masses, atol=3)
+    np.testing.assert_allclose(by_pixels.centroids, by_polygons.centroids, atol=1e-3)
+    assert by_pixels.energy == pytest.approx(by_polygons.energy, rel=1e-4)
+
+
+def test_samples_agree_with_polygons() -> None:
+    by_samples = SampleMoments(FRAME.sample(300_000), as_gauge(2))(POINTS)
+    by_polygons = PolygonMoments(FRAME, ConstantDensity())(POINTS)
+    np.testing.assert_allclose(by_samples.masses, by_polygons.masses, atol=0.01)
+    assert by_samples.energy == pytest.approx(by_polygons.energy, rel=0.01)
+
+
+@pytest.mark.parametrize("periodic", [True, [True, False], [False, True]])
+def test_periodic_cells_fill_the_box_and_agree_with_wrapped_samples(periodic: Any) -> None:
+    box = Box([0, 0], [2, 1], periodic)
+    points = np.random.default_rng(1).random((20, 2)) * [2, 1]
+    polygons = PolygonMoments(box, ConstantDensity())(points)
+    samples = SampleMoments(box.sample(200_000), as_gauge(2), box)(points)
+    assert polygons.masses.sum() == pytest.approx(2)
+    np.testing.assert_allclose(samples.masses, polygons.masses, atol=0.01)
+    np.testing.assert_allclose(samples.centroids, polygons.centroids, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [SQUARE, FRAME, Box([0, 0], [1, 1], periodic=True), Box([0] * 3, [1] * 3), Box(0, 1), np.ones((30, 40), bool)],
+    ids=str,
+)
+def test_generators_end_at_their_centroids_and_energy_never_rises(region: Any) -> None:
+    placement = place_generators(region, 20, effort="best" if region is SQUARE else "balanced")
+    size = (placement.region.measure / 20) ** (1 / placement.points.shape[1])
+    np.testing.assert_allclose(placement.points, placement.centroids, atol=0.02 * size)
+    assert (np.diff(placement.energies) < 0).all()
+    assert placement.region.contains(placement.points).all()
+    assert placement.masses.sum() == pytest.approx(placement.region.measure, rel=1e-9)
+
+
+def test_the_optimum_of_an_interval_is_even() -> None:
+    placement = place_generators(Box(0, 1), 5, effort="best")
+    np.testing.assert_allclose(np.sort(placement.points[:, 0]), np.arange(5) / 5 + 0.1, atol=1e-3)
+
+
+def test_generators_follow_the_density() -> None:
+    placement = place_generators(SQUARE, 100, density=lambda p: np.where(p[:, 0] < 0.5, 1.0, 16.0))
+    assert (placement.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.03)
+
+
+@pytest.mark.parametrize("region", [SQUARE, FRAME, np.ones((40, 40), bool)], ids=["square", "frame", "pixels"])
+def test_boundary_points_are_found(region: Any) -> None:
+    placement = place_generators(region, 60, on_boundary="auto")
+    where = placement.region
+    off = np.linalg.norm(where.to_boundary(placement.points) - placement.points, axis=1)
+    assert 10 < (off < 1e-9).sum() < 60
+    for corner in where.corners:
+        assert np.linalg.norm(placement.points - corner, axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("region", [SQUARE, FRAME, np.ones((40, 40), bool)], ids=["square", "frame", "pixels"])
+def test_as_many_points_as_asked_are_spread_along_the_boundary(region: Any) -> None:
+    placement = place_generators(region, 60, on_boundary=30)
+    where = placement.region
+    off = np.linalg.norm(where.to_boundary(placement.points) - placement.points, axis=1)
+    assert (off[:30] < 1e-9).all()
+    assert (off[30:] > 1e-3).all()
+    for corner in where.corners:
+        assert np.linalg.norm(placement.points - corner, axis=1).min() < 1e-9
+
+
+def test_given_boundary_points_and_fixed_ones_stay() -> None:
+    given = [[0, 0], [4, 4], [2, 1]]
+    placement = place_generators(FRAME, 40, on_boundary=given, fixed=[[0.5, 0.5]])
+    assert placement.points[:4].tolist() == [[0.5, 0.5], *given]
+    with pytest.raises(ValueError, match=r"on_boundary has \[0\.5, 0\.5\], which is 0\.5 from the boundary"):
+        place_generators(FRAME, 40, on_boundary=[[0.5, 0.5]])
+
+
+@pytest.mark.parametrize("metric", [1, 20, np.inf, "triangle", [[2, 0], [0, 1], [-1, 0], [0, -3]]], ids=str)
+def test_other_metrics_end_lower_than_means_do(metric: Any) -> None:
+    placement = place_generators(SQUARE, 20, metric=metric)
+    assert (np.diff(placement.energies) < 0).all()
+    moments = SampleMoments(SQUARE.sample(30_000, rng=5), as_gauge(metric))
+    euclidean = place_generators(SQUARE, 20)
+    assert moments(placement.points).energy < moments(euclidean.points).energy
+
+
+@pytest.mark.parametrize("metric", [1, 20, "triangle", [[2, 0], [0, 1], [-1, 0], [0, -3]]], ids=str)
+def test_samples_belong_to_the_nearest_by_the_gauge(metric: Any) -> None:
+    gauge, samples = as_gauge(metric), SQUARE.sample(2000)
+    points = np.random.default_rng(0).random((50, 2))
+    labels = SampleMoments(samples, gauge).labels(points)
+    lengths = np.stack([gauge.lengths(samples.rows - point) for point in points], axis=1)
+    np.testing.assert_allclose(lengths[np.arange(2000), labels], lengths.min(axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "kind", [Segments(length=0.2), Segments(price_per_length=0.1), Circles()], ids=["fixed", "priced", "circles"]
+)
+def test_figures_move_along_the_gradient_of_their_energy(kind: Any) -> None:
+    rng = np.random.default_rng(0)
+    moments = FigureMoments(SQUARE.sample(4000), kind)
+    figures = kind.start(rng.random((5, 2)), 0.3, rng)
+    found = moments(figures)
+    gradient = -2 * found.masses[:, None] * (found.centroids - figures)
+    for index in np.ndindex(*figures.shape):
+        step = np.zeros_like(figures)
+        step[index] = 1e-5
+        numeric = (moments(figures + step).energy - moments(figures - step).energy) / 2e-5
+        assert gradient[index] == pytest.approx(numeric, abs=2e-4)  # a sample may change its cell
+
+
+def test_segments_circles_and_points_among_them() -> None:
+    lengths = np.where(np.arange(12) < 4, 0.0, 0.3)
+    mixed = place_generators(SQUARE, 12, generators=Segments(length=lengths), effort="fast")
+    assert mixed.figures is not None
+    found = np.linalg.norm(mixed.figures[:, 2:] - mixed.figures[:, :2], axis=1)
+    np.testing.assert_allclose(found, lengths, atol=1e-12)
+    assert (np.diff(mixed.energies) < 0).all()
+    circles = place_generators(SQUARE, 12, generators=Circles(), effort="fast")
+    assert circles.energy < mixed.energy < place_generators(SQUARE, 12).energy
+
+
+def test_cells_are_polygons_that_fill_the_region() -> None:
+    placement = place_generators(FRAME, 40)
+    cells = placement.cells()
+    assert sum(cell.area for cell in cells) == pytest.approx(12)
+    assert {cell.label for cell in cells} == set(range(1, 41))
+    for cell in cells:
+        assert shapely.Polygon(cell.rings[0]).distance(shapely.Point(placement.points[cell.label - 1])) < 0.3
+
+
+def test_measures_of_a_square_grid_are_known() -> None:
+    grid = np.stack(np.meshgrid(np.arange(5) + 0.5, np.arange(5) + 0.5), axis=-1).reshape(-1, 2)
+    placement = place_generators(Box([0, 0], [5, 5]), 26, fixed=grid)
+    measures = placement.measures()
+    assert measures.h == pytest.approx(0.5**0.5)
+    exact = measure_cells(grid, Box([0, 0], [5, 5]))
+    assert exact.chi == pytest.approx(2**0.5)
+    assert (exact.h_ratio, exact.gap_ratio, exact.area_ratio) == pytest.approx((1, 1, 1))
+    assert (exact.tau, exact.d, exact.gap_variation) == pytest.approx((0, 0, 0), abs=1e-12)
+
+
+def test_draws_in_any_number_of_threads_end_alike() -> None:
+    alone = place_by_draws(SQUARE, 30, n_moves=5)
+    with ThreadPoolExecutor(3) as executor:
+        together = place_by_draws(SQUARE, 30, n_moves=5, executor=executor)
+    assert (alone.points == together.points).all()
+    assert alone.energies == together.energies
+
+
+def test_draws_come_near_to_a_descent() -> None:
+    drawn = place_by_draws(SQUARE, 30, n_moves=100, rule=Probabilistic(draws=30 * 64))
+    assert drawn.energy < 1.1 * place_generators(SQUARE, 30).energy
+    assert drawn.energy < drawn.energies[0]
+
+
+def test_macqueen_moves_one_generator_at_a_time() -> None:
+    before = place_by_draws(SQUARE, 10, n_moves=1, rule=MACQUEEN).points
+    after = place_by_draws(SQUARE, 10, n_moves=2, rule=MACQUEEN).points
+    assert (before != after).any(axis=1).sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"fixed": np.zeros((5, 2))}, "fixed and on_boundary have 5 generators and must have fewer"),
+        ({"on_boundary": "all"}, "on_boundary='all' must be one of auto"),
+        ({"method": "newton"}, "method='newton' must be one of"),
+        ({"effort": "huge"}, "effort='huge' must be one of"),
+        ({"generators": "lines"}, "generators='lines' must be one of points"),
+        ({"density": lambda p: 0 * p[:, 0]}, "density must not be 0 everywhere in the region"),
+        ({"fixed": [[np.nan, 0]]}, "fixed must be finite"),
+    ],
+)
+def test_arguments_are_refused_by_name(options: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        place_generators(SQUARE, 5, **options)
+
+
+def test_a_density_must_have_the_size_of_the_mask() -> None:
+    with pytest.raises(ValueError, match=r"density of shape \(2, 3\) must be \(4, 4\), as the region"):
+        place_generators(np.ones((4, 4), bool), 3, density=np.ones((2, 3)))
+
+
+def test_periodic_placements_have_lower_energy_than_bounded_ones() -> None:
+    around = place_generators(Box([0, 0], [1, 1], periodic=True), 50)
+    assert around.energy < place_generators(SQUARE, 50).energy
+    assert ((around.points >= 0) & (around.points <= 1)).all()
+
+
+def test_implicit_regions() -> None:
+    disk = ImplicitRegion(lambda p: np.hypot(p[:, 0], p[:, 1]) - 1, [-1, -1], [1, 1])
+    placement = place_generators(disk, 7, effort="best")
+    radii = np.sort(np.hypot(*placement.points.T))
+    assert radii[0] < 0.02  # one in the middle, six around it
+    np.testing.assert_allclose(radii[1:], radii[1:].mean(), atol=0.02)
