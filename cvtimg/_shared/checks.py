@@ -142,9 +142,14 @@ def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDA
 
 
 def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite."""
+    """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite.
+
+    Pixels that are masked in any band of a masked array are outside.
+    """
     array = np.asarray(image)
     finite = np.isfinite(array) if array.dtype.kind == "f" else np.True_
+    if isinstance(image, np.ma.MaskedArray):
+        finite = finite & ~np.ma.getmaskarray(image)
     array = check_image(name, array if np.all(finite) else np.where(finite, array, array.dtype.type(0)))
     array = array.reshape(*array.shape[:2], -1)
     inside = np.ones(array.shape[:2], bool) if mask is None else np.asarray(mask) != 0
@@ -153,7 +158,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
     if not np.all(finite):
         inside = inside & np.all(np.reshape(finite, array.shape), axis=2)
     if not inside.any():
-        raise ValueError(f"{name} must have at least one pixel that is in the mask and finite")
+        raise ValueError(f"{name} must have at least one pixel that is in the mask and finite, and not masked")
     return array, inside
 
 

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from cvtimg.elbow.curves import EnergyCurve
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
+    from cvtimg.segmentation.touching import Objects as ObjectOptions
 
 EXAMPLES = """Examples:
 
 \b
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
-  cvtimg segment cells.tif -k 2 --edge-weight auto --components --min-size 30 --table cells.csv --coco cells.json
+  cvtimg segment cells.tif -k 2 --edge-weight auto --objects --min-size 30 --table cells.csv --coco cells.json
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k auto --edges edges.png
@@ -122,6 +122,21 @@ BorderPrice = Annotated[
         help="With --components: merge neighbors where that costs less per pixel of border.",
     ),
 ]
+Objects = Annotated[
+    bool,
+    Option("--objects", help="Make each object before the background a segment; split touching ones."),
+]
+Background = Annotated[
+    Literal["largest", "darkest", "brightest"], Option(help="Segment that is the background of --objects; label 0.")
+]
+NeckDepth = Annotated[
+    float,
+    Option(metavar="PIXELS", parser=_AMOUNT, help="With --objects: split at necks narrower by this in radius."),
+]
+Properties = Annotated[
+    str,
+    Option(metavar="NAME,...", help="More columns for --table, by their names in scikit-image, such as eccentricity."),
+]
 Mask = Annotated[Path | None, Option(metavar="FILE", help="Image of the same size: leave out pixels that are black.")]
 NoData = Annotated[
     float | None,
@@ -145,12 +160,13 @@ class SegmentOptions:
     mask: Path | None
     nodata: float | None
 
-    def segments(self, image: NDArray[Any], number: int, known: NDArray[np.bool_]) -> Segmentation:
+    def segments(self, image: NDArray[Any], known: NDArray[np.bool_]) -> Segmentation:
         """Divide an image."""
         import cvtimg
 
-        divide = cvtimg.superpixels if self.superpixels else cvtimg.segment
-        return divide(image, number, mask=known, **self.keywords)
+        divide: Any = cvtimg.superpixels if self.superpixels else cvtimg.segment
+        result: Segmentation = divide(image, self.number, mask=known, **self.keywords)
+        return result
 
     @property
     def in_tiles(self) -> dict[str, Any]:
@@ -193,6 +209,10 @@ def segment(
     components: Components = False,
     min_size: MinSize = 0,
     border_price: BorderPrice = 0,
+    objects: Objects = False,
+    background: Background = "largest",
+    neck_depth: NeckDepth = 0.5,
+    properties: Properties = "",
     superpixels: Superpixels = False,
     compactness: Compactness = None,
     mask: Mask = None,
@@ -207,9 +227,10 @@ def segment(
 ) -> int:
     """Divide images into N segments of similar color.
 
-    Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, and transparent
-    ones. If no output is named, the labels of one input go to NAME-labels.png beside it; with --write each input
-    gets the outputs listed. Contours are in pixels from the upper left corner, or in the coordinates of a GeoTIFF.
+    Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, transparent ones,
+    and the background of --objects. If no output is named, the labels of one input go to NAME-labels.png beside it;
+    with --write each input gets the outputs listed. Contours are in pixels from the upper left corner, or in the
+    coordinates of a GeoTIFF.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
@@ -217,7 +238,7 @@ def segment(
 
     if superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
-        _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price)
+        _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price, objects=objects)
         if number == "auto":
             raise WrongUsageError("-k auto and --superpixels exclude each other")
         keywords: dict[str, Any] = {} if compactness is None else {"compactness": compactness}
@@ -225,13 +246,24 @@ def segment(
         raise WrongUsageError("--compactness needs --superpixels")
     elif border_price and not components:
         raise WrongUsageError("--border-price needs --components")
+    elif objects and components:
+        raise WrongUsageError("--objects and --components exclude each other")
     else:
         keywords = {"volume_power": volume_power, "effort": effort, "rng": seed}
         keywords |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
         keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
         keywords["averaging"] = _averaging(averaging, kernel, radius)
+        keywords["objects"] = _objects(background, neck_depth) if objects else False
     how = SegmentOptions(number, {**keywords, "space": space}, superpixels, mask, nodata)
-    style = Style(edge_mode, tuple(bytes.fromhex(line_color)[:3]), line_width, subpixel, simplify)
+    style = Style(
+        edge_mode=edge_mode,
+        line_color=tuple(bytes.fromhex(line_color)[:3]),
+        line_width=line_width,
+        subpixel=subpixel,
+        simplify=simplify,
+        ignore=None if objects else 0,
+        properties=tuple(filter(None, (name.strip() for name in properties.split(",")))),
+    )
     files = {"-o": output, "--mean": mean, "--edges": edges, "--overlay": overlay, "--contours": contours}
     outputs = outputs_of(write, {**files, "--table": table, "--coco": coco})
     plan = plan_each(inputs, find_images, outputs, out_dir=out_dir, also_read=[mask])
@@ -256,6 +288,12 @@ def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
         raise WrongUsageError(f"--radius: {error}") from error
 
 
+def _objects(background: str, neck_depth: float) -> ObjectOptions:
+    from cvtimg.segmentation.touching import Objects
+
+    return Objects(background, neck_depth)
+
+
 def _segment(
     task: Task, stopwatch: Stopwatch, *, how: SegmentOptions, style: Style, overwrite: bool, max_pixels: int | None
 ) -> Row:
@@ -270,8 +308,7 @@ def _segment(
     if how.mask:
         known = known & _read_mask(how.mask, known.shape)
     stopwatch.lap("read")
-    curve = _energy_curve(image, known, how.keywords) if how.number == "auto" else None
-    result = how.segments(image, curve.elbow() if curve else int(how.number), known)
+    result = how.segments(image, known)
     stopwatch.lap("cluster")
     Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
     stopwatch.lap("write")
@@ -281,7 +318,7 @@ def _segment(
         "channels": image.shape[2] if image.ndim == 3 else 1,
         "left_out": int((result.labels == 0).sum()),
         "k": result.n_segments,
-        "elbow": curve.elbows() if curve else None,
+        "elbow": result.curve.elbows() if result.curve else None,
         "edge_weight": result.edge_weight,
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
@@ -298,15 +335,6 @@ def _needs_tiles(task: Task) -> bool:
             raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
         return False
     return needs_tiles(task.source, targets[0])
-
-
-def _energy_curve(image: NDArray[Any], known: NDArray[np.bool_], how: Mapping[str, Any]) -> EnergyCurve:
-    """Compute the energies of the pixels that are known, by the number of their segments."""
-    from cvtimg.colors import color_samples
-    from cvtimg.elbow.curves import auto_count
-
-    options = {name: how[name] for name in ("space", "volume_power", "rng")}
-    return auto_count(color_samples(image[known][None]), **options)[1]
 
 
 def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:

@@ -40,6 +40,10 @@ class Style(NamedTuple):
     line_width: int
     subpixel: bool
     simplify: float
+    #: The label whose borders are not drawn: 0, unless that is the background of objects.
+    ignore: int | None
+    #: More columns of the table.
+    properties: tuple[str, ...]
 
 
 def outputs_of(written: str, files: Mapping[str, Path | None]) -> dict[str, Path | str]:
@@ -128,7 +132,7 @@ def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
 def _write_edges(subject: Subject, path: Path) -> None:
     from cvtimg import find_edges, write_image
 
-    edges = find_edges(subject.labels, mode=subject.style.edge_mode, ignore=0)
+    edges = find_edges(subject.labels, mode=subject.style.edge_mode, ignore=subject.style.ignore)
     write_image(path, edges, overwrite=subject.overwrite)
 
 
@@ -138,7 +142,7 @@ def _write_overlay(subject: Subject, path: Path) -> None:
 
     style = subject.style
     color, thickness = style.line_color, style.line_width
-    drawn = draw_edges(subject.image, subject.labels, color=color, thickness=thickness, ignore=0)
+    drawn = draw_edges(subject.image, subject.labels, color=color, thickness=thickness, ignore=style.ignore)
     write_image(path, drawn, overwrite=subject.overwrite)
 
 
@@ -170,7 +174,8 @@ def _write_table(subject: Subject, path: Path) -> None:
     from cvtimg.labels import region_table
     from cvtimg.labels.files import write_table
 
-    write_table(path, region_table(subject.labels, subject.image), overwrite=subject.overwrite)
+    table = region_table(subject.labels, subject.image, subject.style.properties)
+    write_table(path, table, overwrite=subject.overwrite)
 
 
 def _write_coco(subject: Subject, path: Path) -> None:

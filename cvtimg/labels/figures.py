@@ -5,12 +5,13 @@ A region is all pixels of one label, in one piece or several. Label 0 marks mask
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_labeled_image, check_labels
+from cvtimg._shared.checks import check_any, check_labeled_image, check_labels
 
 
 def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
@@ -47,13 +48,16 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     return means
 
 
-def region_table(labels: ArrayLike, image: Any) -> dict[str, NDArray[Any]]:
+def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()) -> dict[str, NDArray[Any]]:
     """Measure every region.
 
     Parameters
     ----------
     labels, image
         As in `region_means`.
+    properties : collection of str
+        More properties of ``skimage.measure.regionprops`` that are numbers, such as "eccentricity", "solidity" or
+        "orientation". Their columns are named as there, and their coordinates are those of scikit-image.
 
     Returns
     -------
@@ -93,7 +97,23 @@ def region_table(labels: ArrayLike, image: Any) -> dict[str, NDArray[Any]]:
     for name in ("mean", "std"):
         for band in range(values.shape[2]):
             table[f"{name}_{band + 1}"] = columns[f"intensity_{name}-{band}"]
+    for name in properties:
+        table |= _property(segments, values, name)
     return table
+
+
+def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:
+    """Measure a property by its name in scikit-image; one of several numbers has several columns."""
+    from skimage.measure import regionprops_table
+
+    try:
+        columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=(name,))  # type: ignore[no-untyped-call]
+    except (AttributeError, KeyError):
+        columns = {}
+    check_any(f"properties: {name!r}", bool(columns), "a number per region in skimage.measure.regionprops")
+    numeric = all(column.dtype.kind in "biuf" for column in columns.values())
+    check_any(f"properties: {name!r}", numeric, "a number per region in skimage.measure.regionprops")
+    return columns
 
 
 def run_lengths(labels: ArrayLike) -> dict[int, list[int]]:

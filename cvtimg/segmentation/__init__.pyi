@@ -6,9 +6,11 @@ from .noise import estimate_noise
 from .result import Segmentation
 from .segments import segment, segment_curve
 from .tiled import SegmentedFile, segment_file
+from .touching import Objects, split_touching
 
 __all__ = [
     "Averaging",
+    "Objects",
     "RegionHierarchy",
     "Segmentation",
     "SegmentedFile",
@@ -17,5 +19,6 @@ __all__ = [
     "segment_curve",
     "segment_file",
     "segment_hierarchy",
+    "split_touching",
     "superpixels",
 ]

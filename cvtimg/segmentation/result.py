@@ -22,8 +22,9 @@ class Segmentation:
     Attributes
     ----------
     labels : (H, W) int32 array
-        Labels start at 1; 0 marks pixels outside the mask. Segments are sorted by the brightness of their generators,
-        the sum of the bands, from dark to bright. Ties are broken by the bands in turn, then by reading order.
+        Labels start at 1; 0 marks pixels outside the mask and, with `objects`, the background. Segments are sorted by
+        the brightness of their generators, the sum of the bands, from dark to bright. Ties are broken by the bands in
+        turn, then by reading order.
     generators : (K, C) float64 array
         Mean of each segment, in the units of the image; row ``label - 1`` belongs to a label. K can be less than the
         number requested.
@@ -87,7 +88,7 @@ def from_labels(
     edge_weight: float,
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
-    inside = values.inside
+    inside = labels > 0
     own = labels[inside]
     masses = np.bincount(own)[1:].astype(np.float64)
     rows = field[inside]

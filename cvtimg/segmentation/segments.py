@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_needs, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -18,6 +18,7 @@ from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.curves import curve_of_segments
 from cvtimg.segmentation.prepared import Prepared, Smoothness
 from cvtimg.segmentation.result import Segmentation, from_labels, from_tessellation
+from cvtimg.segmentation.touching import Objects
 from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MAX_SEGMENTS = 1 << 16
@@ -36,6 +37,7 @@ def segment(
     components: bool = False,
     min_size: int = 0,
     border_price: float = 0,
+    objects: bool | Objects = False,
     mask: ArrayLike | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
@@ -74,6 +76,9 @@ def segment(
         With `components`: merge neighbors as long as this raises the sum of their squared distances by less than
         `border_price` per pixel of the border between them. Where the image is shaded, the step across the border
         counts instead of the difference between the means.
+    objects : bool or Objects
+        Take all segments but the largest, the background, for objects: each gets a label of its own, touching ones are
+        split at their necks, and the background gets label 0. See `Objects` for other backgrounds and necks.
     mask : (H, W) array, optional
         Pixels to segment: those where the mask is not 0. The others have label 0 and no influence.
     effort, rng
@@ -104,7 +109,7 @@ def segment(
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius)
-    pieces = _Pieces.checked(components, min_size, border_price)
+    pieces = _Pieces.checked(components, min_size, border_price, objects)
     if n_segments != "auto":
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     values = picture_values(image, check_choice("space", space, SPACES), mask)
@@ -195,13 +200,16 @@ class _Pieces:
     components: bool
     min_size: int
     border_price: float
+    objects: Objects | None
 
     @classmethod
-    def checked(cls, components: bool, min_size: int, border_price: float) -> _Pieces | None:
+    def checked(cls, components: bool, min_size: int, border_price: float, objects: bool | Objects) -> _Pieces | None:
         """Check the options; None if pieces stay as they are."""
         size, price = int(check_non_negative("min_size", min_size)), check_non_negative("border_price", border_price)
         check_needs("border_price", bool(price), "components=True", components)
-        return cls(components, size, price) if components or size else None
+        check_excluded("objects", bool(objects), components=components)
+        found = Objects() if objects is True else objects or None
+        return cls(components, size, price, found) if components or size or found else None
 
     def applied(self, labels: NDArray[np.int32], data: NDArray[np.float32], length_price: float) -> NDArray[np.int32]:
         """Merge small pieces into their neighbors, and make pieces segments of their own if asked for."""
@@ -210,7 +218,8 @@ class _Pieces:
         if not self.components:
             label_of = np.zeros(int(pieces.max()) + 1, np.int32)
             label_of[pieces] = labels
-            return label_of[kept]
+            merged = label_of[kept]
+            return self.objects.found(merged, data) if self.objects else merged
         if not self.border_price:
             return kept
         return join_regions(kept, averaged(data, _BESIDE_BORDERS, labels > 0), self.border_price)

@@ -85,3 +85,19 @@ def test_a_picture_without_regions_has_no_figures() -> None:
     table = region_table(nothing, np.zeros((3, 3, 2)))
     assert [len(column) for column in table.values()] == [0] * len(table)
     assert "std_2" in table
+
+
+def test_more_properties_are_named_and_measured_as_in_scikit_image() -> None:
+    from skimage.measure import regionprops_table
+
+    labels = np.kron(np.arange(6).reshape(2, 3), np.ones((7, 5), int))
+    image = np.random.default_rng(0).random(labels.shape)
+    names = ("eccentricity", "solidity", "centroid_weighted")
+    table = region_table(labels, image, names)
+    expected = regionprops_table(labels, image[..., None], properties=names)
+    assert list(table)[-len(expected) :] == list(expected)
+    for name, column in expected.items():
+        np.testing.assert_array_equal(table[name], column)
+    for name in ("shape", "coords"):
+        with pytest.raises(ValueError, match=f"properties: '{name}' must have a number per region"):
+            region_table(labels, image, [name])

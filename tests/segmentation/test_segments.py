@@ -88,10 +88,12 @@ def test_labels_depend_neither_on_the_type_nor_on_the_scale(photograph: NDArray[
 def test_labels_follow_any_scale_where_weights_do(way: dict[str, Any]) -> None:
     image, _ = noisy_shapes(0.3, 1)
     image = image[:100, :100]
-    if isinstance(way.get("edge_weight"), int):
-        return
+    scaled = way
+    if isinstance(way.get("edge_weight"), int):  # white is 1 for both images: their squared levels differ
+        scaled, way = {**way, "edge_weight": way["edge_weight"] * 4096**2 * 50}, {**way, "edge_weight": 30 * 50}
     expected = segment(image, 3, **way).labels
-    np.testing.assert_array_equal(segment(image * 4096 - 512, 3, **way).labels, expected)
+    np.testing.assert_array_equal(segment(image * 4096 - 512, 3, **scaled).labels, expected)
+    assert len(np.unique(expected)) == 3
 
 
 @pytest.mark.parametrize(("sigma", "least"), [(0.25, 0.999), (0.5, 0.996), (1, 0.985)])
@@ -127,6 +129,9 @@ def test_what_is_outside_of_the_mask_or_not_finite_has_label_0_and_no_influence(
     holes = picture.copy()
     holes[~mask, 1] = np.nan
     np.testing.assert_array_equal(segment(holes, 3, **way).labels, expected)
+    masked = np.ma.array(other, mask=np.zeros(other.shape, bool))
+    masked[~mask, 2] = np.ma.masked
+    np.testing.assert_array_equal(segment(masked, 3, **way).labels, expected)
 
 
 @pytest.mark.parametrize("way", WAYS, ids=str)

@@ -1,0 +1,67 @@
+"""Claims about ``cvtimg segment --objects`` and ``-k auto``."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cvtimg import read_image, segment, write_image
+from cvtimg.cli import app as cli
+
+
+@pytest.fixture
+def cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """Two discs that touch and one that does not, in a file of the folder that tests work in."""
+    monkeypatch.chdir(tmp_path)
+    down, right = np.indices((60, 90))
+    inside = np.zeros((60, 90), bool)
+    for y, x in ((20, 20), (20, 36), (40, 70)):
+        inside |= np.hypot(down - y, right - x) < 10
+    image = np.clip(40 + 150 * inside + np.random.default_rng(0).normal(0, 9, inside.shape), 0, 255).astype(np.uint8)
+    write_image("cells.png", image)
+    return image
+
+
+def test_objects_are_split_and_the_background_is_in_no_table(
+    cells: np.ndarray[Any, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    how = ["cells.png", "-k", "2", "--edge-weight", "auto", "--objects", "--properties", "eccentricity, solidity"]
+    outputs = ["-o", "l.png", "--table", "t.csv", "--coco", "c.json", "--overlay", "o.png", "--contours", "c.svg"]
+    assert cli.main(["segment", *how, *outputs, "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    labels = read_image("l.png")
+    assert row["k"] == labels.max() == 3
+    assert row["left_out"] == (labels == 0).sum() > labels.size / 2
+    with Path("t.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["label"]) for row in rows] == [1, 2, 3]
+    assert all(float(row["eccentricity"]) < 0.6 and float(row["solidity"]) > 0.9 for row in rows)
+    assert len(json.loads(Path("c.json").read_text())["annotations"]) == 3
+    drawn = (read_image("o.png") == [255, 255, 0]).all(axis=2)
+    assert drawn.sum() > 3 * 40  # the rims of all three, though their other side has label 0
+    assert cli.main(["segment", *how, "--neck-depth", "9", "--json", "-o", "m.png"]) == 0
+    assert json.loads(capsys.readouterr().out)["k"] == 2
+
+
+@pytest.mark.parametrize("options", [["--components"], ["--superpixels"]])
+def test_objects_exclude_other_pieces(
+    cells: np.ndarray[Any, Any], options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["segment", "cells.png", "-k", "2", "--objects", *options]) == 2
+    assert "exclude each other" in capsys.readouterr().err
+
+
+def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    how = ["--averaging", "before", "--edge-weight", "auto"]
+    assert cli.main(["segment", "cells.png", "-k", "auto", *how, "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    expected = segment(cells, "auto", averaging="before", edge_weight="auto")
+    assert expected.curve is not None
+    assert row["k"] == expected.n_segments == 2
+    assert row["elbow"] == expected.curve.elbows()
+    np.testing.assert_array_equal(read_image("cells-labels.png"), expected.labels)

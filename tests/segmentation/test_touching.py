@@ -1,0 +1,106 @@
+"""Claims about objects: touching ones are split, and the background is none of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cvtimg import segment
+from cvtimg.segmentation import Objects, split_touching
+
+RNG = np.random.default_rng(0)
+
+
+def discs(centers: list[tuple[float, float]], radius: float, shape: tuple[int, int] = (90, 120)) -> NDArray[np.int32]:
+    """Each pixel of discs by the nearest center, from 1; 0 elsewhere."""
+    down, right = np.indices(shape)
+    apart = np.stack([np.hypot(down - y, right - x) for y, x in centers])
+    return np.where(apart.min(axis=0) < radius, apart.argmin(axis=0) + 1, 0).astype(np.int32)
+
+
+PAIRS = discs([(20, 20), (20, 36), (60, 30), (62, 70), (62, 86), (70, 103), (20, 90)], 10)
+
+
+def same_partition(one: NDArray[Any], other: NDArray[Any]) -> float:
+    """Share of the pixels of objects that lie in the object of `one` that matches theirs in `other`."""
+    inside = other > 0
+    table = np.bincount(one[inside] * (other.max() + 1) + other[inside], minlength=(one.max() + 1) * (other.max() + 1))
+    return float(table.reshape(one.max() + 1, -1).max(axis=0).sum() / inside.sum())
+
+
+def test_touching_discs_are_split_where_they_touch() -> None:
+    assert ndimage.label(PAIRS > 0)[1] == 4
+    found = split_touching(PAIRS > 0)
+    assert found.max() == PAIRS.max() == 7
+    np.testing.assert_array_equal(found > 0, PAIRS > 0)
+    assert same_partition(found, PAIRS) > 0.98
+
+
+@pytest.mark.parametrize("angle", [0, 0.5, 1.2])
+def test_a_convex_object_is_never_split(angle: float) -> None:
+    down, right = np.indices((90, 120)) - np.array([45, 60])[:, None, None]
+    along, across = down * np.sin(angle) + right * np.cos(angle), down * np.cos(angle) - right * np.sin(angle)
+    for inside in ((along / 40) ** 2 + (across / 12) ** 2 < 1, (abs(along) < 30) & (abs(across) < 12)):
+        assert split_touching(inside).max() == 1
+        ragged = inside ^ (ndimage.binary_dilation(inside) & (RNG.random(inside.shape) < 0.1) & ~inside)
+        assert split_touching(ragged).max() == 1
+
+
+def test_a_deeper_neck_is_needed_where_more_is_asked_for() -> None:
+    assert split_touching(PAIRS > 0, np.inf).max() == 4
+    counts = [int(split_touching(PAIRS > 0, depth).max()) for depth in (0.5, 2, 20)]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] == 4
+
+
+def test_small_pieces_are_objects_too_and_nothing_has_none() -> None:
+    mask = np.zeros((9, 9), bool)
+    assert split_touching(mask).max() == 0
+    mask[1, 1] = mask[5, 5:7] = True
+    np.testing.assert_array_equal(np.bincount(split_touching(mask).ravel()), [78, 1, 2])
+
+
+@pytest.mark.parametrize("edge_weight", [0, "auto"])
+def test_segment_finds_objects_and_leaves_the_background_out(edge_weight: float | str) -> None:
+    brightness = np.array([20, 120, 130, 140, 150, 160, 170, 180])[PAIRS]
+    image = np.clip(brightness + RNG.normal(0, 5, PAIRS.shape), 0, 255).astype(np.uint8)
+    result = segment(image, 2, edge_weight=edge_weight, min_size=5, objects=True)
+    assert result.n_segments == 7
+    assert same_partition(result.labels, PAIRS) > 0.97
+    np.testing.assert_array_equal(np.bincount(result.labels.ravel())[1:], result.masses)
+    assert (np.diff(result.generators[:, 0]) > 0).all()
+    np.testing.assert_allclose(result.generators[:, 0], np.arange(120, 190, 10), atol=3)
+    rows = image[result.labels > 0].astype(float)
+    means = result.generators[result.labels[result.labels > 0] - 1, 0]
+    assert result.energy == pytest.approx(((rows - means) ** 2).sum(), rel=1e-4)
+
+
+@pytest.mark.parametrize(("background", "n_objects"), [("largest", 2), ("darkest", 2), ("brightest", 1)])
+def test_the_background_is_chosen_by_size_or_brightness(background: str, n_objects: int) -> None:
+    image = np.full((40, 60), 100, np.uint8)
+    image[10:20, 5:15] = 200
+    image[10:20, 40:50] = 200
+    if background == "largest":
+        image = 255 - image
+    result = segment(image, 2, objects=Objects(background, neck_depth=np.inf))
+    assert result.n_segments == n_objects
+
+
+def test_an_image_of_one_color_has_no_objects() -> None:
+    result = segment(np.full((8, 9), 7, np.uint8), 3, objects=True)
+    assert result.n_segments == 0
+    assert not result.labels.any()
+    assert result.energy == 0
+
+
+def test_wrong_options_are_refused() -> None:
+    with pytest.raises(ValueError, match="background='dark' must be one of largest, darkest, brightest"):
+        Objects("dark")
+    with pytest.raises(ValueError, match="neck_depth=-1 must be"):
+        Objects(neck_depth=-1)
+    with pytest.raises(ValueError, match="objects takes no components"):
+        segment(np.eye(5), 2, objects=True, components=True)
