@@ -15,6 +15,7 @@ from typer import Option
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.pages import read_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -163,11 +164,10 @@ def _measure(
 
 def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """Read the samples, and the picture if it is one."""
-    from cvtimg import read_image
     from cvtimg.tables.files import read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:
-        image = read_image(source)
+        image = read_whole(source)
         return image, image
     if space != "rgb":
         raise ValueError(f"--space {space} is for images; a table has no color space")

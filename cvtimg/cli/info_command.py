@@ -8,6 +8,7 @@ from dataclasses import asdict
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.pages import read_whole
 
 EXAMPLES = "Example:  cvtimg info photos/ --json"
 #: Columns of the table, in the words of --json; they fit into 80 characters.
@@ -24,7 +25,6 @@ def info(inputs: options.Images, max_pixels: options.MaxPixels = None, *, common
 def _info(task: Task, _: Stopwatch) -> Row:
     import numpy as np
 
-    from cvtimg import read_image
     from cvtimg.colors import color_samples
     from cvtimg.pictures import image_info
 
@@ -32,7 +32,7 @@ def _info(task: Task, _: Stopwatch) -> Row:
     header["alpha"] = header.pop("has_alpha")
     if header["nodata"] is not None and not math.isfinite(header["nodata"]):
         header["nodata"] = str(header["nodata"])  # JSON has no such numbers
-    image = read_image(task.source)
+    image = read_whole(task.source)
     pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
     known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
     n_colors = color_samples(known).n_colors if known.size else 0

@@ -12,6 +12,7 @@ from typer import Option
 from cvtimg.batch import Report, Row, Stopwatch, Task, check_suffix, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.pages import read_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -70,11 +71,11 @@ def palette(
 def _palette(task: Task, stopwatch: Stopwatch, *, n_colors: int | None, overwrite: bool) -> Row:
     import numpy as np
 
-    from cvtimg import quantize, read_image, write_palette
+    from cvtimg import quantize, write_palette
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
 
-    image = read_image(task.source)
+    image = read_whole(task.source)
     stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
         raise ValueError(f"has {image.shape[2]} bands, which are no colors")

@@ -15,6 +15,7 @@ from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, pl
 from cvtimg.cli import options
 from cvtimg.cli.animations import quantize_animation, stays_animated
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.pages import has_pages, quantize_pages
 from cvtimg.cli.sharing import share
 from cvtimg.cli.tiled import check_fit, needs_tiles, quantize_in_tiles
 
@@ -94,9 +95,7 @@ KeepMetadata = Annotated[
     bool, Option("--keep-metadata", help="Keep the color profile, resolution, EXIF and georeference where still valid.")
 ]
 Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; slower.")]
-PerFrame = Annotated[
-    bool, Option("--palette-per-frame", help="Use a palette for each frame of an animation, not one for all.")
-]
+PerFrame = Annotated[bool, Option("--palette-per-frame", help="Use a palette for each frame or page, not one for all.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +192,8 @@ def quantize(
     -o can also end in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
 
     TIFF files of over 2^26 pixels with -o FILE.tif, and Zarr arrays, are read in tiles: memory stays bounded.
-    Animations stay animations in .gif, .png and .webp, with one palette for all frames.
+    Animations stay animations in .gif, .png and .webp, with one palette for all frames; so do TIFF files of several
+    pages, with -o FILE.tif.
     """
     from cvtimg import find_images, read_palette, write_palette
     from cvtimg.palettes.files import PALETTE_FORMATS
@@ -323,6 +323,8 @@ def _quantize(
 
     if stays_animated(task):
         return _quantize_animation(task, stopwatch, how, overwrite)
+    if has_pages(task.source):
+        return _quantize_pages(task, stopwatch, how, overwrite)
     if needs_tiles(task.source, task.output):
         unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes")
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
@@ -359,6 +361,17 @@ def _metadata(task: Task, *, keep_all: bool) -> Metadata | None:
         return replace(read_metadata(task.source), nodata=None)
     tiffs = {path.suffix.lower() for path in (task.source, task.output)} <= {".tif", ".tiff"}
     return Metadata(geo=read_metadata(task.source).geo) if tiffs else None
+
+
+def _quantize_pages(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
+    """Quantize all pages, if what is asked for can be done to them."""
+    from cvtimg.pictures import read_pages
+
+    for option in how.unfit("--psnr", "--max-bytes", "--weight-map", "-k auto", "--depth", "--optimize"):
+        raise ValueError(f"has several pages, which {option} cannot be used for")
+    given = how.colors_of(read_pages(task.source).images[0].dtype) if how.colors else {}
+    options = {**how.search, **how.mapping, **given}
+    return quantize_pages(task, stopwatch, options, per_page=how.per_frame, overwrite=overwrite)
 
 
 def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:

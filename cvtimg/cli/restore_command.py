@@ -190,15 +190,18 @@ def restore(
 
 def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     """Read all versions and masks, and name all that cannot be read."""
-    from cvtimg import read_image
+    from cvtimg.pictures import read_pages
 
     failed: Missing = []
+    names: list[str] = []
 
     def read(paths: Sequence[Path]) -> list[NDArray[Any]]:
-        found = []
+        found: list[NDArray[Any]] = []
         for path in paths:
             try:
-                found.append(read_image(path))
+                pages = read_pages(path).images
+                found += pages
+                names.extend([str(path)] if len(pages) == 1 else [f"{path}: page {n + 1}" for n in range(len(pages))])
             except OSError as error:
                 failed.append((str(path), error))
         return found
@@ -206,7 +209,7 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     images, known = read(sources), [_known(mask) for mask in read(masks)]
     if failed:
         raise InputsFailedError(failed)
-    return Versions(images, known or None, [str(path) for path in sources], [str(path) for path in masks])
+    return Versions(images, known or None, names[: len(images)], names[len(images) :])
 
 
 def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:

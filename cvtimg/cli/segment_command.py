@@ -13,6 +13,7 @@ from typer import Option
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.pages import has_pages, segment_pages
 from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
 
@@ -142,6 +143,9 @@ NoData = Annotated[
     float | None,
     Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),
 ]
+Volume = Annotated[
+    bool, Option("--volume", help="Use the same segments in all pages of a file, not in each page its own.")
+]
 Superpixels = Annotated[
     bool, Option("--superpixels", help="Divide into about N connected superpixels of similar size.")
 ]
@@ -159,6 +163,7 @@ class SegmentOptions:
     superpixels: bool
     mask: Path | None
     nodata: float | None
+    volume: bool
 
     def segments(self, image: NDArray[Any], known: NDArray[np.bool_]) -> Segmentation:
         """Divide an image."""
@@ -217,6 +222,7 @@ def segment(
     compactness: Compactness = None,
     mask: Mask = None,
     nodata: NoData = None,
+    volume: Volume = False,
     volume_power: options.VolumePower = 0,
     effort: options.Effort = "balanced",
     seed: options.Seed = 0,
@@ -232,10 +238,17 @@ def segment(
     with --write each input gets the outputs listed. Contours are in pixels from the upper left corner, or in the
     coordinates of a GeoTIFF.
 
+    Each page of a TIFF is segmented by itself, or by --volume all of them alike, with -o FILE.tif for the labels.
+
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
     from cvtimg import find_images
 
+    if volume:
+        if mask:
+            raise WrongUsageError("--mask and --volume exclude each other")
+        _exclude("--volume", superpixels=superpixels, components=components, min_size=min_size, objects=objects)
+        _exclude("--volume", edge_weight=edge_weight, averaging=averaging != "none")
     if superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
         _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price, objects=objects)
@@ -254,7 +267,7 @@ def segment(
         keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
         keywords["averaging"] = _averaging(averaging, kernel, radius)
         keywords["objects"] = _objects(background, neck_depth) if objects else False
-    how = SegmentOptions(number, {**keywords, "space": space}, superpixels, mask, nodata)
+    how = SegmentOptions(number, {**keywords, "space": space}, superpixels, mask, nodata, volume)
     style = Style(
         edge_mode=edge_mode,
         line_color=tuple(bytes.fromhex(line_color)[:3]),
@@ -304,11 +317,14 @@ def _segment(
         check_fit(task.source, how.unfit, max_pixels)
         return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
     header = image_info(task.source)
-    image, known = _known(read_image(task.source), header, how.nodata)
-    if how.mask:
-        known = known & _read_mask(how.mask, known.shape)
+    divide = partial(_divide, how=how, header=header)
+    if has_pages(task.source):
+        if [kind_of(option) for option in task.outputs] != ["labels"]:
+            raise ValueError("has several pages, of which only labels are written")
+        return segment_pages(task, stopwatch, divide, volume=how.volume, overwrite=overwrite)
+    image = read_image(task.source)
     stopwatch.lap("read")
-    result = how.segments(image, known)
+    image, result = divide(image)
     stopwatch.lap("cluster")
     Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
     stopwatch.lap("write")
@@ -324,6 +340,16 @@ def _segment(
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
     }
+
+
+def _divide(
+    image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo
+) -> tuple[NDArray[Any], Segmentation]:
+    """Segment an image; return the bands that count, and the result."""
+    image, known = _known(image, header, how.nodata)
+    if how.mask:
+        known = known & _read_mask(how.mask, known.shape)
+    return image, how.segments(image, known)
 
 
 def _needs_tiles(task: Task) -> bool:

@@ -62,12 +62,6 @@ def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_image(tmp_path / name), RGBA[..., [0, 0, 0, 1]], strict=True)
 
 
-def test_the_first_of_two_pages_is_read(tmp_path: Path) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", np.stack([RGB, RGB[::-1]]), photometric="rgb")
-    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), RGB)
-    assert image_info(tmp_path / "a.tif").frames == 2
-
-
 def test_premultiplied_alpha_is_divided_out(tmp_path: Path) -> None:
     alpha = RNG.integers(1, 65536, (5, 7, 1))
     stored = np.dstack([np.rint(RGB * (alpha / 65535)), alpha]).astype(np.uint16)

@@ -157,9 +157,9 @@ def test_the_inverted_cmyk_of_adobe_jpeg_is_turned_round_once(tmp_path: Path) ->
     assert np.abs(read_image(path).astype(int) - (0, 255, 255)).max() <= 2
 
 
-def test_the_first_frame_is_read(tmp_path: Path) -> None:
+def test_the_first_frame_of_an_animation_is_read(tmp_path: Path) -> None:
     pages = [Image.fromarray(RGB), Image.fromarray(255 - RGB)]
-    path = save(tmp_path / "a.tif", pages[0], save_all=True, append_images=pages[1:])
+    path = save(tmp_path / "a.png", pages[0], save_all=True, append_images=pages[1:])
     np.testing.assert_array_equal(read_image(path), RGB)
     assert image_info(path).frames == 2
 

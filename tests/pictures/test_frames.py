@@ -243,7 +243,8 @@ def test_pages_are_no_frames(tmp_path: Path) -> None:
     pages = [Image.fromarray(PALETTE[image]) for image in scene(3)]
     pages[0].save(tmp_path / "a.tif", save_all=True, append_images=pages[1:])
     assert not is_animated(tmp_path / "a.tif")
-    assert len(read_frames(tmp_path / "a.tif").images) == 1
+    with pytest.raises(OSError, match=r"a\.tif: has 3 pages, where one image is expected"):
+        read_frames(tmp_path / "a.tif")
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.5, 0.9])

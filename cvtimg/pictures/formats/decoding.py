@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
-from cvtimg.pictures.formats.opening import open_picture, orientation
+from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_fits
+from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
-from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, decode_tiff, tags_of
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
 
-__all__ = ["decode", "depth", "to_srgb"]
+__all__ = ["decode", "decode_opened", "depth", "to_srgb"]
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -37,21 +38,36 @@ def decode(file: BinaryIO) -> NDArray[Any]:
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
         return decode_npy(file)
+    if magic.startswith(FITS_MAGIC):
+        return decode_fits(file)
     try:
         image = open_picture(file)
     except UnidentifiedImageError:
         if not magic.startswith(TIFF_MAGICS):
             raise
+        _check_alone(file)
         return decode_tiff(file)
     with image:
+        if image.format == "TIFF":
+            _check_alone(file)
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
             return decode_tiff(file)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
             return decode_deep_png(file, image)
-        return _decode(image)
+        return decode_opened(image)
 
 
-def _decode(image: ImageFile.ImageFile) -> NDArray[Any]:
+def _check_alone(file: BinaryIO) -> None:
+    """Refuse several pages where one image is wanted: none is left out in silence."""
+    at = file.tell()
+    n_pages = count_pages(file)
+    file.seek(at)
+    if n_pages > 1:
+        raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
+
+
+def decode_opened(image: ImageFile.ImageFile) -> NDArray[Any]:
+    """Give the pixels of the frame or page that Pillow is at."""
     bits = depth(image)  # asked first: load() forgets how the file is coded
     image.load()
     _scale_transparent_color(image, bits)

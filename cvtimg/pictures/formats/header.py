@@ -10,11 +10,13 @@ from PIL import ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
+from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_fits
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
+    count_pages,
     first_page,
     icc_profile,
     is_turned,
@@ -41,7 +43,7 @@ class ImageInfo:
     bits : int
         Bits a band (an index in a palette picture) in the file.
     frames : int
-        How many frames or pages; `read_image` reads the first.
+        How many frames or pages, without masks and smaller copies of others.
     has_alpha : bool
         Whether the picture carries transparency of any kind.
     icc : str or None
@@ -76,6 +78,9 @@ def read_header(file: BinaryIO) -> ImageInfo:
     if magic.startswith(NPY_MAGIC):
         shape, dtype = npy_header(file.name)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
+    if magic.startswith(FITS_MAGIC):
+        values = decode_fits(file)
+        return replace(_of_array(values.shape, 1, values.dtype), format="FITS")
     try:
         image = open_picture(file)
     except UnidentifiedImageError:
@@ -86,7 +91,7 @@ def read_header(file: BinaryIO) -> ImageInfo:
         layout = Layout.of(tags_of(image))
         if image.format == "TIFF" and layout.n_samples > layout.n_colors + layout.alpha and not layout.for_pillow:
             return _of_tiff(file)
-        return _of_picture(image)
+        return _of_picture(image, file)
 
 
 def _profile_name(icc: bytes | None) -> str | None:
@@ -97,7 +102,7 @@ def _profile_name(icc: bytes | None) -> str | None:
     return profile_name(icc)
 
 
-def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
+def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     width, height = image.size
     # Pillow states the size of a TIFF upright already. A PNG's EXIF behind the pixels would
     # cost a decoding.
@@ -112,7 +117,7 @@ def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
         mode=image.mode,
         bands=image.getbands(),
         bits=depth(image),
-        frames=getattr(image, "n_frames", 1),
+        frames=count_pages(file) if image.format == "TIFF" else getattr(image, "n_frames", 1),
         has_alpha=image.has_transparency_data,
         icc=_profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),
@@ -122,7 +127,7 @@ def _of_picture(image: ImageFile.ImageFile) -> ImageInfo:
 def _of_tiff(file: BinaryIO) -> ImageInfo:
     import tifffile
 
-    file.seek(0)
+    n_pages = count_pages(file)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
         height, width = page.imagelength, page.imagewidth
@@ -134,7 +139,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             header,
             format="TIFF",
             bits=layout.bits,
-            frames=len(tiff.pages),
+            frames=n_pages,
             has_alpha=layout.alpha,
             icc=_profile_name(icc_profile(tags)),
             **asdict(Place.of(tags)),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -21,11 +23,16 @@ __all__ = [
     "TIFF_MAGICS",
     "Layout",
     "Tags",
+    "count_pages",
     "decode_tiff",
     "encode_tiff",
+    "finished",
     "first_page",
     "icc_profile",
+    "is_plain",
+    "is_subordinate",
     "is_turned",
+    "sample_options",
     "tiff_tags",
 ]
 
@@ -37,6 +44,9 @@ _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
 _OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
 _GREYS, _RGB = (0, 1), 2
 _PREMULTIPLIED = 1
+#: Bytes in which the description of a file of ImageJ begins.
+_START = 1 << 12
+_SUBFILE, _REDUCED, _MASK = 254, 1, 4
 #: What ExtraSamples says of transparency: premultiplied, not so, and what CorelDRAW says.
 _ALPHA = ((1,), (2,), (999,))
 
@@ -88,7 +98,19 @@ def decode_tiff(file: BinaryIO) -> NDArray[Any]:
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
-        values = as_samples(_channels_last(page.asarray(maxworkers=n_threads()), page.axes))
+        values = _channels_last(page.asarray(maxworkers=n_threads()), page.axes)
+    return upright(finished(values, tags), _first(tags.get(_ORIENTATION, 1)))
+
+
+def is_plain(tags: Tags) -> bool:
+    """Whether samples are gray from black or RGB, of at least 8 bits, and upright."""
+    upright = _first(tags.get(_ORIENTATION, 1)) == 1
+    return tags.get(_PHOTOMETRIC) in (1, _RGB) and Layout.of(tags).bits >= 8 and upright
+
+
+def finished(values: NDArray[Any], tags: Tags) -> NDArray[Any]:
+    """Bring samples to the full range of their type, to straight alpha and, with 16 bits, to sRGB."""
+    values = as_samples(values)
     layout = Layout.of(tags)
     if values.ndim == 3 and layout.bits < 16 and layout.n_colors == 3 and values.dtype == np.uint16:
         values = np.rint(values * (65535 / (2**layout.bits - 1))).astype(np.uint16)
@@ -101,7 +123,7 @@ def decode_tiff(file: BinaryIO) -> NDArray[Any]:
         from cvtimg.pictures.profiles import convert_deep
 
         values = convert_deep(values, icc)
-    return upright(values, _first(tags.get(_ORIENTATION, 1)))
+    return values
 
 
 def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
@@ -111,6 +133,49 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
         raise UnfitContentError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
     check_size(page.imagelength * page.imagewidth)
     return page
+
+
+def count_pages(file: BinaryIO) -> int:
+    """Count the pages of a file: 1 for other formats than TIFF, and those that are there of a damaged chain."""
+    file.seek(0)
+    magic = file.read(4)
+    file.seek(0)
+    if not magic.startswith(TIFF_MAGICS) or not _may_have_pages(file):
+        return 1
+    import tifffile
+
+    size = 1
+    with suppress(Exception), tifffile.TiffFile(file) as tiff:  # the reader will say what is wrong with it
+        # Of large stacks ImageJ describes the first page alone.
+        in_imagej = int((tiff.imagej_metadata or {}).get("images", 1)) if tiff.is_imagej else 1
+        size = max(in_imagej, sum(not is_subordinate(page) for page in tiff.pages))
+    file.seek(0)
+    return size
+
+
+def _may_have_pages(file: BinaryIO) -> bool:
+    """Whether a directory of tags follows the first one, or ImageJ wrote the file: a look that needs no library."""
+    file.seek(0)
+    start = file.read(_START)
+    order = "<" if start[:2] == b"II" else ">"
+    if start[2:4] in (b"+\0", b"\0+"):  # BigTIFF
+        at, n_entries, size_of, pointer = 8, "Q", 20, "Q"
+    else:
+        at, n_entries, size_of, pointer = 4, "H", 12, "I"
+    following = 1
+    with suppress(struct.error, OverflowError, OSError):  # cut off: the reader will say so
+        first = struct.unpack_from(order + pointer, start, at)[0]
+        file.seek(first)
+        (n,) = struct.unpack(order + n_entries, file.read(struct.calcsize(n_entries)))
+        file.seek(n * size_of, 1)
+        (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
+    file.seek(0)
+    return bool(following) or b"ImageJ=" in start
+
+
+def is_subordinate(page: Any) -> bool:
+    """Whether a page is a smaller copy of another, or its mask."""
+    return bool(page.aspage().tags.valueof(_SUBFILE, 0) & (_REDUCED | _MASK))
 
 
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:

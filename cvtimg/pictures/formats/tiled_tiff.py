@@ -15,7 +15,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.bands import SAMPLES, Band, Bands, Form, band_height, in_heights
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
-from cvtimg.pictures.formats.tiff import Layout, icc_profile, sample_options, tiff_tags
+from cvtimg.pictures.formats.tiff import Layout, count_pages, icc_profile, sample_options, tiff_tags
 
 __all__ = ["open_tiff", "write_tiff"]
 
@@ -38,6 +38,8 @@ def open_tiff(path: StrPath) -> Bands:
 
         with tifffile.TiffFile(file) as tiff:
             page, tags = tiff.pages.first, tiff_tags(tiff)
+            if (n_pages := count_pages(file)) > 1:
+                raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
             _check_page(page)
             shape = (page.imagelength, page.imagewidth, *([page.samplesperpixel] if page.samplesperpixel > 1 else []))
             place, layout = Place.of(tags), Layout.of(tags)

@@ -1,0 +1,130 @@
+"""Files of several pages: what `quantize` and `segment` do to each page, and to all of them together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cvtimg.batch import Row, Stopwatch, Task
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cvtimg.segmentation.result import Segmentation
+
+__all__ = ["has_pages", "quantize_pages", "read_whole", "segment_pages"]
+
+
+def has_pages(source: Path) -> bool:
+    """Tell whether a file has several pages."""
+    from cvtimg.pictures import count_pages
+
+    try:
+        return count_pages(source) > 1
+    except OSError:  # the reader will say what is wrong
+        return False
+
+
+def read_whole(source: Path) -> NDArray[Any]:
+    """Read an image; of a file with several pages all, one below the other, where only their pixels count."""
+    import numpy as np
+
+    from cvtimg import read_image
+    from cvtimg.pictures import read_pages
+
+    return np.concatenate(read_pages(source).images) if has_pages(source) else read_image(source)
+
+
+def _check_target(target: Path) -> None:
+    from cvtimg.pictures.pages import PAGE_SUFFIXES
+
+    if target.suffix.lower() not in PAGE_SUFFIXES:
+        raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {target.name}")
+
+
+def quantize_pages(
+    task: Task, stopwatch: Stopwatch, options: Mapping[str, Any], *, per_page: bool, overwrite: bool
+) -> Row:
+    """Quantize all pages with one palette, or each with its own; `options` are those of `quantize_frames`."""
+    import numpy as np
+
+    from cvtimg import quantize_frames, write_palette
+    from cvtimg.pictures import Frames, read_pages, write_pages
+
+    _check_target(task.output)
+    pages = read_pages(task.source)
+    stopwatch.lap("read")
+    frames = Frames(pages.images, (0.0,) * len(pages.images), 1)
+    result = quantize_frames(frames, per_frame=per_page, **options)
+    stopwatch.lap("cluster")
+    first = result.results[0]
+    if not per_page and first.palette.dtype == np.uint8 and first.palette.shape[1] == 3 and len(first.palette) <= 256:
+        indices = replace(pages, images=tuple(one.indices for one in result.results), has_alpha=False)
+        write_pages(task.output, indices, palette=first.palette, overwrite=overwrite)
+    else:
+        colors = replace(pages, images=tuple(one.image for one in result.results))
+        write_pages(task.output, colors, overwrite=overwrite)
+    if "--save-palette" in task.outputs:
+        counts = sum(np.bincount(one.indices.ravel(), minlength=len(first.palette)) for one in result.results)
+        write_palette(task.outputs["--save-palette"], first.palette, density=counts, overwrite=overwrite)
+    stopwatch.lap("write")
+    tessellations = [one.tessellation for one in result.results if one.tessellation]
+    return {
+        "width": pages.images[0].shape[1],
+        "height": pages.images[0].shape[0],
+        "channels": first.palette.shape[1],
+        "pages": len(pages.images),
+        "distinct_colors": result.n_distinct,
+        "k": max(len(one.palette) for one in result.results),
+        "elbow": None,
+        "energy": result.energy,
+        "mse": result.mse,
+        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
+        "n_iter": max((one.n_iter for one in tessellations), default=0),
+        "converged": all(one.converged for one in tessellations),
+    }
+
+
+def segment_pages(
+    task: Task,
+    stopwatch: Stopwatch,
+    divide: Callable[[NDArray[Any]], tuple[NDArray[Any], Segmentation]],
+    *,
+    volume: bool,
+    overwrite: bool,
+) -> Row:
+    """Segment each page by itself, or with `volume` all pages by the same generators; labels become pages."""
+    import numpy as np
+
+    from cvtimg.pictures import read_pages, write_pages
+
+    _check_target(task.output)
+    pages = read_pages(task.source)
+    stopwatch.lap("read")
+    stacked = [np.concatenate(pages.images)] if volume else pages.images
+    results = [divide(image)[1] for image in stacked]
+    labels = np.concatenate([result.labels for result in results]).reshape(
+        len(pages.images), *pages.images[0].shape[:2]
+    )
+    stopwatch.lap("cluster")
+    dtype = np.dtype(next(name for name in ("u1", "u2", "u4") if labels.max() <= np.iinfo(name).max))
+    stored = replace(pages, images=tuple(labels.astype(dtype)), has_alpha=False)
+    write_pages(task.output, stored, overwrite=overwrite)
+    stopwatch.lap("write")
+    image = pages.images[0]
+    return {
+        "width": image.shape[1],
+        "height": image.shape[0],
+        "channels": image.shape[2] if image.ndim == 3 else 1,
+        "pages": len(pages.images),
+        "left_out": int((labels == 0).sum()),
+        "k": max(result.n_segments for result in results),
+        "elbow": None,
+        "edge_weight": results[0].edge_weight,
+        "energy": sum(result.energy for result in results),
+        "n_iter": max(len(result.energies) - 1 for result in results),
+        "converged": all(result.converged for result in results),
+    }

@@ -1,0 +1,36 @@
+"""FITS, as telescopes write it, by astropy. Pillow would leave out its zero point, its sign and its orientation."""
+
+from __future__ import annotations
+
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.pictures.formats.arrays import as_samples
+from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+
+__all__ = ["FITS_MAGIC", "decode_fits"]
+
+FITS_MAGIC = b"SIMPLE "
+
+
+def decode_fits(file: BinaryIO) -> NDArray[Any]:
+    """Read the first image of a file, (H, W), with its physical values; FITS begins with the lowest row."""
+    try:
+        from astropy.io import fits
+    except ImportError as error:
+        raise UnfitContentError("is a FITS file, which needs astropy: pip install 'cvtimg[fits]'") from error
+    file.seek(0)
+    with fits.open(file, memmap=False) as units:
+        for unit in units:
+            header = unit.header
+            sides = [int(header[f"NAXIS{axis + 1}"]) for axis in range(int(header.get("NAXIS", 0)))]
+            if len(sides) < 2 or not unit.is_image or 0 in sides:
+                continue
+            check_size(int(np.prod(sides, dtype=float)))
+            values = np.squeeze(unit.data)
+            if values.ndim != 2:
+                raise UnfitContentError(f"holds an array of shape {values.shape}, where one image is expected")
+            return as_samples(values.astype(values.dtype.newbyteorder("="))[::-1])
+    raise UnfitContentError("holds no image")
