@@ -342,9 +342,7 @@ def _segment(
     }
 
 
-def _divide(
-    image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo
-) -> tuple[NDArray[Any], Segmentation]:
+def _divide(image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo) -> tuple[NDArray[Any], Segmentation]:
     """Segment an image; return the bands that count, and the result."""
     image, known = _known(image, header, how.nodata)
     if how.mask:
