@@ -1,0 +1,108 @@
+"""Images of many megapixels: leaves are found and measured on a reduced image, and their borders on the whole one.
+
+What people see in an image does not shrink as its pixels do: discs of a few pixels see little of a large photograph
+but its grain.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.labels.components import absorb_small, connected_pieces
+from cvtimg.segmentation.edge_weight import descend
+from cvtimg.segmentation.hierarchy.borders import find_borders
+from cvtimg.segmentation.hierarchy.leaves import COMPACTNESS, Leaves, without_gaps
+
+#: Images of more pixels are reduced.
+MOST_PIXELS = 5 << 18
+#: Reduced rows at a time.
+_ROWS = 64
+#: Sweeps over the borders of the whole image for each pixel that they may be off.
+_SWEEPS = 2
+
+
+def reduction(n_pixels: int) -> int:
+    """Return how many times an image of so many pixels is reduced along each axis."""
+    return max(1, int(np.ceil(np.sqrt(n_pixels / MOST_PIXELS))))
+
+
+def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some.
+
+    Blocks at the right and lower border may be smaller.
+    """
+    height, width, n_bands = image.shape
+    columns = np.arange(0, width, factor)
+    means = np.empty((-(-height // factor), len(columns), n_bands), image.dtype)
+    occupied = np.empty(means.shape[:2], np.bool_)
+    for first in range(0, len(means), _ROWS):
+        part = slice(first * factor, (first + _ROWS) * factor)
+        rows = np.arange(0, len(inside[part]), factor)
+        counts = np.add.reduceat(np.add.reduceat(inside[part].astype(np.float64), rows), columns, axis=1)
+        weighted = image[part] * inside[part, :, None].astype(np.float64)
+        sums = np.add.reduceat(np.add.reduceat(weighted, rows), columns, axis=1)
+        mean = sums / np.maximum(counts, 1)[..., None]
+        means[first : first + _ROWS] = np.rint(mean) if image.dtype.kind == "u" else mean
+        occupied[first : first + _ROWS] = counts > 0
+    return means, occupied
+
+
+def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> Leaves:
+    """Carry the leaves of a reduced image to the whole one, and let their borders follow its edges."""
+    height, width = inside.shape
+    blocks = leaves.labels.repeat(factor, axis=0)[:height].repeat(factor, axis=1)[:, :width]
+    labels = np.where(inside, blocks, np.int32(0))
+    if not inside.all():
+        labels = _in_pieces(labels, factor)
+    parents = np.zeros(int(labels.max()) + 1, np.intp)
+    parents[labels] = blocks
+    parents = parents[1:] - 1
+    labels = _at_edges(image, labels, factor)
+    sizes = np.bincount(labels.ravel(), minlength=len(parents) + 1)[1:].astype(np.float64)
+    shares = (sizes / leaves.sizes[parents])[:, None]
+    borders = find_borders(labels)
+    return Leaves(
+        labels=labels,
+        sizes=sizes,
+        moments=leaves.moments[parents] * shares,
+        histograms=[histogram[parents] * shares for histogram in leaves.histograms],
+        pairs=borders.pairs,
+        lengths=borders.lengths,
+        strengths=_known_strengths(leaves, parents[borders.pairs]),
+    )
+
+
+def _in_pieces(labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
+    """Make leaves of the pieces into which the mask cuts leaves; very small ones join a neighbor, if they have one."""
+    pieces = connected_pieces(labels)
+    return without_gaps(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
+
+
+def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
+    """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
+    some = image[:: factor * 4, :: factor * 4]
+    low, high = np.percentile(some, (0.1, 99.9))
+    values = image.astype(np.float32)
+    values -= np.float32((low + high) / 2)
+    values *= np.float32(255 / (high - low) if high > low else 1)
+    n_sweeps = _SWEEPS * factor
+    return descend(
+        values, labels, int(labels.max()), edge_weight=COMPACTNESS, connected=True, max_sweeps=n_sweeps
+    ).labels
+
+
+def _known_strengths(leaves: Leaves, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(B,) strengths of borders between leaves; 0 within one, and the mean where two have met only now."""
+    n_leaves = len(leaves.sizes)
+    known = leaves.pairs[:, 0].astype(np.int64) * n_leaves + leaves.pairs[:, 1]
+    wanted = pairs.min(axis=1) * n_leaves + pairs.max(axis=1)
+    strengths = np.full(len(pairs), leaves.strengths.mean() if len(known) else 0.0)
+    if len(known):
+        places = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+        met = known[places] == wanted
+        strengths[met] = leaves.strengths[places[met]]
+    strengths[pairs[:, 0] == pairs[:, 1]] = 0
+    return strengths

@@ -1,0 +1,103 @@
+"""The leaves of a hierarchy: superpixels, the borders between them, and what is known of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.segmentation.edge_weight import descend
+from cvtimg.segmentation.grid_cells import grid_of_cells
+from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
+from cvtimg.segmentation.hierarchy.borders import border_strengths, find_borders, smoothing_matrix
+from cvtimg.segmentation.hierarchy.channels import Channels
+from cvtimg.segmentation.hierarchy.eigenvectors import global_strengths
+from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.prepared import auto_weight
+from cvtimg.segmentation.values import PictureValues
+
+#: Least penalty for each pair of near pixels in different leaves, in squared values; noise raises it.
+COMPACTNESS = 5.0
+#: What steps of eigenvectors across a border add to its strength.
+_GLOBAL_WEIGHT = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaves:
+    """N leaves, numbered from 0, and B borders between them.
+
+    Attributes
+    ----------
+    labels : (H, W) int32 array
+        The number of each leaf plus 1; 0 outside the mask.
+    sizes : (N,) float64 array
+        Pixels.
+    moments : (N, D + 1) float64 array
+        Sums over the pixels of each leaf: of their values about the center, and of the squares of these.
+    histograms : list of (N, bins) float64 arrays
+        Of each channel, textons last.
+    pairs : (B, 2) int32 array
+        Leaves at the two sides of each border, the lower number first.
+    lengths : (B,) int32 array
+        Cracks of each border.
+    strengths : (B,) float64 array
+        How strongly each border parts its sides.
+    """
+
+    labels: NDArray[np.int32]
+    sizes: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    histograms: list[NDArray[np.float64]]
+    pairs: NDArray[np.int32]
+    lengths: NDArray[np.int32]
+    strengths: NDArray[np.float64]
+
+
+def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
+    """Divide an image into about so many superpixels, and measure them."""
+    labels = _superpixels(channels, n_leaves)
+    own = labels[values.inside] - 1
+    rows = values.field()[values.inside]
+    squares = np.bincount(own, np.einsum("nd,nd->n", rows, rows, dtype=np.float64))
+    sizes = np.bincount(own).astype(np.float64)
+    borders = find_borders(labels)
+    strengths = border_strengths(borders, channels)
+    steps = global_strengths(borders.pairs, strengths, borders.lengths, sizes)
+    return Leaves(
+        labels=labels,
+        sizes=sizes,
+        moments=np.stack([*(np.bincount(own, column) for column in rows.T), squares], axis=1),
+        histograms=_histograms(own, len(sizes), channels),
+        pairs=borders.pairs,
+        lengths=borders.lengths,
+        # Eigenvectors have slopes even where there is nothing to see: they confirm what is there, and no more.
+        strengths=strengths + np.minimum(_GLOBAL_WEIGHT * steps, strengths),
+    )
+
+
+def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
+    """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
+    cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
+    weight = max(COMPACTNESS, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
+    return without_gaps(descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels)
+
+
+def without_gaps(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Renumber labels from 1 in their order, without those that do not occur; 0 stays 0."""
+    in_use = np.bincount(labels.ravel()) > 0
+    in_use[0] = False
+    numbers: NDArray[np.int32] = np.cumsum(in_use, dtype=np.int32)
+    return numbers[labels]
+
+
+def _histograms(own: NDArray[np.int32], n_leaves: int, channels: Channels) -> list[NDArray[np.float64]]:
+    """(N, bins) histogram of each channel, colors smoothed, for the leaves (n,) of the pixels inside."""
+    n_colors = channels.bins.shape[2] - 1
+    histograms = []
+    for channel, n_bins in enumerate([N_LEVELS] * n_colors + [N_TEXTONS]):
+        bins = channels.bins[..., channel][channels.inside]
+        counts = np.bincount(own * np.int64(n_bins) + bins, minlength=n_leaves * n_bins).reshape(-1, n_bins)
+        mixing = smoothing_matrix() if channel < n_colors else np.eye(n_bins)
+        histograms.append(np.einsum("nb,bc->nc", counts, mixing))
+    return histograms
