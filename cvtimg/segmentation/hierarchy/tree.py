@@ -160,8 +160,8 @@ class RegionHierarchy:
         Parameters
         ----------
         contrast : float, optional
-            Least distance between the mean of an object and those of its neighbors along two thirds of its border, where
-            white is 255. By default, half the standard deviation of the image.
+            Least distance between the mean of an object and those of its neighbors, along two thirds of its border,
+            where white is 255. By default, half the standard deviation of the image.
         min_size : int
             Least number of pixels of an object.
         max_size : float, optional
