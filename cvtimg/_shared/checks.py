@@ -223,6 +223,20 @@ def check_place_weights(name: str, weights: ArrayLike | None, n_places: int) -> 
     return array
 
 
+def check_alike(name: str, several: Sequence[NDArray[Any]]) -> None:
+    """Refuse arrays of colors that differ in type or number of channels, or none at all."""
+    kinds = {(str(array.dtype), array.shape[1]) for array in several}
+    if len(kinds) != 1:
+        found = ", ".join(f"{dtype} x {n_channels}" for dtype, n_channels in sorted(kinds)) or "none"
+        raise ValueError(f"{name} must have one type and number of channels, not {found}")
+
+
+def check_any(name: str, found: object, what: str) -> None:
+    """Refuse something that has no parts, of which there must be at least one."""
+    if found is None:
+        raise ValueError(f"{name} must have at least one {what}")
+
+
 def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
     array = np.asarray(colors)

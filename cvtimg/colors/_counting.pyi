@@ -5,7 +5,7 @@ PAGE_SIZE: int
 
 def count_keys(
     pixels: NDArray[np.uint8],
-    spread: NDArray[np.uint32],
+    key_bits: NDArray[np.uint32],
     pages: NDArray[np.uint16],
     counts: NDArray[np.uint32],
     used: int,
@@ -18,7 +18,7 @@ def number_keys(
 ) -> int: ...
 def look_up_keys(
     pixels: NDArray[np.uint8],
-    spread: NDArray[np.uint32],
+    key_bits: NDArray[np.uint32],
     pages: NDArray[np.uint16],
     ranks: NDArray[np.uint32],
     inverse: NDArray[np.int32],

@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled loops that count distinct colors: one pass each, over buffers that the caller owns.
 
-Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
-Each argument is marked IN, OUT or INOUT.
+They allocate nothing, check nothing and decide nothing; the Python modules that call them do. Each argument is marked
+IN, OUT or INOUT.
 """
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcmp
@@ -10,29 +10,29 @@ from libc.string cimport memcmp
 PAGE_SIZE = PAGE
 
 cdef enum:
-    PAGE = 512  # 2 KiB of counts: the 8 x 8 x 8 neighbours of a color
+    PAGE = 512  # 2 KiB of counts: 8 x 8 x 8 neighboring colors
 
 
-cdef inline uint32_t key_of(const uint8_t *pixel, Py_ssize_t n_bytes, const uint32_t *spread) noexcept nogil:
-    cdef uint32_t key = spread[pixel[0]]
+cdef inline uint32_t key_of(const uint8_t *pixel, Py_ssize_t n_bytes, const uint32_t *key_bits) noexcept nogil:
+    cdef uint32_t key = key_bits[pixel[0]]
     cdef Py_ssize_t b
     for b in range(1, n_bytes):
-        key = key | spread[b * 256 + pixel[b]]
+        key = key | key_bits[b * 256 + pixel[b]]
     return key
 
 
 def count_keys(
     const uint8_t[::1] pixels,      # IN (N * B,): the bytes of each pixel
-    const uint32_t[:, ::1] spread,  # IN (B, 256): the bits of the key that each byte sets
+    const uint32_t[:, ::1] key_bits,  # IN (B, 256): bits of the key that each byte sets
     uint16_t[::1] pages,            # INOUT: for each PAGE of keys its place in `counts`, or 0 before its first use
     uint32_t[:, ::1] counts,        # INOUT (n_pages + 1, PAGE): += 1 at the key of each pixel
     Py_ssize_t used,                # IN: pages in use
 ):
     """Return the number of pages in use."""
-    # Neighbouring keys are similar colors: a photograph fills few pages, and memory is touched only for those.
-    cdef Py_ssize_t n_bytes = spread.shape[0], n = pixels.shape[0] // n_bytes, p
+    # Neighboring keys are similar colors, so a photograph fills few pages, and only their memory is touched.
+    cdef Py_ssize_t n_bytes = key_bits.shape[0], n = pixels.shape[0] // n_bytes, p
     cdef const uint8_t *pixel = &pixels[0]
-    cdef const uint32_t *bits = &spread[0, 0]
+    cdef const uint32_t *bits = &key_bits[0, 0]
     cdef uint16_t *page_of = &pages[0]
     cdef uint32_t *count = &counts[0, 0]
     cdef uint32_t key, page
@@ -64,7 +64,7 @@ def number_keys(
             if pages[page] == 0:
                 continue
             count = &counts[pages[page], 0]
-            for block in range(0, PAGE, 16):  # most are empty, even of a noisy photograph
+            for block in range(0, PAGE, 16):  # most are empty, even for a noisy photograph
                 any_count = 0
                 for entry in range(block, block + 16):
                     any_count |= count[entry]
@@ -81,14 +81,14 @@ def number_keys(
 
 def look_up_keys(
     const uint8_t[::1] pixels,      # IN (N * B,)
-    const uint32_t[:, ::1] spread,  # IN (B, 256)
+    const uint32_t[:, ::1] key_bits,  # IN (B, 256)
     const uint16_t[::1] pages,      # IN
     const uint32_t[:, ::1] ranks,   # IN (n_pages + 1, PAGE)
     int32_t[::1] inverse,           # OUT (N,): rank of the key of each pixel
 ):
-    cdef Py_ssize_t n_bytes = spread.shape[0], n = inverse.shape[0], p
+    cdef Py_ssize_t n_bytes = key_bits.shape[0], n = inverse.shape[0], p
     cdef const uint8_t *pixel = &pixels[0]
-    cdef const uint32_t *bits = &spread[0, 0]
+    cdef const uint32_t *bits = &key_bits[0, 0]
     cdef const uint32_t *rank = &ranks[0, 0]
     cdef uint32_t key
     with nogil:

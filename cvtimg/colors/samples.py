@@ -1,7 +1,7 @@
-"""Distinct colors of an image, how often each occurs, and the way back to the pixels.
+"""Distinct colors of an image, how often each occurs, and which pixel has which.
 
-A photograph of twelve million pixels has some hundred thousand colors. Everything after this step works on the
-colors, weighted by their density, so its cost does not depend on the size of the picture.
+A photograph of twelve million pixels has a few hundred thousand colors. Later steps work on the colors, weighted by
+their density, so that their cost does not depend on the size of the image.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_image, check_weights
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.checks import check_alike, check_image, check_weights
 from cvtimg.colors import _counting
+from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.samples import WeightedSamples
 
-#: Pixels of up to this many bytes are counted in a table with an entry for each possible key.
-TABLE_BYTES = 3
 _FIRST_CAPACITY = 1 << 16
 
 
@@ -31,13 +29,13 @@ class ColorSamples(WeightedSamples):
     Attributes
     ----------
     rows : (M, D) array of the image's type
-        Each distinct color once, in the units of the image; `colors` is the same.
+        The distinct colors, in the units of the image; also available as `colors`.
     density : (M,) float64 array
-        How many pixels have each color.
+        Number of pixels of each color.
     in_order : bool
-        Whether colors follow a curve that fills their space, so that near ones are similar: where D <= 4.
+        Whether colors follow a space-filling curve, so that neighbors are similar: where D <= 4.
     inverse : (H, W) int32 array
-        For each pixel the index of its color: ``colors[inverse]`` is the image, as (H, W, D).
+        Index of the color of each pixel: ``colors[inverse]`` is the image, as (H, W, D).
     """
 
     inverse: NDArray[np.int32]
@@ -57,13 +55,13 @@ class ColorSamples(WeightedSamples):
         return len(self.rows)
 
     def weighted(self, weights: ArrayLike) -> ColorSamples:
-        """Let pixels count by (H, W) weights, finite, >= 0 and not all 0: the density of a color is their sum."""
+        """Weight the pixels: the density of a color becomes the sum of the (H, W) weights >= 0 of its pixels."""
         checked = check_weights("weights", weights, self.inverse.shape)
         density = np.bincount(self.inverse.reshape(-1), checked.reshape(-1), self.n_colors)
         return replace(self, density=density.astype(np.float64))
 
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
-        """Return some of the colors, without a way back to pixels."""
+        """Return some of the colors, without `inverse`."""
         return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, np.empty((0, 0), np.int32))
 
 
@@ -103,9 +101,11 @@ def color_samples(image: Any) -> ColorSamples:
     pixels = rows.view(np.uint8)
     in_order = rows.shape[1] <= MAX_ORDERED_DIMS
     if pixels.shape[1] <= TABLE_BYTES:
-        colors, density, inverse = _count_in_table(pixels)
+        table = CountTable(pixels.shape[1])
+        table.add(pixels)
+        (colors, density), inverse = table.close(), table.look_up(pixels)
     else:
-        colors, density, inverse = _count_in_hash(pixels)
+        colors, density, inverse = _count_in_hash_table(pixels)
         if in_order:
             order = along_curve(colors.view(rows.dtype))
             rank = np.empty(len(order), np.int32)
@@ -115,7 +115,7 @@ def color_samples(image: Any) -> ColorSamples:
 
 
 def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
-    """Add the densities of several pictures, or of parts of one, as if their pixels were those of one picture.
+    """Add the densities of several images, or of parts of one, as if their pixels belonged to one image.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     Returns
     -------
     ColorSamples
-        The colors of all. Its `inverse`, (1, N), leads to them from the N colors of the given samples one after the
-        other, not from pixels.
+        The colors of all images. Its `inverse`, (1, N), holds the index of each of the N given colors in turn, not of
+        pixels.
 
     Raises
     ------
@@ -142,10 +142,7 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     >>> merged.colors.ravel().tolist(), merged.density.tolist()
     ([0, 7, 9], [2.0, 3.0, 1.0])
     """
-    kinds = {(str(samples.colors.dtype), samples.colors.shape[1]) for samples in several}
-    if len(kinds) != 1:
-        found = ", ".join(f"{dtype} x {n_channels}" for dtype, n_channels in sorted(kinds)) or "none"
-        raise ValueError(f"samples to merge must have one type and number of channels, not {found}")
+    check_alike("samples to merge", [samples.colors for samples in several])
     merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis])
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])
 
@@ -153,29 +150,8 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
 _Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
 
 
-def _count_in_table(pixels: NDArray[np.uint8]) -> _Counted:
-    """Count pixels of at most three bytes, each a key into a table of pages that are filled as they are met."""
-    n_pixels, n_bytes = pixels.shape
-    spread = interleave(n_bytes)
-    n_pages = max(1, (1 << 8 * n_bytes) // _counting.PAGE_SIZE)
-    pages = np.zeros(n_pages, np.uint16)
-    counts = np.zeros((n_pages + 1, _counting.PAGE_SIZE), np.uint32)
-    flat = pixels.reshape(-1)
-    n_used = _counting.count_keys(flat, spread, pages, counts, 0)
-    keys = np.empty(min(n_pixels, n_used * _counting.PAGE_SIZE), np.uint32)
-    density = np.empty(len(keys))
-    n_colors = _counting.number_keys(pages, counts, keys, density)
-    inverse = np.empty(n_pixels, np.int32)
-
-    def look_up(start: int, stop: int) -> None:
-        _counting.look_up_keys(flat[start * n_bytes : stop * n_bytes], spread, pages, counts, inverse[start:stop])
-
-    in_parts(look_up, n_pixels, work=n_pixels)
-    return pixels_of(keys[:n_colors], n_bytes), density[:n_colors].copy(), inverse
-
-
-def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
-    """Count pixels of any size, with room that grows as colors are met."""
+def _count_in_hash_table(pixels: NDArray[np.uint8]) -> _Counted:
+    """Count pixels of any size, in a hash table that grows with the number of colors."""
     n_pixels = len(pixels)
     capacity = min(_FIRST_CAPACITY, n_pixels)
     firsts, density = np.empty(capacity, np.int64), np.empty(capacity)
@@ -189,30 +165,3 @@ def _count_in_hash(pixels: NDArray[np.uint8]) -> _Counted:
             return pixels[firsts[:n_colors]], density[:n_colors].copy(), inverse
         capacity = min(4 * capacity, n_pixels)
         firsts, density = np.resize(firsts, capacity), np.resize(density, capacity)
-
-
-def interleave(n_bytes: int) -> NDArray[np.uint32]:
-    """(B, 256) bits of the key that each byte sets: bits of equal rank side by side, so near keys are near colors."""
-    values = np.arange(256, dtype=np.uint32)
-    spread = np.zeros((n_bytes, 256), np.uint32)
-    for byte in range(n_bytes):
-        for bit in range(8):
-            spread[byte] |= (values >> bit & 1) << (n_bytes * bit + n_bytes - 1 - byte)
-    return spread
-
-
-def pixels_of(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
-    """(M, B) bytes of each key, by tables for its lower and upper 12 bits."""
-    half = np.arange(1 << 12, dtype=np.uint32)
-    lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
-    pixels: NDArray[np.uint8] = lower[keys & 0xFFF] | upper[keys >> 12]
-    return pixels
-
-
-def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
-    """(M, B) bytes of each key: the inverse of `interleave`."""
-    pixels = np.zeros((len(keys), n_bytes), np.uint8)
-    for byte in range(n_bytes):
-        for bit in range(8):
-            pixels[:, byte] |= (keys >> (n_bytes * bit + n_bytes - 1 - byte) & 1).astype(np.uint8) << bit
-    return pixels

@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops: one pass each, over buffers that the caller owns.
+"""The compiled loops of the engine: one pass each, over buffers that the caller owns.
 
-Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
-Each argument is marked IN, OUT or INOUT. Points are packed in tiles of LANES points, (n_tiles, D, LANES), the
+They allocate nothing, check nothing and decide nothing; the Python modules that call them do. Each argument is marked
+IN, OUT or INOUT. Points are packed in tiles of LANES points, (n_tiles, D, LANES), the
 last tile padded with points of density 0.
 """
 import os
