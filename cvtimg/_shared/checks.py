@@ -41,6 +41,12 @@ def check_at_least(name: str, value: int, least: int, reason: str) -> int:
     return int(value)
 
 
+def check_at_most(name: str, number: int, most: int, what: str) -> None:
+    """Refuse something that has more parts than can be handled."""
+    if number > most:
+        raise ValueError(f"{name} must have at most {most} {what}, not {number}")
+
+
 def check_shares(shares: Mapping[str, float]) -> None:
     """Refuse named shares of a whole that are negative or do not add up to 1."""
     if not (min(shares.values()) >= 0 and abs(sum(shares.values()) - 1) <= 1e-12):

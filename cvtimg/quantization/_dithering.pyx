@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled loops of dithering: one pass each, over buffers that the caller owns.
 
-Places have four coordinates here, of which the last may be 0 everywhere: one loop serves grey, color and alpha, and
-four floats are what a processor adds at once. Each argument is marked IN, OUT or INOUT.
+Places have four coordinates here, the last of which may be 0 everywhere: one loop serves grey, color and alpha, and
+processors add four floats at once. Each argument is marked IN, OUT or INOUT.
 """
 from libc.math cimport sqrtf
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
@@ -23,7 +23,7 @@ cdef struct Box:
 
 
 cdef inline uint32_t bits_of(float x) noexcept nogil:
-    """Bits of a float >= 0, which have the order of the floats."""
+    """Bits of a float >= 0, which sort like the floats."""
     cdef uint32_t bits
     memcpy(&bits, &x, sizeof(x))
     return bits
@@ -37,7 +37,7 @@ cdef inline float squared_distance(const float *a, const float *b) noexcept nogi
 cdef inline Py_ssize_t nearest(
     const float *place, const float *palette, const uint16_t *names, Py_ssize_t n_names
 ) noexcept nogil:
-    """The first of the nearest entries that are named."""
+    """The nearest of the named entries; the first on a tie."""
     cdef uint64_t least = UINT64_MAX, key
     cdef Py_ssize_t i
     for i in range(n_names):
@@ -51,8 +51,8 @@ cdef Py_ssize_t near_a_box(
 ) noexcept nogil:
     """Keep the entries that are nearest to some place in a box, and perhaps a few more; return how many.
 
-    The one nearest to the middle rules out every other that is farther away even from the corner of the box that
-    lies most in its direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
+    The entry nearest to the middle rules out every other that is farther away even from the corner of the box in its
+    direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
     """
     cdef float middle[WIDTH]
     cdef float step, corner, farther, scale
@@ -77,18 +77,19 @@ cdef Py_ssize_t near_a_box(
 
 def list_candidates(
     const float[:, ::1] palette,    # IN (K, 4)
-    const uint16_t[::1] names,      # IN (N,): the entries to choose from, in rising order
-    const float[::1] low,           # IN (4,): the lowest corner of the grid
+    const uint16_t[::1] names,      # IN (N,): the entries to choose from, in ascending order
+    const float[::1] low,           # IN (4,): lowest corner of the grid
     const float[::1] sides,         # IN (4,): of a cell
-    const int32_t[::1] n_blocks,    # IN (4,): blocks of cells in each direction
-    const int32_t[::1] n_in_block,  # IN (4,): cells of a block in each direction
+    const float[::1] outside,       # IN (4,): how much farther out the outermost cells reach
+    const int32_t[::1] n_blocks,    # IN (4,): number of blocks of cells in each direction
+    const int32_t[::1] n_in_block,  # IN (4,): number of cells of a block in each direction
     uint16_t[::1] in_block,         # OUT (N,): scratch
     uint16_t[::1] in_cell,          # OUT (N,): scratch
     int32_t[:, ::1] bounds,         # OUT (n_cells, 2): first and last + 1 of each cell's candidates
     uint16_t[::1] candidates,       # OUT (room,): entries that are nearest to some place in a cell
-    Py_ssize_t first,               # IN: where they begin
+    Py_ssize_t first,               # IN: where to begin
 ):
-    """List the candidates of each cell of a grid; return where they end, which may be beyond the room that is there."""
+    """List the candidates of each cell of a grid; return where the list ends, possibly beyond the available room."""
     cdef Py_ssize_t n_all = n_blocks[0] * n_blocks[1] * n_blocks[2] * n_blocks[3]
     cdef Py_ssize_t per_block = n_in_block[0] * n_in_block[1] * n_in_block[2] * n_in_block[3]
     cdef Py_ssize_t b, c, d, i, rest, n_block, n_cell, number, at = first
@@ -101,9 +102,13 @@ def list_candidates(
             for d in range(WIDTH - 1, -1, -1):
                 corner[d] = rest % n_blocks[d] * n_in_block[d]
                 rest = rest // n_blocks[d]
-                # Rounding may take a place to a neighbor of its cell.
+                # Rounding may put a place into a neighbor of its cell.
                 block.low[d] = low[d] + (corner[d] - <float>0.01) * sides[d]
                 block.high[d] = low[d] + (corner[d] + n_in_block[d] + <float>0.01) * sides[d]
+                if corner[d] == 0:
+                    block.low[d] -= outside[d]
+                if corner[d] + n_in_block[d] == n_blocks[d] * n_in_block[d]:
+                    block.high[d] += outside[d]
             n_block = near_a_box(&block, &palette[0, 0], &names[0], names.shape[0], &in_block[0])
             for c in range(per_block):
                 rest = c
@@ -112,6 +117,10 @@ def list_candidates(
                     rest = rest // n_in_block[d]
                     cell.low[d] = low[d] + (place[d] - <float>0.01) * sides[d]
                     cell.high[d] = low[d] + (place[d] + <float>1.01) * sides[d]
+                    if place[d] == 0:
+                        cell.low[d] -= outside[d]
+                    if place[d] + 1 == n_blocks[d] * n_in_block[d]:
+                        cell.high[d] += outside[d]
                 number = 0
                 for d in range(WIDTH):
                     number = number * n_blocks[d] * n_in_block[d] + place[d]
@@ -132,27 +141,31 @@ cdef struct Grid:
     float low[WIDTH]
     float cells_a_unit[WIDTH]
     int32_t strides[WIDTH]
+    int32_t last[WIDTH]
     int32_t n_cells
 
 
 cdef inline Py_ssize_t look_up(const Grid *grid, const float *place, Py_ssize_t kind) noexcept nogil:
-    """The first of the nearest entries that a kind of color may take, for a place within the grid."""
+    """The nearest entry that a kind of color may take, the first on a tie, for a place in reach of the grid."""
     cdef Py_ssize_t cell = kind * grid.n_cells, d
+    cdef int32_t at
     cdef const int32_t *bounds
     for d in range(WIDTH):
-        cell += <int32_t>((place[d] - grid.low[d]) * grid.cells_a_unit[d]) * grid.strides[d]
+        at = <int32_t>((place[d] - grid.low[d]) * grid.cells_a_unit[d])
+        cell += max(0, min(at, grid.last[d])) * grid.strides[d]
     bounds = grid.bounds + 2 * cell
     return nearest(place, grid.palette, grid.candidates + bounds[0], bounds[1] - bounds[0])
 
 
 cdef Grid grid_of(
     const float[:, ::1] palette, const float[::1] low, const float[::1] cells_a_unit, const int32_t[::1] strides,
-    const int32_t[:, :, ::1] bounds, const uint16_t[::1] candidates,
+    const int32_t[::1] last, const int32_t[:, :, ::1] bounds, const uint16_t[::1] candidates,
 ) noexcept:
     cdef Grid grid
     grid.palette, grid.bounds, grid.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
     for d in range(WIDTH):
-        grid.low[d], grid.cells_a_unit[d], grid.strides[d] = low[d], cells_a_unit[d], strides[d]
+        grid.low[d], grid.cells_a_unit[d] = low[d], cells_a_unit[d]
+        grid.strides[d], grid.last[d] = strides[d], last[d]
     grid.n_cells = <int32_t>bounds.shape[1]
     return grid
 
@@ -160,7 +173,7 @@ cdef Grid grid_of(
 cdef inline void miss(
     const float *place, const float *entry, float strength, float most, float *missed
 ) noexcept nogil:
-    """What is handed on: the part `strength` of the step from an entry to a place, of a length of at most `most`."""
+    """The error handed on: the fraction `strength` of the step from an entry to a place, shortened to `most`."""
     cdef float squared = squared_distance(place, entry)
     if squared > most * most:
         strength *= most / sqrtf(squared)
@@ -173,29 +186,32 @@ def diffuse(
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
     const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
     const float[:, ::1] palette,      # IN (K, 4)
-    const float[::1] low,             # IN (4,): the lowest corner of the grid
+    const float[::1] low,             # IN (4,): lowest corner of the grid
     const float[::1] cells_a_unit,    # IN (4,)
     const int32_t[::1] strides,       # IN (4,)
+    const int32_t[::1] last,          # IN (4,)
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
-    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
-    float most,                       # IN: the longest error that is handed on
-    float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; what is handed to this row and the next, from column 1
+    const float[::1] strengths,       # IN (n_kinds,): fraction of its error that a kind of color hands on
+    float most,                       # IN: longest error handed on
+    const uint8_t[:, ::1] clean,      # IN (H, W): pixels that get their own nearest entry, and hand on nothing
+    float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; errors handed to this row and the next, from column 1
     uint8_t[::1] row_kinds,           # OUT (W,): scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
-    """Give each pixel its nearest entry, and what this misses to its neighbors: there and back, row after row."""
-    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
+    """Give each pixel the nearest entry, and hand the error to its neighbors, in alternating directions row by row."""
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, last, bounds, candidates)
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
     cdef float missed[WIDTH]
+    cdef float strength
     cdef float *here
     cdef float *below
     with nogil:
         for y in range(n_rows):
             here, below = &rows[y & 1, 1, 0], &rows[1 - (y & 1), 1, 0]
-            # Colors are fetched before they are needed: no fetch then waits for the choice of the pixel before.
+            # Fetched ahead of use, so that no fetch waits for the choice of the previous pixel.
             for x in range(width):
                 row_kinds[x] = kinds[inverse[y, x]]
                 for d in range(WIDTH):
@@ -206,10 +222,11 @@ def diffuse(
             x = 0 if step > 0 else width - 1
             for i in range(width):
                 for d in range(WIDTH):
-                    place[d] = here[WIDTH * x + d] + ahead[d]
+                    place[d] = places[inverse[y, x], d] if clean[y, x] else here[WIDTH * x + d] + ahead[d]
                 label = look_up(&grid, place, row_kinds[x])
                 labels[y, x] = <int32_t>label
-                miss(place, grid.palette + WIDTH * label, strengths[row_kinds[x]], most, missed)
+                strength = 0 if clean[y, x] else strengths[row_kinds[x]]
+                miss(place, grid.palette + WIDTH * label, strength, most, missed)
                 for d in range(WIDTH):
                     ahead[d] = missed[d] * <float>(7. / 16)
                     below[WIDTH * (x - step) + d] += missed[d] * <float>(3. / 16)
@@ -222,18 +239,19 @@ def mix(
     const float[:, ::1] places,       # IN (M, 4): of the colors
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
     const float[:, ::1] palette,      # IN (K, 4)
-    const float[::1] low,             # IN (4,): the lowest corner of the grid
+    const float[::1] low,             # IN (4,): lowest corner of the grid
     const float[::1] cells_a_unit,    # IN (4,)
     const int32_t[::1] strides,       # IN (4,)
+    const int32_t[::1] last,          # IN (4,)
     const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
     const uint16_t[::1] candidates,   # IN
-    const float[::1] strengths,       # IN (n_kinds,): the part of its error that a kind of color hands on
-    float most,                       # IN: the longest error that is handed on
-    const uint16_t[::1] ranks,        # IN (K,): where an entry stands among all
+    const float[::1] strengths,       # IN (n_kinds,): fraction of its error that a kind of color hands on
+    float most,                       # IN: longest error handed on
+    const uint16_t[::1] ranks,        # IN (K,): rank of each entry by brightness
     uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
 ):
-    """List for each color the entries to mix: each is the nearest to the color and what those before it missed."""
-    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, bounds, candidates)
+    """List the entries to mix for each color: each is the nearest to the color plus the error of those before it."""
+    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, last, bounds, candidates)
     cdef Py_ssize_t n_colors = places.shape[0], n_mixed = mixtures.shape[1], color, i, at, d, entry
     cdef float place[WIDTH]
     cdef float missed[WIDTH]
@@ -257,18 +275,18 @@ def mix(
 def arrange(
     const uint16_t[:, ::1] mixtures,  # IN (M, N)
     const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
-    const uint8_t[:, ::1] levels,     # IN (S, S): which of the N entries a pixel takes, again and again
-    Py_ssize_t first,                 # IN: which row of the picture the first is
+    const uint8_t[:, ::1] mask,       # IN (S, S): which of the N entries a pixel takes; repeats over the image
+    Py_ssize_t first,                 # IN: row of the image that the first row is
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
-    """Take from the mixture of each pixel's color the entry that its place in the mask says."""
-    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], side = levels.shape[0], x, y
-    cdef const uint8_t *level
+    """Take from the mixture of each pixel's color the entry that the mask names at its place."""
+    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], side = mask.shape[0], x, y
+    cdef const uint8_t *turn
     with nogil:
         for y in range(n_rows):
-            level = &levels[(first + y) % side, 0]
+            turn = &mask[(first + y) % side, 0]
             for x in range(width):
-                labels[y, x] = mixtures[inverse[y, x], level[x % side]]
+                labels[y, x] = mixtures[inverse[y, x], turn[x % side]]
 
 
 def measure(

@@ -14,6 +14,7 @@ from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.pictures.frames import Frames
+from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
 from cvtimg.quantization.remapping import Quantized, map_to_palette
 
@@ -76,7 +77,7 @@ def quantize_frames(
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     dither: str | None = None,
-    dither_strength: float = 1.0,
+    dither_strength: float | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFrames:
     """Find the colors that stand best for all frames of an animation, or for each.
@@ -93,7 +94,7 @@ def quantize_frames(
     per_frame : bool
         Find a palette for each frame: of less error, but colors that stand still may change from frame to frame.
     space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng
-        As in `quantize`. Floyd-Steinberg dithering flickers in what stands still; blue noise does not.
+        As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
     Returns
     -------
@@ -125,6 +126,8 @@ def quantize_frames(
         raise TypeError("n_colors or palette must be given")
     else:
         found = [find_palette(whole, n_colors, space=space, locked=locked, **engine) for whole in wholes]
+    if dither_strength is None:
+        dither_strength = STRENGTH if palette is None else 1.0
     results = []
     for samples, one in zip(several, found if per_frame else found * len(several), strict=True):
         result = map_to_palette(samples, one.colors, space=space, dither=dither, dither_strength=dither_strength)

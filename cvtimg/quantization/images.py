@@ -32,14 +32,14 @@ def quantize(
     locked: ArrayLike | None = None,
     psnr: float | None = None,
     dither: str | None = None,
-    dither_strength: float = STRENGTH,
+    dither_strength: float | None = None,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
-    """Find the colors that stand best for a picture, and give each pixel the nearest of them.
+    """Find the palette that represents an image with the least error, and give each pixel its nearest color.
 
-    The palette is rounded to the depth of the picture before the pixels are mapped to it. A picture that has at
-    most `n_colors` colors comes back exactly. This is `find_palette` and then `map_to_palette`.
+    The palette is rounded to the depth of the image before the pixels are mapped to it. Images with at most `n_colors`
+    colors are reproduced exactly. This is `find_palette` followed by `map_to_palette`.
 
     Parameters
     ----------
@@ -58,12 +58,14 @@ def quantize(
         Colors that are in the palette exactly, in the units of the picture.
     psnr : float, optional
         Quality in dB: take the fewest colors that reach it.
-    dither : {"floyd-steinberg", "blue-noise"}, optional
-        How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
-    dither_strength : float
-        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
+    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"}, optional
+        Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color. "edge-aware"
+        keeps text, drawings and flat areas clean.
+    dither_strength : float, optional
+        Fraction of the error that is handed on, in 0..1: less gives less grain, 1 keeps the mean best. By default 0.9,
+        and 1 with a given `palette`, which may need strong mixtures.
     weights : (H, W) array, optional
-        How much each pixel counts when the palette is sought, >= 0; by default all count alike.
+        Weight >= 0 of each pixel in the search for the palette; 1 by default.
     method, init, effort, volume_power, rng
         As in `tessellate`. Pixels go to the nearest color whatever the `volume_power` that the palette is made with.
 
@@ -87,6 +89,8 @@ def quantize(
     >>> len(quantize(picture, psnr=40).palette)
     2
     """
+    if dither_strength is None:
+        dither_strength = STRENGTH if palette is None else 1.0
     source = _Source(image, locked, weights, space, dither, dither_strength)
     if palette is not None:
         others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}
@@ -119,7 +123,7 @@ def quantize_to_size(
     space: str = "rgb",
     locked: ArrayLike | None = None,
     dither: str | None = None,
-    dither_strength: float = STRENGTH,
+    dither_strength: float | None = None,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
@@ -157,7 +161,8 @@ def quantize_to_size(
     48
     """
     check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
-    source = _Source(image, locked, weights, space, dither, dither_strength)
+    strength = STRENGTH if dither_strength is None else dither_strength
+    source = _Source(image, locked, weights, space, dither, strength)
     results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]

@@ -96,12 +96,12 @@ def map_to_palette(
     *,
     space: str = "rgb",
     dither: str | None = None,
-    dither_strength: float = dithering.STRENGTH,
+    dither_strength: float = 1.0,
 ) -> Quantized:
-    """Give each pixel of a picture the nearest color of a palette.
+    """Give each pixel of an image the nearest color of a palette.
 
-    Opaque pixels get opaque colors where the palette has any. Pixels that are fully transparent stay so: if the
-    palette has no such color, it gets one at its end.
+    Opaque pixels get opaque colors if the palette has any. Fully transparent pixels stay fully transparent: if the
+    palette has no such color, one is appended.
 
     Parameters
     ----------
@@ -112,10 +112,10 @@ def map_to_palette(
         other way round.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured.
-    dither : {"floyd-steinberg", "blue-noise"}, optional
-        How colors are mixed, so that areas have the color of the picture; by default each pixel gets the nearest.
+    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"}, optional
+        Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color.
     dither_strength : float
-        The part of the error that is handed on, in 0..1: less has less grain, 1 keeps the mean best.
+        Fraction of the error that is handed on, in 0..1: less gives less grain, 1 keeps the mean best.
 
     Returns
     -------
