@@ -237,12 +237,6 @@ def check_alike(name: str, several: Sequence[NDArray[Any]]) -> None:
         raise ValueError(f"{name} must have one type and number of channels, not {found}")
 
 
-def check_any(name: str, found: object, what: str) -> None:
-    """Refuse something that has no parts, of which there must be at least one."""
-    if found is None:
-        raise ValueError(f"{name} must have at least one {what}")
-
-
 def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
     array = np.asarray(colors)

@@ -76,7 +76,8 @@ Lock = Annotated[
     ),
 ]
 Dither = Annotated[
-    Literal["none", "floyd-steinberg", "blue-noise"], Option(help="Mix colors to show those between them.")
+    Literal["none", "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"],
+    Option(help="Mix colors to show those between them."),
 ]
 DitherStrength = Annotated[
     float | None, Option(metavar="S", parser=options.number(0, 1), help="Strength of dithering, 0 to 1.")

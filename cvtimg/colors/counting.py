@@ -65,7 +65,7 @@ class Counter:
         if self._table is not None:
             table, self._table = self._table, None
             self._join(_samples(table))
-        check_any("image", self._sum, "strip")
+        check_any("image", self._sum is not None, "at least one strip")
         assert self._sum is not None
         return self._sum
 

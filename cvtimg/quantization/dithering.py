@@ -247,7 +247,7 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
     return float(np.sqrt(np.maximum(_squared_distances(middles, palette).min(axis=1), 0).max()))
 
 
-def _squared_distances(places: NDArray[np.float32], others: NDArray[np.float32]) -> NDArray[np.float64]:
+def _squared_distances(places: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
     norms, other_norms = (np.einsum("kd,kd->k", some, some, dtype=np.float64) for some in (places, others))
     products = places.astype(np.float64) @ others.T.astype(np.float64)
     squares: NDArray[np.float64] = norms[:, None] + other_norms - 2 * products
