@@ -29,7 +29,7 @@ _COMPARISONS = 1 << 22
 #: Pairs of entries whose middles are measured.
 _PAIRS = 1 << 12
 #: In pieces of more pixels than this, steps of smooth transitions are at most this fraction of the range of the image.
-_LARGE_PIECE, _TINY_STEP = 25, 1 / 64
+_LARGE_PIECE, _TINY_STEP = 25, 1 / 24
 #: Pixels by which what touches a flat area stays clean with it.
 _RIM = 4
 
