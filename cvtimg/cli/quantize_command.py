@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each, reason
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, complain, plan_each, reason
 from cvtimg.cli import options
 from cvtimg.cli.animations import quantize_animation, stays_animated
 from cvtimg.cli.frame import run_plan
@@ -334,7 +335,11 @@ def _quantize(
     image = read_image(task.source)
     file = {"metadata": _metadata(task, keep_all=how.keep_metadata), "optimize": how.optimize}
     stopwatch.lap("read")
-    result = _result(image, how, task.output.suffix, file)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        result = _result(image, how, task.output.suffix, file)
+    for warning in caught:
+        complain(f"{task.source}: {warning.message}")
     stopwatch.lap("cluster")
     _write(task.outputs, result, overwrite, file)
     stopwatch.lap("write")
@@ -351,6 +356,7 @@ def _quantize(
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
         "n_iter": tessellation.n_iter if tessellation else 0,
         "converged": tessellation.converged if tessellation else True,
+        **({"warning": "; ".join(str(warning.message) for warning in caught)} if caught else {}),
     }
 
 

@@ -22,7 +22,7 @@ from cvtimg.engine.samples import WeightedSamples
 _FIRST_CAPACITY = 1 << 16
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ColorSamples(WeightedSamples):
     """The distinct colors of an image.
 

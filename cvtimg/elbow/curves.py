@@ -1,23 +1,32 @@
-"""The energy elbow: how many generators are worth their number.
+"""Energy curves: how many generators are worth their number.
 
-E(k), the least energy of k generators, falls with k. Up to the number of colors that a picture really has each more
-generator takes away much of the energy, and from there on only a part of the noise: the curve bends. `elbow_rules`
-has the rules that say where.
+E(k), the lowest energy of k generators, falls with k. Up to the number of colors that an image really has, each further
+generator removes much of the energy; from there on it removes only some of the noise. The curve bends, and the rules
+in `cvtimg.elbow.rules` say where.
 """
 
 from __future__ import annotations
 
+import html
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_density, check_non_negative, check_rows
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_density,
+    check_non_negative,
+    check_rows,
+    raise_unsupported,
+)
 from cvtimg.colors.places import has_alpha, to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
-from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, explained
+from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
 from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
@@ -32,11 +41,11 @@ class EnergyCurve:
     Attributes
     ----------
     energies : (n_max,) float64 array
-        Sum of density times squared distance to the nearest generator, in squared units of the samples, or of the
-        color space; with a `volume_power` the weighted energy of `Tessellation`. The curve ends early with 0 where
-        there are no more distinct samples.
+        Sum of density times squared distance to the nearest generator, in squared units of the samples or of the
+        color space; with a `volume_power`, the weighted energy of `Tessellation`. The curve ends early, with 0, at the
+        number of distinct samples.
     generators : tuple of (k, D) float64 arrays
-        Those that have this energy, in the units of the samples, or in the color space.
+        The generators with these energies, in the units of the samples or in the color space.
     scale : Scale
         What the rules measure the energies against.
     """
@@ -49,14 +58,34 @@ class EnergyCurve:
         for array in (self.energies, *self.generators):
             array.flags.writeable = False
 
+    def __repr__(self) -> str:
+        """Tell the range of the curve and its elbow in one line."""
+        first, last = self.energies[0], self.energies[-1]
+        return f"EnergyCurve(k=1..{self.n_max}, energy {first:.6g}..{last:.6g}, elbow at k={self.elbow()})"
+
+    def _repr_html_(self) -> str:
+        """Draw the curve on logarithmic axes, with the elbow marked, for notebooks."""
+        floor = self.scale.floor(self.energies) or 1.0
+        heights = np.log(self.energies + floor)
+        across = np.log(np.arange(1, self.n_max + 1)) / max(np.log(self.n_max), 1e-9) * 380 + 10
+        fall = max(heights[0] - heights.min(), 1e-9)
+        down = 10 + (heights[0] - heights) / fall * 180
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
+        k = self.elbow()
+        return (
+            f"<p>{html.escape(repr(self))}</p><svg width='400' height='200'>"
+            f"<polyline points='{points}' fill='none' stroke='currentColor' stroke-width='1.5'/>"
+            f"<circle cx='{across[k - 1]:.1f}' cy='{down[k - 1]:.1f}' r='5' fill='#e4002b'/></svg>"
+        )
+
     @property
     def n_max(self) -> int:
-        """The greatest number of generators."""
+        """The largest number of generators."""
         return len(self.energies)
 
     @property
     def explained(self) -> NDArray[np.float64]:
-        """(n_max,) share of the variance that k generators explain, 1 - E(k) / E(1)."""
+        """(n_max,) fraction of the variance that k generators explain, 1 - E(k) / E(1)."""
         return explained(self.energies)
 
     @property
@@ -71,23 +100,25 @@ class EnergyCurve:
         ----------
         rule : {"chord", "chord-linear", "kneedle", "variance", "psnr"}
             "chord": where the curve of log E over log k is farthest below the line between its ends, k = 1 and 32 or
-            `n_max`. A smooth cloud of samples has E(k) in proportion to k^(-2/D), a straight line there; the colors
-            that a picture is made of bend it. Before the logarithm each E gets what rounding to 8 bits would leave
-            (1e-3 of E(1) for tables and other spaces), so that an end where nothing is left does not count for all.
-            "chord-linear": the same of E over k, up to `n_max`. "kneedle": of E over k, by the package kneed.
-            "variance" and "psnr": the least k that reaches the target, or `n_max` if none does.
+            `n_max`. For a smooth cloud of samples E(k) is proportional to k^(-2/D), a straight line there; the
+            distinct colors of an image bend it. Before the logarithm the energy of rounding to 8 bits is added to
+            each E (1e-3 of E(1) for tables and other spaces), so that an end with E = 0 does not dominate.
+            "chord-linear": the same for E over k, up to `n_max`. "kneedle": E over k, by the package kneed.
+            "variance" and "psnr": the smallest k that reaches the target.
         target : float, optional
-            For "variance" the share of the variance to explain, 0.95 by default; for "psnr" dB, 30 by default.
+            For "variance" the fraction of the variance to explain, 0.95 by default; for "psnr" dB, 30 by default.
 
         Returns
         -------
         int
-            In 1..n_max; 1 where all samples are one color.
+            In 1..n_max; 1 if all samples are equal.
 
         Raises
         ------
+        TargetMissedError
+            If no k in 1..n_max reaches the target.
         ValueError
-            If there is no such rule, or it takes no target, or "psnr" is asked of what has no peak.
+            If there is no such rule, or it takes no target, or the samples have no PSNR.
 
         References
         ----------
@@ -108,12 +139,17 @@ class EnergyCurve:
         if target is None:
             return judge(self.energies, self.scale)
         if rule not in TARGETED:
-            raise ValueError(f"rule={rule!r} takes no target; {' and '.join(TARGETED)} do")
+            raise_unsupported("rule", rule, "a target", TARGETED)
         return judge(self.energies, self.scale, check_non_negative("target", target))
 
     def elbows(self) -> dict[str, int]:
-        """Return the k that each rule picks; "psnr" is left out where there is none."""
-        return {rule: self.elbow(rule) for rule in RULES if rule != "psnr" or self.scale.peak is not None}
+        """Return the k that each rule picks; rules whose target is missed, or that do not apply, are left out."""
+        picks = {}
+        for rule in RULES:
+            if rule != "psnr" or self.scale.peak is not None:
+                with suppress(TargetMissedError):
+                    picks[rule] = self.elbow(rule)
+        return picks
 
 
 def energy_curve(
@@ -127,29 +163,29 @@ def energy_curve(
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> EnergyCurve:
-    """Compute the energies of 1, 2, .. n_max generators in one pass.
+    """Compute the energies of 1, 2, .. n_max generators.
 
     Parameters
     ----------
     samples : image, ColorSamples or (N, D) array
         An image (H, W, C) or a Pillow image, colors with their density, or the rows of a table. An array (H, W) is
-        taken for a grey image if it is of uint8 or uint16, else for the rows of a table.
+        taken for a grey image if it is uint8 or uint16, and for the rows of a table otherwise.
     n_max : int
-        The greatest number; no more than there are distinct samples are looked at.
+        Largest number of generators; the curve ends at the number of distinct samples if that is smaller.
     density : (N,) array, optional
-        Weights >= 0 for the rows of a table.
+        Weights >= 0 of the rows of a table.
     space : {"rgb", "linear", "lab", "oklab"}
-        Where the colors of an image lie; see `quantize`.
+        Color space in which distances are measured; see `quantize`.
     volume_power : float
-        As in `tessellate`: cells count by their volume.
+        Weights the cells, as in `tessellate`.
     effort : {"fast", "balanced", "best"}
-        "fast" finds each number from one more or one less: all together take about the time of eight calls of
-        `tessellate`, and an energy can be a percent or two above that of such a call. With "balanced" and "best"
-        each number is searched by itself too, with that effort, and the better end kept.
+        "fast" finds each solution from its neighbors: the whole curve takes about the time of eight calls of
+        `tessellate`, and energies can be a percent or two higher than those of such calls. With "balanced" and "best"
+        each number is also searched by itself, with that effort, and the better end kept.
     rng : int or numpy.random.Generator
-        Seed of what is drawn.
+        Seed of all random numbers.
     callback : callable, optional
-        As in `tessellate`; where it returns True the curve ends.
+        As in `tessellate`; the curve ends where it returns True.
 
     Returns
     -------
@@ -158,11 +194,11 @@ def energy_curve(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     Notes
     -----
-    For samples of one dimension every energy is the least there is, whatever the effort.
+    For samples of one dimension every energy is the global minimum, whatever the effort.
 
     Examples
     --------
@@ -192,7 +228,7 @@ def energy_curve(
 
 
 def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[int, EnergyCurve]:
-    """Pick the number of generators by the default rule, and return the curve that tells why.
+    """Pick the number of generators by the default rule; also return the curve.
 
     Parameters
     ----------
@@ -222,7 +258,7 @@ def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions)
 
 
 def _points(samples: Any, density: ArrayLike | None, space: str) -> tuple[Points, Scale]:
-    """Pack samples of any kind, and tell what their energies are measured against."""
+    """Pack samples of any kind; also return what their energies are measured against."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
         n_channels = counted.colors.shape[1]

@@ -1,6 +1,6 @@
-"""Where a curve of energies has its elbow: rules by name.
+"""Rules that find the elbow of a curve of energies.
 
-A rule sees E(k) for k = 1, 2, .. and what is needed to judge it, and returns k. `chord` is the default.
+A rule takes E(k) for k = 1, 2, .. and their scale, and returns k. `chord` is the default.
 """
 
 from __future__ import annotations
@@ -15,48 +15,48 @@ from cvtimg.colors import fidelity
 
 _Floats = NDArray[np.float64]
 
-#: The chord spans these numbers of generators, so that no longer curve moves the elbow.
+#: The chord ends at this number of generators, so that a longer curve does not move the elbow.
 CHORD_ENDS = 32
-#: Energies below this part of E(1) are not told apart where there are no colors that 8 bits would round.
+#: Energies below this fraction of E(1) are treated as equal for samples that are not 8-bit colors.
 _RELATIVE_FLOOR = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What an energy is measured against.
+    """What energies are measured against.
 
     Attributes
     ----------
     n_values : float
-        Samples times channels, of which the energy is the sum.
+        Number of samples times channels that the energy is summed over.
     peak : float or None
-        The greatest value of a color; None for what has no PSNR.
+        Value of white; None for samples without a PSNR.
     """
 
     n_values: float
     peak: float | None
 
     def psnr(self, energies: _Floats) -> _Floats:
-        """Peak signal-to-noise ratios in dB, infinite where the energy is 0."""
+        """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         if self.peak is None:
             raise ValueError("rule='psnr' needs colors in the space rgb: other samples have no peak")
         ratios: _Floats = fidelity.psnr(energies / self.n_values, self.peak)
         return ratios
 
     def floor(self, energies: _Floats) -> float:
-        """Return the energy below which differences are of no interest: what rounding to 8 bits leaves."""
+        """Return the energy below which differences do not matter: that of rounding to 8 bits."""
         if self.peak is None:
             return float(_RELATIVE_FLOOR * energies[0])
         return self.n_values * (self.peak / 255) ** 2 / 12
 
 
 def explained(energies: _Floats) -> _Floats:
-    """Share of E(1) that k generators take away; 1 where there is nothing to explain."""
+    """Return the fraction of E(1) that k generators remove; 1 if there is nothing to explain."""
     return 1 - energies / energies[0] if energies[0] else np.ones(len(energies))
 
 
 def chord(energies: _Floats, scale: Scale) -> int:
-    """Farthest below the chord of log E over log k, up to k = 32, with the same small energy added to each E."""
+    """Find the point farthest below the chord of log E over log k up to k = 32; a small energy is added to each E."""
     if energies[0] == 0:
         return 1
     known = energies[:CHORD_ENDS]
@@ -66,12 +66,12 @@ def chord(energies: _Floats, scale: Scale) -> int:
 
 
 def chord_linear(energies: _Floats, scale: Scale) -> int:
-    """Farthest below the chord of E over k."""
+    """Find the point farthest below the chord of E over k."""
     return _farthest(np.arange(1.0, len(energies) + 1), energies)
 
 
 def kneedle(energies: _Floats, scale: Scale) -> int:
-    """Kneedle of E over k, by the package kneed; where it finds no knee, the chord of E over k."""
+    """Apply Kneedle to E over k, from the package kneed; if it finds no knee, use the chord of E over k."""
     if len(energies) < 3 or energies[-1] == energies[0]:
         return chord_linear(energies, scale)
     from kneed import KneeLocator
@@ -82,16 +82,16 @@ def kneedle(energies: _Floats, scale: Scale) -> int:
 
 
 def variance(energies: _Floats, scale: Scale, target: float = 0.95) -> int:
-    """Return the least k that explains this share of the variance, or the last k."""
-    return _first(explained(energies) >= target)
+    """Return the smallest k that explains this fraction of the variance."""
+    return _first_reaching(target, explained(energies), "of the variance explained")
 
 
 def psnr(energies: _Floats, scale: Scale, target: float = 30.0) -> int:
-    """Return the least k of this PSNR in dB, or the last k."""
-    return _first(scale.psnr(energies) >= target)
+    """Return the smallest k of this PSNR in dB."""
+    return _first_reaching(target, scale.psnr(energies), "dB")
 
 
-#: The registry: names for `rule` and ``--rule``, each from energies (n_max,) and their scale to k.
+#: The registry of rules: the values of `rule` and ``--rule``. Each takes energies (n_max,) and their scale.
 RULES: dict[str, Callable[..., int]] = {
     "chord": chord,
     "chord-linear": chord_linear,
@@ -99,12 +99,12 @@ RULES: dict[str, Callable[..., int]] = {
     "variance": variance,
     "psnr": psnr,
 }
-#: Those that take a target.
+#: Rules that take a target.
 TARGETED = ("variance", "psnr")
 
 
 def _farthest(across: _Floats, down: _Floats) -> int:
-    """Return the k farthest below the line between the ends; the first or the last where none is below."""
+    """Return the k farthest below the line between the ends; the first or the last if none is below."""
     fall = down[0] - down[-1]
     if fall <= 0:
         return 1
@@ -113,5 +113,14 @@ def _farthest(across: _Floats, down: _Floats) -> int:
     return int(np.argmax(below)) + 1 if below.max() > 1e-12 * fall else len(down)
 
 
-def _first(reached: NDArray[np.bool_]) -> int:
-    return int(np.argmax(reached)) + 1 if reached.any() else len(reached)
+class TargetMissedError(ValueError):
+    """No number of generators in the curve reaches the target of a rule."""
+
+
+def _first_reaching(target: float, values: _Floats, unit: str) -> int:
+    reached = values >= target
+    if not reached.any():
+        raise TargetMissedError(
+            f"target={target:g} is not reached by n_max={len(values)} generators: {values[-1]:.4g} {unit}"
+        )
+    return int(np.argmax(reached)) + 1

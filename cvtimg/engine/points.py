@@ -21,6 +21,8 @@ _GROUPED_FROM = 40
 #: Any center near the points will do: the mean of at most this many rows.
 _CENTER_ROWS = 1 << 20
 _TILES_AT_ONCE = 1 << 12
+#: Energies below this fraction of the energy about the origin are rounding errors in float64.
+_ROUNDING = 1e-24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,7 +283,8 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
 
     _sum_in_parts(points, measure, len(parts))
     energies: NDArray[np.float64] = parts.sum(axis=0)
-    return energies
+    # Distinct points are farther apart than this: the rest is the rounding of means.
+    return np.where(energies > _ROUNDING * points.energy_about_origin, energies, 0.0)
 
 
 def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

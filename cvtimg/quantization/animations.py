@@ -13,7 +13,8 @@ from cvtimg._shared.checks import check_alone
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
-from cvtimg.pictures.frames import Frames
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.frames import Frames, write_frames
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
 from cvtimg.quantization.remapping import Quantized, map_to_palette
@@ -39,6 +40,16 @@ class QuantizedFrames:
     durations: tuple[float, ...]
     plays: int
     n_distinct: int
+
+    def __repr__(self) -> str:
+        """Tell the number of frames and colors in one line."""
+        n_colors = max(len(result.palette) for result in self.results)
+        return f"QuantizedFrames({len(self.results)} frames, up to {n_colors} of {self.n_distinct} colors)"
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the animation, as `cvtimg.pictures.write_frames` does."""
+        frames, palettes = self.content
+        write_frames(path, frames, palettes=palettes, overwrite=overwrite)
 
     @property
     def energy(self) -> float:
@@ -80,10 +91,9 @@ def quantize_frames(
     dither_strength: float | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFrames:
-    """Find the colors that stand best for all frames of an animation, or for each.
+    """Find the palette that represents all frames of an animation with the least error, or one for each frame.
 
-    A palette for all is as exact as one for a picture: the densities of the colors of all frames add, so that it is
-    that of the frames side by side in one picture.
+    A palette for all frames is that of an image with the frames side by side: the densities of their colors add.
 
     Parameters
     ----------

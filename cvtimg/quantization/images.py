@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, Literal, Unpack
 
@@ -127,18 +128,18 @@ def quantize_to_size(
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
-    """Find the most colors whose file is no larger than so many bytes.
+    """Find the most colors whose file has at most this many bytes.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         As in `quantize`.
     max_bytes : int
-        The largest size, >= 1.
+        Largest size, >= 1.
     size : callable
-        Tells how many bytes a file of the result would have.
+        Returns the number of bytes that a file of the result would have.
     n_colors : int
-        The most colors to take; by default as many as an indexed file holds.
+        Maximum number of colors; by default as many as an indexed file holds.
     space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
         As in `quantize`.
 
@@ -149,7 +150,12 @@ def quantize_to_size(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or no palette is small enough; the message names it.
+        If an argument is invalid, or no palette is small enough; the message names it.
+
+    Warns
+    -----
+    UserWarning
+        If only a single color fits, which leaves nothing to see.
 
     Examples
     --------
@@ -169,7 +175,10 @@ def quantize_to_size(
         raise ValueError(
             f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
         )
-    return results[False]
+    found = results[False]
+    if len(found.palette) == 1 < found.n_distinct:
+        warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=2)
+    return found
 
 
 class _Source:

@@ -1,4 +1,4 @@
-"""Palettes that stand best for samples of colors, whatever pictures these are of."""
+"""Palettes that represent samples of colors with the least error."""
 
 from __future__ import annotations
 
@@ -22,17 +22,22 @@ from cvtimg.colors.places import (
     with_alpha,
 )
 from cvtimg.colors.samples import ColorSamples
+from cvtimg.colors.spaces import peak
 from cvtimg.engine.methods import Method, Stopping
 from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.files.whole import StrPath
+from cvtimg.palettes.files import write_palette
 from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
 
+#: Colors shown in a notebook.
+_SHOWN = 256
 _REST = Stopping(tolerance=1e-4, max_iterations=100)
-#: Moves to the means of cells would undo what their weights have done.
+#: Moves to the means of cells would undo the effect of their weights.
 _AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
 
 
 class EngineOptions(TypedDict, total=False):
-    """Options of `tessellate` that those who find palettes pass on."""
+    """Options of `tessellate` that functions which find palettes accept."""
 
     method: str | Method | None
     init: str | ArrayLike
@@ -43,15 +48,15 @@ class EngineOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Colors that stand for others.
+    """The colors that represent an image.
 
     Attributes
     ----------
     colors : (K, C) array of the type of the samples
-        Distinct, in the units of the samples; those with transparency first, then from dark to bright.
+        Distinct colors in the units of the samples: transparent ones first, then from dark to bright.
     tessellation : Tessellation or None
-        What they were rounded from, in the coordinates of the color space; None where the samples have so few colors
-        that these are the palette.
+        The tessellation that they were rounded from, in the coordinates of the color space; None if the samples have
+        so few colors that the palette holds all of them.
     """
 
     colors: NDArray[Any]
@@ -59,6 +64,23 @@ class Palette:
 
     def __post_init__(self) -> None:
         self.colors.flags.writeable = False
+
+    def __repr__(self) -> str:
+        """Tell the number of colors, and the first of them, in one line."""
+        shown = " ".join(_name(color, self.colors.dtype) for color in self.colors[:8])
+        return f"Palette({len(self.colors)} colors: {shown}{' ...' if len(self.colors) > 8 else ''})"
+
+    def _repr_html_(self) -> str:
+        """Show the colors as swatches, for notebooks."""
+        names = [_name(color, self.colors.dtype) for color in self.colors[:_SHOWN]]
+        box = "display:inline-block;width:1.5em;height:1.5em"
+        swatches = "".join(f"<span title='{name}' style='{box};background:{name}'></span>" for name in names)
+        more = f" ... {len(self.colors)} colors" if len(self.colors) > _SHOWN else ""
+        return f"<div style='line-height:0'>{swatches}</div>{more}"
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write a palette file, as `cvtimg.write_palette` does; the suffix selects the format."""
+        write_palette(path, self.colors, overwrite=overwrite)
 
 
 def find_palette(
@@ -69,19 +91,19 @@ def find_palette(
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Palette:
-    """Find the colors that stand best for samples: of one picture, or of several that were merged.
+    """Find the palette that represents samples with the least error: of one image, or of several merged ones.
 
     Parameters
     ----------
     samples : ColorSamples
-        From `color_samples`, or `merge_samples` for one palette of several pictures or frames.
+        From `color_samples`, or from `merge_samples` for one palette of several images or frames.
     n_colors : int
-        Size of the palette, in 1..65536, with the locked colors and, if a sample is fully transparent, with the
-        color for that.
+        Size of the palette, in 1..65536. This includes the locked colors and, if a sample is fully transparent, the
+        transparent color.
     space : {"rgb", "linear", "lab", "oklab"}
-        Where distances are measured. Means are taken there too, and come back to sRGB.
+        Color space in which distances are measured and means taken.
     locked : (L, C) array, optional
-        Colors that are in the palette exactly, in the units of the samples.
+        Colors that the palette must contain, in the units of the samples.
     method, init, effort, volume_power, rng
         As in `tessellate`. Initial colors, if given, are in the coordinates of the space.
 
@@ -92,7 +114,7 @@ def find_palette(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     Examples
     --------
@@ -213,6 +235,14 @@ def _keep_opaque(
         for dim in range(places.shape[1]):
             sums = np.bincount(labels, density * places[:, dim], n_generators)
             generators[moved, dim] = sums[moved] / masses[moved]
+
+
+def _name(color: NDArray[Any], dtype: np.dtype[Any]) -> str:
+    """Return "#rrggbb", with alpha if there is any."""
+    eight = [round(min(max(float(value) / peak(dtype), 0), 1) * 255) for value in color]
+    if len(eight) > 4:
+        return str(tuple(color.tolist()))
+    return "#" + bytes(eight[:1] * 3 + eight[1:] if len(eight) < 3 else eight).hex()
 
 
 def _in_order(colors: NDArray[Any]) -> NDArray[Any]:

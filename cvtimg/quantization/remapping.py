@@ -1,4 +1,4 @@
-"""Pictures mapped to a palette: each pixel to the nearest of its colors."""
+"""Images mapped to a palette: each pixel gets the nearest color."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from cvtimg.colors.spaces import peak
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 from cvtimg.engine.tessellation import Tessellation
+from cvtimg.files.whole import StrPath
 from cvtimg.quantization import dithering
 
 #: Labels of pixels have at most 16 bits.
@@ -59,6 +60,28 @@ class Quantized:
     def __post_init__(self) -> None:
         for array in (self.palette, self.indices):
             array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        """Tell size, colors and error in one line."""
+        shape = " x ".join(map(str, self.shape))
+        error = "exact" if not self.energy else f"PSNR {self.psnr:.2f} dB"
+        return f"Quantized({shape} {self.palette.dtype}, {len(self.palette)} of {self.n_distinct} colors, {error})"
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the image as PNG, for notebooks; None if a PNG cannot hold it."""
+        from cvtimg.pictures.formats.encoding import encode_image
+
+        pixels, palette = self.content
+        if pixels.dtype not in (np.uint8, np.uint16) or self.palette.shape[1] > 4:
+            return None
+        return encode_image(".png", pixels, palette=palette)
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the image, indexed where the format allows, as `cvtimg.write_image` does."""
+        from cvtimg.pictures.files import write_image
+
+        pixels, palette = self.content
+        write_image(path, pixels, palette=palette, overwrite=overwrite)
 
     @property
     def image(self) -> NDArray[Any]:
@@ -192,7 +215,9 @@ def _dither(
 def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:
     """Sum of density times squared distance from (N,) points to the places that their labels name."""
     padded = np.append(labels, np.zeros(len(points.density) - len(labels), np.int32))
-    return points.frame.energy(cell_energies(points, points.frame.inward(places), padded).sum())
+    # Rounded as the points are, so that a color that is in the palette has no error.
+    inside = points.frame.inward(places).astype(np.float32).astype(np.float64)
+    return points.frame.energy(cell_energies(points, inside, padded).sum())
 
 
 def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:

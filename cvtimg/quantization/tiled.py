@@ -52,6 +52,11 @@ class QuantizedFile:
     n_distinct: int
     exact: bool
 
+    def __repr__(self) -> str:
+        """Tell size, colors and error in one line."""
+        shape = " x ".join(map(str, self.shape))
+        return f"QuantizedFile({shape}, {len(self.palette)} of {self.n_distinct} colors, PSNR {self.psnr:.2f} dB)"
+
     @property
     def mse(self) -> float:
         """Mean squared error of a sample, alpha apart."""

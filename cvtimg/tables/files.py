@@ -66,6 +66,12 @@ class Table:
             if array is not None:
                 array.flags.writeable = False
 
+    def __repr__(self) -> str:
+        """Tell the size and the columns in one line."""
+        names = ", ".join(self.names[:8]) + (", ..." if len(self.names) > 8 else "")
+        weighted = "" if self.weights is None else ", weighted"
+        return f"Table({len(self.rows)} of {len(self.kept)} rows{weighted}: {names})"
+
 
 def read_table(
     path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import suppress
 from typing import Any
 
 import kmeans1d
@@ -14,7 +15,7 @@ from reference import energy
 
 from cvtimg import energy_curve, segment, tessellate
 from cvtimg.colors import color_samples
-from cvtimg.elbow import RULES
+from cvtimg.elbow import RULES, TargetMissedError
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.elbow.rules import Scale
 from cvtimg.segmentation import segment_curve
@@ -128,17 +129,17 @@ def test_the_colors_can_lie_in_other_spaces_and_have_alpha() -> None:
 
 def test_rules_on_curves_made_by_hand() -> None:
     bent = [1000.0, 400, 100, 95, 92, 90, 88, 87]
-    assert curve_of(bent).elbows() == {"chord": 3, "chord-linear": 3, "kneedle": 3, "variance": 8}
+    assert curve_of(bent).elbows() == {"chord": 3, "chord-linear": 3, "kneedle": 3}
     assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance") == 4
     assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance", 0.5) == 2
     assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 40.0) == 2
-    assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 90.0) == 3
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_every_rule_copes_with_the_shortest_curves(rule: str) -> None:
     for energies in ([0.0], [5.0], [5.0, 0.0], [5.0, 2.0], [5.0, 5.0, 5.0], [3.0, 2.0, 1.0], [4.0, 1.0, 0.0]):
-        assert 1 <= curve_of(energies, 255.0).elbow(rule) <= len(energies)
+        with suppress(TargetMissedError):
+            assert 1 <= curve_of(energies, 255.0).elbow(rule) <= len(energies)
     assert curve_of([0.0], 255.0).elbow(rule) == 1
 
 
@@ -146,11 +147,39 @@ def test_two_colors_are_two() -> None:
     assert auto_count(np.array([[0, 255]], np.uint8))[0] == 2
 
 
+def test_a_target_that_is_missed_is_said() -> None:
+    curve = curve_of([100.0, 50.0, 10.0], 255.0)
+    with pytest.raises(TargetMissedError, match=r"target=0.95 is not reached by n_max=3 generators: 0\.9 of the var"):
+        curve.elbow("variance")
+    with pytest.raises(TargetMissedError, match=r"target=90 is not reached by n_max=3 generators: \d+\.\d+ dB"):
+        curve.elbow("psnr", 90)
+    assert curve.elbow("variance", 0.9) == 3
+    assert "variance" not in curve.elbows()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_as_many_generators_as_samples_are_exact_whatever_the_weights(dtype: type) -> None:
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(5, 3)).astype(dtype)[rng.integers(0, 5, 300)]
+    curve = energy_curve(rows, 8, density=rng.random(300))
+    assert curve.n_max == 5
+    assert curve.energies[-1] == 0
+    assert (curve.energies[:-1] > 0).all()
+
+
+def test_a_curve_is_shown_in_one_line_and_drawn_in_a_notebook() -> None:
+    curve = curve_of([100.0, 50.0, 10.0, 9.0], 255.0)
+    assert len(repr(curve).splitlines()) == 1
+    assert "k=1..4" in repr(curve)
+    assert curve._repr_html_().count("<circle") == 1
+    assert "nan" not in curve_of([0.0])._repr_html_()
+
+
 def test_what_rules_do_not_know_is_refused() -> None:
     curve = curve_of([5.0, 2.0, 1.0])
     with pytest.raises(ValueError, match="rule='knee' must be one of chord"):
         curve.elbow("knee")
-    with pytest.raises(ValueError, match="rule='chord' takes no target"):
+    with pytest.raises(ValueError, match="rule='chord' does not support a target; variance or psnr does"):
         curve.elbow("chord", 3)
     with pytest.raises(ValueError, match="needs colors"):
         curve.elbow("psnr")

@@ -88,6 +88,7 @@ def size(result: Quantized) -> int:
     return 2 * runs + 3 * len(result.palette)
 
 
+@pytest.mark.filterwarnings("ignore:max_bytes=1000 leaves one color")
 @pytest.mark.parametrize("n_bytes", [1000, 3000, 6000])
 def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
@@ -99,6 +100,11 @@ def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDA
 def test_a_size_too_small_for_the_fewest_colors_is_refused(photograph: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match="max_bytes=4 must be at least 5, for the fewest colors, 1"):
         quantize_to_size(photograph, 4, size)
+
+
+def test_a_size_that_leaves_one_color_is_warned_of(photograph: NDArray[Any]) -> None:
+    with pytest.warns(UserWarning, match=r"max_bytes=5 leaves one color of \d+"):
+        assert len(quantize_to_size(photograph, 5, size).palette) == 1
 
 
 def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:
