@@ -49,6 +49,10 @@ class Polygon:
         """Area in squared pixels, without the holes."""
         return sum(map(_moment, self.rings))
 
+    def __repr__(self) -> str:
+        n_points = sum(map(len, self.rings))
+        return f"Polygon(label={self.label}, rings={len(self.rings)}, {n_points} points, area={self.area:.6g})"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contours:
@@ -75,6 +79,10 @@ class Contours:
         self.sides.flags.writeable = False
         for line in self.lines:
             line.flags.writeable = False
+
+    def __repr__(self) -> str:
+        n_points = sum(map(len, self.lines))
+        return f"Contours({len(self.polygons)} polygons, {len(self.lines)} lines of {n_points} points)"
 
 
 def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0) -> Contours:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.colors.spaces import from_space, peak
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.restoration.versions import Floats, Versions
 
 
@@ -68,6 +70,25 @@ class Restoration:
             array.flags.writeable = False
         for array in (self.weights, self.shifts):
             array.flags.writeable = False
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the restored image, as `write_image` does."""
+        write_image(path, self.image, overwrite=overwrite)
+
+    def _repr_png_(self) -> bytes:
+        bands = self.image.reshape(*self.image.shape[:2], -1)
+        shown = bands[:, :, :3] if bands.shape[2] >= 3 else bands[:, :, 0]
+        levels = np.rint(np.clip(shown * (255 / peak(self.image.dtype)), 0, 255)).astype(np.uint8)
+        return encode_image(".png", levels)
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        noise = ", ".join(f"{one:.3g}" for one in self.noise[:8]) + (", ..." if len(self.noise) > 8 else "")
+        return (
+            f"Restoration({width} x {height} pixels of {self.image.dtype} from {len(self.weights)} versions, "
+            f"{len(self.colors)} segments, noise=[{noise}], unknown={(self.coverage == 0).mean():.2%}, "
+            f"left_out={(self.left_out > 0).mean():.2%})"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

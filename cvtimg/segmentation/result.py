@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
+from cvtimg.files.whole import StrPath
+from cvtimg.labels.files import write_labels
+from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation.edge_weight import EdgeWeighted
 from cvtimg.segmentation.values import PictureValues
 
@@ -61,6 +64,38 @@ class Segmentation:
     def n_segments(self) -> int:
         """Number of segments, K."""
         return len(self.generators)
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the labels to a .png, .tif or .npy file, as `write_labels` does."""
+        write_labels(path, self.labels, overwrite=overwrite)
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Draw each segment in its mean color, stretched to 8 bits from the least to the greatest value.
+
+        Returns
+        -------
+        (H, W) or (H, W, 3) uint8 array
+            In color if there are three bands or more, of which the first three are shown; otherwise in grey. Pixels
+            of label 0 are black.
+        """
+        n_shown = 3 if self.generators.shape[1] >= 3 else 1
+        colors = np.zeros((self.n_segments + 1, n_shown), np.uint8)
+        if self.n_segments:
+            shown = self.generators[:, :n_shown]
+            span = float(np.ptp(shown)) or 1.0
+            colors[1:] = np.rint((shown - shown.min()) * (255 / span))
+        return colors[self.labels] if n_shown == 3 else colors[self.labels, 0]
+
+    def _repr_png_(self) -> bytes:
+        return encode_image(".png", self.draw())
+
+    def __repr__(self) -> str:
+        height, width = self.labels.shape
+        ending = "converged" if self.converged else "not converged"
+        return (
+            f"Segmentation({self.n_segments} segments of {width} x {height} pixels, energy={self.energy:.6g}, "
+            f"edge_weight={self.edge_weight:.4g}, {ending})"
+        )
 
 
 def from_tessellation(values: PictureValues, cells: Tessellation) -> Segmentation:

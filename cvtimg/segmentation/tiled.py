@@ -72,6 +72,10 @@ class SegmentedFile:
         """Number of segments, K."""
         return len(self.generators)
 
+    def __repr__(self) -> str:
+        size = " x ".join(map(str, self.shape[1::-1]))
+        return f"SegmentedFile({self.n_segments} segments of {size} pixels, energy={self.energy:.6g})"
+
 
 def segment_file(
     source: StrPath,

@@ -279,3 +279,17 @@ def test_arguments_that_make_no_sense_are_refused() -> None:
         find_contours([[1, 2], [1, 2]], np.zeros((2, 3)))
     with pytest.raises(ValueError, match="tolerance=-1 must be a finite number >= 0"):
         find_contours([[1, 2]], tolerance=-1)
+
+
+def test_contours_and_polygons_are_shown_in_a_line() -> None:
+    labels = np.random.default_rng(0).integers(0, 4, (60, 80))
+    labels[0, :3] = 1, 2, 1
+    contours = find_contours(labels)
+    n_points = sum(len(line) for line in contours.lines)
+    n_polygons, n_lines = len(contours.polygons), len(contours.lines)
+    assert repr(contours) == f"Contours({n_polygons} polygons, {n_lines} lines of {n_points} points)"
+    ring = find_contours([[1, 1, 1], [1, 2, 1], [1, 1, 1]]).polygons
+    assert [repr(polygon) for polygon in ring] == [
+        "Polygon(label=1, rings=2, 10 points, area=8)",
+        "Polygon(label=2, rings=1, 5 points, area=1)",
+    ]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from damaging import card, damage, psnr, two_phases
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import restore
+from cvtimg import read_image, restore
 from cvtimg.restoration import RENORMALIZATIONS, Restoration
 from cvtimg.segmentation import Averaging
 
@@ -256,6 +257,20 @@ def test_a_result_cannot_be_changed() -> None:
     assert isinstance(result, Restoration)
     with pytest.raises(ValueError, match="read-only"):
         result.image[0] = 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_a_result_shows_and_saves_itself(dtype: type, tmp_path: Path) -> None:
+    clean, _ = card(40)
+    white = np.iinfo(dtype).max if dtype is not np.float32 else 1
+    versions = [(clean * white).astype(dtype)] * 9
+    result = restore(versions, 4)
+    assert len(repr(result).splitlines()) <= 2
+    assert len(repr(result)) < 250
+    result.save(tmp_path / "a.tif")
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), result.image)
+    (tmp_path / "b.png").write_bytes(result._repr_png_())
+    np.testing.assert_allclose(read_image(tmp_path / "b.png") / 255, clean, atol=0.005)
 
 
 def test_every_renormalization_is_there() -> None:

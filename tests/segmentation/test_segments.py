@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from reference import edge_weighted_energy
 from scipy import ndimage
 
-from cvtimg import segment, tessellate
+from cvtimg import read_image, segment, tessellate
 from cvtimg.colors import color_samples
 from cvtimg.segmentation import Averaging
 from cvtimg.segmentation.averaging import average_segments, averaged
@@ -224,3 +225,19 @@ def test_wrong_arguments_are_refused(options: dict[str, Any], message: str) -> N
         Averaging(radius=0)
     with pytest.raises(ValueError, match="whole number"):
         Averaging(kernel="box", radius=1.5)
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3, 5])
+def test_a_result_shows_and_saves_itself(photograph: NDArray[Any], bands: int, tmp_path: Path) -> None:
+    image = np.concatenate([photograph, photograph], axis=2)[:60, :80, :bands]
+    result = segment(image, 7)
+    assert len(repr(result)) < 200
+    assert "7 segments of 80 x 60 pixels" in repr(result)
+    result.save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), result.labels)
+    (tmp_path / "b.png").write_bytes(result._repr_png_())
+    drawn = read_image(tmp_path / "b.png")
+    np.testing.assert_array_equal(drawn, result.draw())
+    assert drawn.shape == ((60, 80, 3) if bands >= 3 else (60, 80))
+    assert len(np.unique(drawn.reshape(60 * 80, -1), axis=0)) == 7
+    assert (drawn.min(), drawn.max()) == (0, 255)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli import tiled as _tiled
+from cvtimg.colors.counting import Counter
 from cvtimg.labels import region_means
 from cvtimg.pictures import tiles
 from cvtimg.pictures.formats import bands as _bands
@@ -138,6 +139,21 @@ def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match="at least one pixel that is known"):
         segment_file("a.tif", "e.tif", 2, nodata=3)
     assert {path.name for path in Path().iterdir()} == {f"{name}.tif" for name in "abcd"}
+
+
+def test_exact_says_whether_all_colors_were_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    def few(n_colors: int) -> type[Counter]:
+        return type("Few", (Counter,), {"__init__": lambda self: Counter.__init__(self, n_colors)})
+
+    write(noisy((96, 80)).astype(np.uint16) * 200)
+    assert segment_file("a.tif", "b.tif", 3).exact
+    with monkeypatch.context() as patch:  # of the picture
+        patch.setattr(disk_values, "Counter", few(500))
+        assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
+    with monkeypatch.context() as patch:  # of its averages, from which segments start
+        patch.setattr(tiled_segmentation, "Counter", few(500))
+        assert segment_file("a.tif", "b.tif", 3, overwrite=True).exact
+        assert not segment_file("a.tif", "b.tif", 3, edge_weight="auto", overwrite=True).exact
 
 
 def test_many_segments_take_16_bits_and_zarr_is_read_and_written(photograph: NDArray[Any]) -> None:
