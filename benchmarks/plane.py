@@ -1,0 +1,219 @@
+"""Placement in the plane: passes over pictures, descents, exact polygons, draws in processes.
+
+Prints milliseconds of a pass over a picture and its ratio to `scipy.spatial.cKDTree.query` over the same pixels;
+processor seconds and energy of each effort against the best of some long runs; seconds and memory of a million
+generators; how far centroids are from those of exact polygons; and seconds of draws in one and two processes.
+
+    python benchmarks/plane.py [--quick] [--million] [--only passes,descents,exact,draws]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from common import DATA, SAMPLES, machine, parser, pin_threads, print_table, timed, write_results
+from numpy.typing import NDArray
+from PIL import Image
+
+Row = dict[str, Any]
+PARTS = ("passes", "descents", "exact", "draws")
+PASSES = {1: (1000, 1000), 12: (3000, 4000)}
+COUNTS = (1000, 20_000, 100_000)
+#: Long runs whose best is the measure of all others.
+LONG_RUNS = 5
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--million", action="store_true", help="a million generators on 24 megapixels, too")
+    return read.parse_args()
+
+
+def photograph(megapixels: float) -> NDArray[np.float32]:
+    """Return the squared darkness of a photograph, enlarged to about so many megapixels."""
+    paths = [DATA / "kodak" / "kodim05.png", SAMPLES / "coffee.png"]
+    with Image.open(next(path for path in paths if path.exists())) as image:
+        factor = (megapixels * 1e6 / (image.width * image.height)) ** 0.5
+        size = (round(image.width * factor), round(image.height * factor))
+        grey = np.asarray(image.convert("L").resize(size, Image.Resampling.BICUBIC), np.float32)
+    density: NDArray[np.float32] = (1 - grey / 255) ** 2
+    return density
+
+
+def least_seconds(call: Any, repeats: int) -> float:
+    """Return the least processor seconds of some calls: what others do on the machine only adds to them."""
+    return min(timed(call, time.process_time)[1] for _ in range(repeats))
+
+
+def passes(quick: bool) -> list[Row]:
+    """Time passes over uniform densities, and the tree that finds the nearest generator of each pixel."""
+    from scipy.spatial import cKDTree
+
+    from cvtimg.placement import PixelMoments
+
+    rows = []
+    for megapixels, (height, width) in PASSES.items():
+        rng = np.random.default_rng(0)
+        moments = PixelMoments(rng.random((height, width), np.float32))
+        y, x = np.mgrid[:height, :width] + 0.5
+        centers = np.stack([x.ravel(), y.ravel()], axis=1)
+        for n in COUNTS:
+            points = rng.random((n, 2)) * [width, height]
+            for _ in range(3):
+                points = moments(points).centroids
+            ours = least_seconds(partial(moments, points), 3 if quick else 15)
+            labels = least_seconds(partial(moments.labels, points), 3 if quick else 7)
+            theirs = least_seconds(partial(cKDTree(points).query, centers), 1)
+            row = {"megapixels": megapixels, "n": n, "ms": ours * 1e3, "labels_ms": labels * 1e3}
+            rows.append({**row, "ckdtree_ms": theirs * 1e3, "ratio": theirs / ours})
+    header = ("megapixels", "generators", "ms per pass", "ms for labels", "cKDTree.query, ms", "ratio")
+    print_table("Passes", header, [[f"{value:.4g}" for value in row.values()] for row in rows])
+    return rows
+
+
+def descents(quick: bool) -> list[Row]:
+    """Compare efforts with the best of long runs from other seeds."""
+    from cvtimg.placement import place_in_picture
+
+    density = photograph(1)
+    rows = []
+    for n in (20_000,) if quick else (20_000, 100_000):
+        runs = range(1, 1 + (2 if quick else LONG_RUNS))
+        best = min(place_in_picture(density, n, effort="best", rng=seed).energy for seed in runs)
+        for effort in ("fast", "balanced"):
+            placement, seconds = timed(lambda n=n, e=effort: place_in_picture(density, n, effort=e), time.process_time)
+            over = placement.energy / best - 1
+            rows.append({"n": n, "effort": effort, "seconds": seconds, "passes": placement.n_iter, "over_best": over})
+    header = ("generators", "effort", "processor seconds", "moves", "energy over the best")
+    table = [[f"{r['n']}", r["effort"], f"{r['seconds']:.2f}", f"{r['passes']}", f"{r['over_best']:.3%}"] for r in rows]
+    print_table(f"Descents on {density.size / 1e6:.2f} megapixels, against {len(runs)} long runs", header, table)
+    return rows
+
+
+def million() -> list[Row]:
+    """Place a million generators on 24 megapixels."""
+    from cvtimg.placement import place_in_picture
+
+    density = photograph(24)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    placement, seconds = timed(lambda: place_in_picture(density, 1_000_000), time.process_time)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    row = {"n": 1_000_000, "megapixels": density.size / 1e6, "seconds": seconds, "peak_mib": peak / 1024}
+    row |= {"over_start_mib": (peak - before) / 1024, "empty": int((placement.masses == 0).sum())}
+    print_table("A million", tuple(row), [[f"{value:.5g}" for value in row.values()]])
+    return [row]
+
+
+def exact(quick: bool) -> list[Row]:
+    """Compare centroids of cells with those of polygons, of SciPy's Voronoi diagram of points and mirror images."""
+    from scipy.spatial import Voronoi
+
+    from cvtimg.placement import PixelMoments, PolygonMoments
+    from cvtimg.regions import Box, ConstantDensity
+
+    rows = []
+    for n in (1000,) if quick else (1000, 10_000):
+        points = np.random.default_rng(0).random((n, 2))
+        mirrored = [points, *(points * flip + shift for flip, shift in _MIRRORS)]
+        diagram = Voronoi(np.concatenate(mirrored))
+        expected = np.array([_centroid(diagram.vertices[diagram.regions[diagram.point_region[k]]]) for k in range(n)])
+        found, seconds = timed(lambda p=points: PolygonMoments(Box([0, 0], [1, 1]), ConstantDensity())(p))
+        side = 2048
+        pixels = PixelMoments(np.ones((side, side), np.float32), scale=side)(points)
+        spacing = n**-0.5
+        row = {"n": n, "polygons": np.abs(found.centroids - expected).max() / spacing, "polygons_s": seconds}
+        rows.append({**row, "pixels": np.abs(pixels.centroids - expected).max() / spacing})
+    header = ("generators", "polygons: largest error by spacing", "seconds", "pixels, 2048 x 2048")
+    print_table(
+        "Centroids for a constant density", header, [[f"{value:.3g}" for value in row.values()] for row in rows]
+    )
+    return rows
+
+
+_MIRRORS = (([-1, 1], [0, 0]), ([-1, 1], [2, 0]), ([1, -1], [0, 0]), ([1, -1], [0, 2]))
+
+
+def _centroid(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    steps = corners - corners[0]
+    x, y = steps.T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    sums = ((steps + np.roll(steps, -1, axis=0)) * cross[:, None]).sum(axis=0)
+    centroid: NDArray[np.float64] = corners[0] + sums / (3 * cross.sum())
+    return centroid
+
+
+def draws(quick: bool) -> list[Row]:
+    """Time the probabilistic method in this process, in one and two others, and on two of Dask."""
+    from cvtimg.engine import Probabilistic
+    from cvtimg.placement import place_by_draws
+    from cvtimg.regions import Box
+
+    box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if quick else 20))
+
+    def run(executor: Any) -> float:
+        return place_by_draws(box, n, rule=rule, n_moves=2 if quick else 5, executor=executor).energy
+
+    rows = []
+    (energy, wall), seconds = timed(lambda: timed(lambda: run(None)), time.process_time)
+    rows.append({"where": "this process", "wall": wall, "cpu": seconds, "energy": energy})
+    for count in (1, 2):
+        with ProcessPoolExecutor(count, get_context("spawn")) as pool:
+            list(pool.map(abs, range(count)))  # started
+            before = _children_seconds(pool)
+            energy, seconds = timed(lambda pool=pool: run(pool))
+            cpu = _children_seconds(pool) - before
+        rows.append({"where": f"{count} process{'es' * (count > 1)}", "wall": seconds, "cpu": cpu, "energy": energy})
+    rows += _on_dask(run)
+    header = ("where", "wall seconds", "processor seconds", "energy")
+    table = [[r["where"], f"{r['wall']:.2f}", f"{r['cpu']:.2f}", f"{r['energy']:.8g}"] for r in rows]
+    print_table(f"Draws: {rule.draws} in each move, {n} generators in 3 dimensions", header, table)
+    return rows
+
+
+def _children_seconds(pool: ProcessPoolExecutor) -> float:
+    """Processor seconds of the processes of a pool."""
+    ticks = os.sysconf("SC_CLK_TCK")
+    total = 0.0
+    for pid in pool._processes:
+        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+            fields = file.read().rpartition(")")[2].split()
+        total += (int(fields[11]) + int(fields[12])) / ticks
+    return total
+
+
+def _on_dask(run: Any) -> list[Row]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        return []
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        client.run(lambda: __import__("cvtimg.placement.draws"))
+        energy, seconds = timed(lambda: run(client.get_executor()))
+    return [{"where": "2 of Dask", "wall": seconds, "cpu": float("nan"), "energy": energy}]
+
+
+def main() -> None:
+    """Run what is asked for."""
+    asked = options()
+    pin_threads(asked.threads)
+    parts = {"passes": passes, "descents": descents, "exact": exact, "draws": draws}
+    print(machine())
+    rows = [{"part": name, **row} for name in asked.only.split(",") for row in parts[name](asked.quick)]
+    if asked.million:
+        rows += [{"part": "million", **row} for row in million()]
+    keys = dict.fromkeys(key for row in rows for key in row)
+    write_results("plane", {"threads": asked.threads}, [{key: row.get(key, "") for key in keys} for row in rows])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""The examples run, and come to what they say."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+@pytest.fixture
+def example(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a function that imports an example by its name."""
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+
+    def load(name: str) -> Any:
+        spec = importlib.util.spec_from_file_location(f"example_{name}", EXAMPLES / f"{name}.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    yield load
+    sys.modules.pop("drawing", None)
+
+
+def test_people_walk_less_to_mailboxes_by_where_they_live(example: Any, tmp_path: Path) -> None:
+    ways = example("mailboxes").main(tmp_path / "m.png")
+    assert ways["By where people live"] < 0.9 * ways["Evenly spread"]
+    Image.open(tmp_path / "m.png").verify()
+
+
+def test_cells_double_at_each_division(example: Any, tmp_path: Path) -> None:
+    assert example("cell_division").main(tmp_path / "c.png") == [1, 2, 4, 8, 16, 32]
+    Image.open(tmp_path / "c.png").verify()
+
+
+def test_territories_are_more_regular_where_fish_settle_together(example: Any, tmp_path: Path) -> None:
+    alone, _, together = example("territories").main(tmp_path / "t.png").values()
+    assert together.area_ratio < 0.7 * alone.area_ratio
+    Image.open(tmp_path / "t.png").verify()
