@@ -3,15 +3,19 @@
 A command hands over the work, and the columns of its table.
 """
 
-from cvtimg.batch.plans import Outputs, Plan, check_suffix, find, plan_each, plan_one
+from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard
+from cvtimg.batch.plans import Outputs, Pattern, Plan, check_suffix, find, plan_each, plan_one
 from cvtimg.batch.report import Report, complain, reason
-from cvtimg.batch.runner import Running, check_plan, fold, run
+from cvtimg.batch.runner import INTERRUPTED, Running, check_plan, fold, run
 from cvtimg.batch.tasks import InputsFailedError, Missing, Row, Stopwatch, Task, Work, WrongUsageError
 
 __all__ = [
+    "INTERRUPTED",
+    "STANDARD",
     "InputsFailedError",
     "Missing",
     "Outputs",
+    "Pattern",
     "Plan",
     "Report",
     "Row",
@@ -25,6 +29,8 @@ __all__ = [
     "complain",
     "find",
     "fold",
+    "is_pipe",
+    "is_standard",
     "plan_each",
     "plan_one",
     "reason",

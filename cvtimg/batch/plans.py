@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
-import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -12,13 +12,17 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TypeAlias
 
+from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
 
 __all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
 
-#: Files to write, by the option that names each: a path as given; a pattern such as ``"{}-labels.png"``, which takes
-#: the name of the input without its suffix; or None where an option is not given. The main output is ``"-o"``.
-Outputs: TypeAlias = Mapping[str, Path | str | None]
+#: How an output is named after its input: a pattern such as ``"{}-labels.png"``, which takes the name of the input
+#: without its suffix, or a function that gives the pattern for an input.
+Pattern: TypeAlias = str | Callable[[Path], str]
+#: Files to write, by the option that names each: a path as given, a pattern, or None where an option is not given. The
+#: main output is ``"-o"``.
+Outputs: TypeAlias = Mapping[str, Path | Pattern | None]
 
 
 @dataclass(slots=True)
@@ -54,8 +58,12 @@ def plan_each(
     out_dir: Path | None = None,
     also_read: Iterable[Path | None] = (),
     joint: Mapping[str, Path | None] | None = None,
+    beside: bool = False,
 ) -> Plan:
     """Plan a task for each input.
+
+    The output of standard input, and of other pipes, goes to standard output if it is not named. Of two inputs in one
+    folder that differ in their suffix alone, such as a.png and a.webp, the outputs keep it: a.png and a.webp.png.
 
     Parameters
     ----------
@@ -67,6 +75,8 @@ def plan_each(
         Other files that are read.
     joint : mapping of str to path or None
         Files that are written of all inputs together.
+    beside : bool
+        Let the outputs of several inputs go beside them.
 
     Raises
     ------
@@ -75,11 +85,15 @@ def plan_each(
     """
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     sources, missing = find(inputs, expand, out_dir)
-    _check_outputs(len(sources) + len(missing), out_dir, wanted)
-    tasks = [
-        Task((source,), {option: _output(path, source, folder) for option, path in wanted.items()})
-        for source, folder in sources.items()
-    ]
+    _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
+    tasks = []
+    for source, folder in sources.items():
+        outputs_of = {option: _output(path, source, folder) for option, path in wanted.items()}
+        main = wanted.get("-o")
+        if main and not isinstance(main, Path) and is_pipe(source) and not out_dir:
+            outputs_of["-o"] = Path(STANDARD + outputs_of["-o"].suffix)
+        tasks.append(Task((source,), outputs_of))
+    _keep_suffixes(tasks, wanted)
     return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}))
 
 
@@ -99,8 +113,26 @@ def _given(files: Mapping[str, Path | None]) -> dict[str, Path]:
     return {option: path for option, path in files.items() if path}
 
 
-def _output(path: Path | str, source: Path, folder: Path) -> Path:
-    return path if isinstance(path, Path) else folder / path.format(source.stem)
+def _output(path: Path | Pattern, source: Path, folder: Path) -> Path:
+    if isinstance(path, Path):
+        return path
+    pattern = path if isinstance(path, str) else path(source)
+    return folder / pattern.format(stem_of(source))
+
+
+def _keep_suffixes(tasks: list[Task], wanted: Mapping[str, Path | Pattern]) -> None:
+    """Rename outputs of inputs that differ in their suffix alone: a.webp gives a.webp.png where there is a.png."""
+    stems = Counter((task.source.parent, stem_of(task.source)) for task in tasks)
+    for number, task in enumerate(tasks):
+        source = task.source
+        if stems[source.parent, stem_of(source)] < 2:
+            continue
+        outputs = dict(task.outputs)
+        for option, path in wanted.items():
+            if not isinstance(path, Path) and outputs[option].suffix != source.suffix:
+                pattern = path if isinstance(path, str) else path(source)
+                outputs[option] = outputs[option].with_name(pattern.format(source.name))
+        tasks[number] = Task(task.sources, outputs)
 
 
 def find(
@@ -111,8 +143,8 @@ def find(
     Parameters
     ----------
     inputs : iterable of str
-        Files, folders and patterns; "-" stands for a list on standard input, a name a line, or with a zero byte
-        between names.
+        Files, folders and patterns. "-" is standard input. "@FILE" stands for a list in a file, a name per line or
+        with a zero byte between names, and "@-" for one on standard input.
     expand : callable
         From an argument to the files that it names.
     out_dir : Path, optional
@@ -129,9 +161,9 @@ def find(
     sources: dict[Path, Path] = {}
     missing: Missing = []
     outside = out_dir.resolve() if out_dir else None
-    for text, root in _listed(inputs):
+    for text, root in _listed(inputs, missing):
         try:
-            found = expand(text)
+            found = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:
             missing.append((text, error))
             continue
@@ -142,15 +174,19 @@ def find(
     return sources, missing
 
 
-def _listed(inputs: Iterable[str]) -> Iterator[tuple[str, Path]]:
-    """Give each argument, and those on standard input, with the folder below which it keeps its folders."""
+def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path]]:
+    """Give each argument, and those on lists, with the folder below which it keeps its folders."""
     for text in inputs:
-        if text == "-":
-            content = os.fsencode(sys.stdin.read()) if not hasattr(sys.stdin, "buffer") else sys.stdin.buffer.read()
-            names = content.split(b"\0") if b"\0" in content else content.splitlines()
-            yield from ((os.fsdecode(name), Path()) for name in names if name)
-        else:
+        if not text.startswith("@") or Path(text).exists():
             yield text, _root(text)
+            continue
+        try:
+            content = read_all(Path(text[1:]))
+        except OSError as error:
+            missing.append((text, error))
+            continue
+        names = content.split(b"\0") if b"\0" in content else content.splitlines()
+        yield from ((os.fsdecode(name), Path()) for name in names if name)
 
 
 def _root(text: str) -> Path:
@@ -177,27 +213,38 @@ def check_suffix(option: str, path: Path | None, allowed: Iterable[str]) -> None
         raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}")
 
 
-def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Path | str]) -> None:
+def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Path | Pattern], beside: bool) -> None:
     """Refuse outputs that cannot be: one file of several inputs, or several that have no folder to go to."""
     named = [option for option, path in outputs.items() if isinstance(path, Path)]
     if "-o" in named and out_dir:
         raise WrongUsageError("-o and --out-dir exclude each other")
     if n_inputs > 1 and named:
-        raise WrongUsageError(f"{named[0]} is for one input, and these are {n_inputs}")
-    if n_inputs > 1 and outputs and not out_dir:
+        instead = ": use --out-dir DIR for several" if named[0] == "-o" else ""
+        raise WrongUsageError(f"{named[0]} is for one input, and these are {n_inputs}{instead}")
+    if n_inputs > 1 and outputs and not (out_dir or beside):
         raise WrongUsageError(f"{n_inputs} inputs need --out-dir DIR")
 
 
-def check_no_clash(plan: Plan, report: Path | None = None) -> None:
-    """Refuse outputs that would replace a file that is read, or each other, before any work."""
+def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = False) -> None:
+    """Refuse outputs that would replace a file that is read, or each other, before any work.
+
+    With `in_place` an output may replace the input that it is of.
+    """
     inputs = {_identity(path) for task in plan.tasks for path in task.sources}
     inputs |= {_identity(path) for path in plan.also_read}
-    wanted = [(path, task.name) for task in plan.tasks for path in task.outputs.values()]
+    wanted = [
+        (path, task.name)
+        for task in plan.tasks
+        for path in task.outputs.values()
+        if not (in_place and path == task.source)
+    ]
     wanted += [(path, option) for option, path in plan.joint.items()]
     if report:
         wanted.append((report, "--report"))
     owners: dict[str, str] = {}
     for path, owner in wanted:
+        if is_standard(path):
+            continue
         if _identity(path) in inputs - {None}:
             raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
         place = os.path.normcase(path.resolve())

@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cvtimg.batch.tasks import Row, Task, WrongUsageError
+from cvtimg.batch.tasks import Row, WrongUsageError
 
 __all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
 #: Columns that are set flush left.
 TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
+#: Heads of columns that read otherwise than in JSON.
+_HEADS = {"distinct_colors": "colors", "input_bytes": "before", "output_bytes": "after"}
 #: What a file of rows can end in.
 FILE_SUFFIXES = (".csv", ".jsonl")
 
@@ -51,9 +53,9 @@ class Report:
     def show(self, row: Row) -> None:
         """Tell people of an input at once, in place of a table at the end, if a kind of report does so."""
 
-    def skipped(self, task: Task) -> None:
-        """Tell of an input whose outputs exist."""
-        self._hear("skipped", task.facts)
+    def skipped(self, row: Row) -> None:
+        """Tell of an input that was left out."""
+        self._hear("skipped", {**row, "skipped": row.get("skipped", True)})
 
     def failed(self, path: str | Path, why: str) -> None:
         """Name an input that failed, and why."""
@@ -64,22 +66,37 @@ class Report:
         self._counts[status] += 1
         self._rows.append({"status": status, **row})
         if self.as_json:
-            print(json.dumps({**row, "skipped": True} if status == "skipped" else row, allow_nan=False), flush=True)
+            print(json.dumps(row, allow_nan=False), flush=True)
 
     def close(self) -> int:
         """Print the table and the summary; return the exit status, 1 if an input failed."""
         if not (self.as_json or self.quiet):
             if self._counts["done"] and self._columns:
                 self._print_table([row for row in self._rows if row["status"] == "done"])
-            if len(self._rows) > 1:
-                print(", ".join(f"{n} {status}" for status, n in self._counts.items()), file=sys.stderr, flush=True)
+            if len(self._rows) > 1 or self._counts["skipped"]:
+                print(self._summary(), file=sys.stderr, flush=True)
         return 1 if self._counts["failed"] else 0
 
-    def write(self, path: Path, *, overwrite: bool) -> None:
-        """Write a row for each input so far, whatever became of it, as .csv or .jsonl."""
+    def interrupted(self, n_inputs: int) -> None:
+        """Say what was done before the run was interrupted."""
+        complain(f"interrupted: {self._summary()}, {n_inputs - len(self._rows)} of {n_inputs} inputs left")
+
+    def _summary(self) -> str:
+        return ", ".join(f"{n} {status}" for status, n in self._counts.items())
+
+    def write(self, path: Path, *, overwrite: bool, append: bool = False) -> None:
+        """Write a row for each input so far, whatever became of it, as .csv or .jsonl.
+
+        With `append` the rows of the file that is there come first, but those of inputs that were tried again; an
+        input that was skipped because it was done keeps its old row.
+        """
         from cvtimg.files.whole import whole_file
 
-        text = _lines(self._rows) if path.suffix.lower() == ".jsonl" else _csv(self._rows)
+        is_json = path.suffix.lower() == ".jsonl"
+        rows = [_flat(row) for row in self._rows] if not is_json else self._rows
+        if append and path.exists():
+            rows = _merged(_read_lines(path) if is_json else _read_csv(path), rows)
+        text = _lines(rows) if is_json else _csv(rows)
         with whole_file(path, overwrite=overwrite) as file:
             file.write(text.encode(errors="surrogateescape"))  # names of files need not be text
 
@@ -93,12 +110,33 @@ class Report:
         table = Table(box=None, pad_edge=False)
         for column in self._columns:
             is_text = column in TEXT_COLUMNS
-            head = column.removeprefix("distinct_")
-            table.add_column(head, justify="left" if is_text else "right", overflow="fold", no_wrap=not is_text)
+            table.add_column(
+                _HEADS.get(column, column), justify="left" if is_text else "right", overflow="fold", no_wrap=not is_text
+            )
         for row in rows:
             shown = {**row, "input": Path(row["input"]).name} if narrow else row
-            table.add_row(*(_cell(column, shown[column]) for column in self._columns))
+            table.add_row(*(_cell(column, shown.get(column)) for column in self._columns))
         console.print(table)
+
+
+def _merged(before: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
+    known = {row.get("input"): row for row in before}
+    for row in rows:
+        if row["status"] != "skipped" or row.get("input") not in known:
+            known[row.get("input")] = row
+    return list(known.values())
+
+
+def _read_lines(path: Path) -> list[Row]:
+    with path.open(errors="surrogateescape") as file:
+        return [json.loads(line) for line in file]
+
+
+def _read_csv(path: Path) -> list[Row]:
+    import csv
+
+    with path.open(newline="", errors="surrogateescape") as file:
+        return list(csv.DictReader(file))
 
 
 def _lines(rows: Sequence[Row]) -> str:
@@ -106,16 +144,16 @@ def _lines(rows: Sequence[Row]) -> str:
 
 
 def _csv(rows: Sequence[Row]) -> str:
-    """Lay rows of unequal columns side by side; of a column that holds several values each becomes one."""
+    """Lay flat rows of unequal columns side by side."""
     from cvtimg.files.text_tables import csv_text
 
-    flat = [_flat(row) for row in rows]
-    columns = dict.fromkeys(["status", "input", "output", *(column for row in flat for column in row), "error"])
+    columns = dict.fromkeys(["status", "input", "output", *(column for row in rows for column in row), "error"])
     columns["error"] = columns.pop("error")
-    return csv_text(columns, [[row.get(column) for column in columns] for row in flat])
+    return csv_text(columns, [[row.get(column) for column in columns] for row in rows])
 
 
 def _flat(row: Row) -> Row:
+    """Make a column of each of several values."""
     flat: Row = {}
     for column, value in row.items():
         if isinstance(value, dict):
@@ -129,6 +167,8 @@ def _cell(column: str, value: Any) -> str:
     """Word a value of a row for people."""
     if column == "psnr":
         return "exact" if value is None else f"{value:.2f}"
+    if column.endswith("_bytes"):
+        return "-" if value is None else _size(value)
     if column == "seconds":
         return f"{sum(value.values()):.2f}"
     if column == "explained":
@@ -141,6 +181,14 @@ def _cell(column: str, value: Any) -> str:
         return ", ".join(f"{name} {part}" for name, part in value.items())
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
     return text.encode(errors="replace").decode()  # names of files need not be text
+
+
+def _size(n_bytes: int) -> str:
+    """Round a size to three digits, in units of 1024 bytes."""
+    value, units = float(n_bytes), "BKMGT"
+    while value >= 1000 and len(units) > 1:
+        value, units = value / 1024, units[1:]
+    return f"{value:.3g}{units[0]}" if units[0] != "B" else f"{n_bytes}B"
 
 
 def reason(path: str | Path, error: Exception) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
+from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
@@ -18,6 +19,8 @@ from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwat
 
 __all__ = ["Running", "check_plan", "fold", "run"]
 
+#: The exit status of a run that Ctrl-C ended.
+INTERRUPTED = 130
 #: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
 _WORTH_WORKERS = 8 << 20
 #: What an input costs however small it is, in these bytes.
@@ -41,6 +44,10 @@ class Running:
         A .csv or .jsonl file that gets a row for each input.
     dask : str, optional
         Address of the scheduler of a Dask cluster that does the work, or "local" for one of `jobs` processes here.
+    in_place : bool
+        Let outputs replace the inputs that they are of, once they are whole.
+    skip_if_larger : bool
+        Keep the main output only if it has fewer bytes than the input.
     """
 
     jobs: int | None = 1
@@ -48,6 +55,8 @@ class Running:
     overwrite: bool = False
     report_file: Path | None = None
     dask: str | None = None
+    in_place: bool = False
+    skip_if_larger: bool = False
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
@@ -67,7 +76,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     Returns
     -------
     int
-        The exit status: 1 if an input failed, else 0.
+        The exit status: 0 if all inputs are done, 1 if some failed, 130 if the run was interrupted.
 
     Raises
     ------
@@ -77,32 +86,42 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
         If a file of all inputs together cannot be written; nothing is done then.
     """
     check_plan(plan, running)
-    todo = [task for task in plan.tasks if not (running.skip_existing and _is_done(task))]
-    with _folders(todo, plan.out_dir), _rows_written(report, running):
+    skips = [running.skip_existing and _is_done(task) for task in plan.tasks]
+    todo = [task for task, skip in zip(plan.tasks, skips, strict=True) if not skip]
+    with _folders(todo, plan.out_dir), _rows_written(report, running), as_files(todo) as todo:
         for text, error in plan.missing:
             report.failed(text, reason(text, error))
         attempt = partial(_attempt, work=work, running=running)
-        with progress(len(todo), report) as step:
-            outcomes = _in_order(_perform(attempt, todo, running), step)
-            left = iter(todo)
-            following = next(left, None)
-            for task in plan.tasks:
-                if task is not following:
-                    report.skipped(task)
-                    continue
-                outcome = next(outcomes)
-                for name, why in outcome.failures:
-                    report.failed(name, why)
-                if not outcome.failures:
-                    report.done(outcome.result)
-                following = next(left, None)
+        try:
+            with progress(len(todo), report) as step:
+                outcomes = zip(todo, _in_order(_perform(attempt, todo, running), step), strict=True)
+                for task, skip in zip(plan.tasks, skips, strict=True):
+                    if skip:
+                        report.skipped(task.facts)
+                    else:
+                        _tell(report, *next(outcomes))
+        except KeyboardInterrupt:
+            report.interrupted(len(plan.tasks) + len(plan.missing))
+            return INTERRUPTED
     return report.close()
+
+
+def _tell(report: Report, task: Task, outcome: Outcome) -> None:
+    """Tell the report of a task that was tried, and send on what it wrote for standard output."""
+    for name, why in outcome.failures:
+        report.failed(name, why)
+    if not outcome.failures:
+        deliver(task)
+        if outcome.result.get("skipped"):
+            report.skipped(outcome.result)
+        else:
+            report.done(outcome.result)
 
 
 def check_plan(plan: Plan, running: Running) -> None:
     """Refuse, before any work, outputs that would replace inputs or each other, and joint ones that cannot be."""
     check_suffix("--report", running.report_file, FILE_SUFFIXES)
-    check_no_clash(plan, running.report_file)
+    check_no_clash(plan, running.report_file, in_place=running.in_place)
     for path in plan.joint.values():
         check_can_be_written(path, running.overwrite or running.skip_existing)
 
@@ -154,9 +173,15 @@ def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
     try:
         return Outcome(work(task))
     except InputsFailedError as error:
-        return Outcome(None, tuple((name, reason(name, why)) for name, why in error.failed))
+        failed = ((task.wording(name), task.wording(reason(name, why))) for name, why in error.failed)
+        return Outcome(None, tuple(failed))
     except Exception as error:
-        return Outcome.failed(task, reason(task.name, error))
+        return Outcome.failed(task, task.wording(reason(task.source if task.sources else task.name, error)))
+
+
+def _n_bytes(column: str, files: Sequence[Path]) -> Row:
+    """Return the size of the first of some files, if it is one."""
+    return {column: files[0].stat().st_size} if files and files[0].is_file() else {}
 
 
 def _is_done(task: Task) -> bool:
@@ -170,12 +195,34 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
         for path in task.outputs.values():
             if running.skip_existing and not running.overwrite:
                 _remove(path)  # a run was stopped between the outputs of this task
-            check_can_be_written(path, running.overwrite)
+            check_can_be_written(path, running.overwrite or running.in_place)
         stopwatch = Stopwatch()
-        row = {**task.facts, **work(task, stopwatch)}
+        before = _n_bytes("input_bytes", task.sources)
+        row = {**task.facts, **_worked(task, work, stopwatch, running), **before}
+        if not row.get("skipped"):
+            row |= _n_bytes("output_bytes", tuple(task.outputs.values()))
         return {**row, "seconds": stopwatch.laps} if stopwatch.laps else row
 
     return _call(task, work=checked)
+
+
+def _worked(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
+    """Do the work; where the main output may turn out to be unwanted, beside it first."""
+    if not (running.skip_if_larger or running.in_place) or not task.outputs:
+        return work(task, stopwatch)
+    from cvtimg.files.whole import scratch_folder, whole_file
+
+    with scratch_folder(task.output) as folder:
+        trial = folder / task.output.name
+        row = work(replace(task, outputs={**task.outputs, "-o": trial}), stopwatch)
+        if running.skip_if_larger and trial.stat().st_size >= task.source.stat().st_size:
+            return {**row, "output": None, "skipped": "output not smaller"}
+        with (
+            trial.open("rb") as source,
+            whole_file(task.output, overwrite=running.overwrite or running.in_place) as target,
+        ):
+            shutil.copyfileobj(source, target)
+    return row
 
 
 def _remove(path: Path) -> None:
@@ -264,9 +311,9 @@ def _rows_written(report: Report, running: Running) -> Iterator[None]:
     if running.report_file is None:
         yield
         return
-    replace = running.overwrite or running.skip_existing
-    check_can_be_written(running.report_file, replace)
+    replaces = running.overwrite or running.skip_existing
+    check_can_be_written(running.report_file, replaces)
     try:
         yield
     finally:
-        report.write(running.report_file, overwrite=replace)
+        report.write(running.report_file, overwrite=replaces, append=running.skip_existing and not running.overwrite)

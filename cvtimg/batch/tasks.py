@@ -32,11 +32,13 @@ class InputsFailedError(Exception):
 class Task:
     """Inputs that are worked on together, nearly always one, and the files to write, by the option that names each.
 
-    A task without inputs makes its outputs from options alone.
+    A task without inputs makes its outputs from options alone. `shown` names files that people know otherwise: those
+    that stand for standard input and output.
     """
 
     sources: tuple[Path, ...]
     outputs: Mapping[str, Path] = field(default_factory=dict)
+    shown: Mapping[Path, str] = field(default_factory=dict)
 
     @property
     def source(self) -> Path:
@@ -51,13 +53,23 @@ class Task:
     @property
     def name(self) -> str:
         """What people know the task by: its input, or its output if it has no input."""
-        return str(self.source if self.sources else self.output)
+        return self.shown_name(self.source if self.sources else self.output)
+
+    def shown_name(self, path: Path) -> str:
+        """Return what people know a file by."""
+        return self.shown.get(path, str(path))
 
     @property
     def facts(self) -> Row:
         """The first columns of its row in the report."""
-        row: Row = {"input": str(self.source)} if self.sources else {}
-        return {**row, "output": str(self.output)} if self.outputs else row
+        row: Row = {"input": self.name} if self.sources else {}
+        return {**row, "output": self.shown_name(self.output)} if self.outputs else row
+
+    def wording(self, text: str) -> str:
+        """Name files in a message as people know them."""
+        for path, name in self.shown.items():
+            text = text.replace(str(path), name)
+        return text
 
 
 class Stopwatch:

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task
+
+if TYPE_CHECKING:
+    from cvtimg.quantization import QuantizedFrames
+
+#: The most colors that a palette of a .gif or .png holds, and where a search for their number begins.
+_MOST_COLORS = 256
+_FIRST_TRIAL = 32
+#: What twice as many colors bring at least.
+_DECIBEL = 2.0
 
 
 def stays_animated(task: Task) -> bool:
@@ -22,6 +32,8 @@ def quantize_animation(
     stopwatch: Stopwatch,
     given: Mapping[str, Any],
     *,
+    psnr: float | None,
+    max_bytes: int | None,
     per_frame: bool,
     keep_metadata: bool,
     overwrite: bool,
@@ -33,10 +45,22 @@ def quantize_animation(
     frames = read_frames(task.source)
     metadata = read_metadata(task.source) if keep_metadata else None
     stopwatch.lap("read")
-    result = quantize_frames(frames, per_frame=per_frame, **given)
+
+    def write(path: Path, result: QuantizedFrames, overwrite: bool) -> None:
+        shown, palettes = result.content
+        write_frames(path, shown, palettes=palettes, metadata=metadata, overwrite=overwrite)
+
+    def quantized(**size: int) -> QuantizedFrames:
+        return quantize_frames(frames, per_frame=per_frame, **{**given, **size})
+
+    if psnr is not None:
+        result = _fewest_colors(quantized, psnr, given.get("n_colors"))
+    elif max_bytes is not None:
+        result = _most_colors(quantized, max_bytes, given.get("n_colors"), task.output.suffix, write)
+    else:
+        result = quantized()
     stopwatch.lap("cluster")
-    shown, palettes = result.content
-    write_frames(task.output, shown, palettes=palettes, metadata=metadata, overwrite=overwrite)
+    write(task.output, result, overwrite)
     if "--save-palette" in task.outputs:
         _write_palette(task, result.results, overwrite)
     stopwatch.lap("write")
@@ -55,6 +79,53 @@ def quantize_animation(
         "n_iter": max((one.n_iter for one in tessellations), default=0),
         "converged": all(one.converged for one in tessellations),
     }
+
+
+def _fewest_colors(quantized: Callable[..., QuantizedFrames], psnr: float, most: int | None) -> QuantizedFrames:
+    """Find the fewest colors that reach a quality."""
+    from cvtimg.quantization.targets import first_reaching
+
+    tried: dict[int, QuantizedFrames] = {}
+
+    def quality(n_colors: int) -> float:
+        tried[n_colors] = quantized(n_colors=n_colors)
+        return tried[n_colors].psnr
+
+    limit = most or _MOST_COLORS
+    n_colors = first_reaching(quality, psnr, 1, limit, first=_FIRST_TRIAL, per_octave=_DECIBEL)
+    if n_colors > limit:
+        raise ValueError(f"--psnr {psnr:g} is not reached by {limit} colors, only {tried[limit].psnr:.2f} dB")
+    return tried[n_colors]
+
+
+def _most_colors(
+    quantized: Callable[..., QuantizedFrames],
+    max_bytes: int,
+    most: int | None,
+    suffix: str,
+    write: Callable[[Path, QuantizedFrames, bool], None],
+) -> QuantizedFrames:
+    """Find the most colors whose file is small enough."""
+    from tempfile import TemporaryDirectory
+
+    from cvtimg.quantization.targets import first_reaching
+
+    tried: dict[int, QuantizedFrames] = {}
+    sizes: dict[int, int] = {}
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        trial = Path(folder, f"trial{suffix}")
+
+        def size(n_colors: int) -> float:
+            tried[n_colors] = quantized(n_colors=n_colors)
+            write(trial, tried[n_colors], True)
+            sizes[n_colors] = trial.stat().st_size
+            return sizes[n_colors]
+
+        limit = most or _MOST_COLORS
+        too_many = first_reaching(size, max_bytes + 1, 1, limit, first=_FIRST_TRIAL, per_octave=max_bytes / 4)
+    if too_many == 1:
+        raise ValueError(f"--max-bytes {max_bytes} is not reached: a single color takes {sizes[1]} bytes")
+    return tried[too_many - 1]
 
 
 def _write_palette(task: Task, results: Any, overwrite: bool) -> None:

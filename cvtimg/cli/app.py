@@ -29,9 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
     if given in ([], ["-h"], ["--help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
         return _tell(version() if given == ["--version"] else overview())
-    from cvtimg.cli.commands import run
+    try:
+        from cvtimg.cli.commands import run
 
-    return run(given)
+        return run(given)
+    except KeyboardInterrupt:  # before the run began
+        print("cvtimg: interrupted", file=sys.stderr)
+        return 130
 
 
 def _tell(text: str) -> int:

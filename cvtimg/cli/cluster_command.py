@@ -29,7 +29,11 @@ COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 Tables = Annotated[
     list[str],
-    typer.Argument(metavar="TABLE...", help="Tables (.csv, .tsv, .npy), folders, patterns like 'a/*.csv', or -."),
+    typer.Argument(
+        metavar="TABLE...",
+        help="Tables (.csv, .tsv, .npy), folders, patterns like 'a/*.csv', - for standard input, or @FILE for a list "
+        "of names.",
+    ),
 ]
 Number = Annotated[
     Any,
@@ -41,7 +45,14 @@ Number = Annotated[
     ),
 ]
 Labels = Annotated[
-    Path | None, Option("--output", "-o", metavar="FILE", help="Write the labels, .csv or .npy; for one table.")
+    Path | None,
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        parser=options.output_file(".csv"),
+        help="Write the labels, .csv or .npy; for one table; - for standard output.",
+    ),
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.csv.")]
 Generators = Annotated[

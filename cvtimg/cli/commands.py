@@ -111,7 +111,8 @@ def run(given: list[str]) -> int:
         command = convert_plainly(typer.main.get_command(app))
         code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)
     except (KeyboardInterrupt, typer.Abort):
-        code = 130
+        complain("interrupted")
+        return 130
     except WrongUsageError as error:
         complain(f"{error} (see cvtimg {given[0]} --help)")
         return 2
@@ -124,6 +125,4 @@ def run(given: list[str]) -> int:
         path = error.filename if isinstance(error, OSError) and error.filename else "unexpected"
         complain(str(error) if named else f"{path}: {reason(path, error)}")
         return 1
-    if code == 130:
-        complain("interrupted")
     return code

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer import Option
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
+from cvtimg.batch import INTERRUPTED, Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.pages import read_whole
@@ -109,7 +109,7 @@ def elbow(
     done = report.plotted
     if len(done) == 1 and not (common.as_json or common.quiet):
         _print_curve(done[0].curve, {**done[0].curve.elbows(), rule: done[0].k})
-    if done:
+    if done and status != INTERRUPTED:
         _write(csv_file, plot, done, rule, common.overwrite)
     return status
 

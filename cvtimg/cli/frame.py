@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 
 import typer
 
-from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, run
+from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, WrongUsageError, is_standard, run
 from cvtimg.cli.options import CommonOptions
 
 __all__ = ["run_plan", "with_groups"]
@@ -52,8 +52,8 @@ def run_plan(
     report: Report | Sequence[str],
     common: CommonOptions,
     *,
-    skip_existing: bool = False,
     max_pixels: int | None = None,
+    **running: bool,
 ) -> int:
     """Run a plan and report it.
 
@@ -67,21 +67,25 @@ def run_plan(
         What hears of each input, or the columns of its table.
     common : CommonOptions
         What was asked of the run.
-    skip_existing : bool
-        Leave out inputs all of whose outputs exist.
     max_pixels : int, optional
-        The most pixels that a picture may have; some 179 million by default.
+        The most pixels that an image may have; some 179 million by default.
+    **running
+        More of `Running`, where the command has it: skip_existing, in_place, skip_if_larger.
 
     Returns
     -------
     int
         The exit status.
     """
+    sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
+    if sends and common.as_json:
+        raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")
     if not isinstance(report, Report):
         report = Report(report, as_json=common.as_json, quiet=common.quiet)
+    report.quiet |= sends  # a table would mix with the output
     if max_pixels is not None:
         work = partial(_limited, work=work, max_pixels=max_pixels)
-    return run(plan, work, report, common.running(skip_existing=skip_existing))
+    return run(plan, work, report, common.running(**running))
 
 
 def _limited(task: Task, stopwatch: Stopwatch, *, work: Work, max_pixels: int) -> Row:

@@ -7,6 +7,7 @@ for the registries would import NumPy; a test holds them together.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import typer
 from typer import Option
 
-from cvtimg.batch import Running, WrongUsageError
+from cvtimg.batch import STANDARD, Running, WrongUsageError
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 
@@ -78,6 +79,30 @@ def color(text: str) -> str:
     raise typer.BadParameter(f"{text!r} must be a color as '#rrggbb' or '#rrggbbaa'")
 
 
+def n_bytes(text: str | int) -> int:
+    """Parse a size such as 60000, 60K (1024 bytes each), 60kB (1000 bytes each) or 1.5M."""
+    match = re.fullmatch(r"(\d+(?:\.\d*)?)([kKMG]?)(B?)", str(text).strip())
+    if match:
+        unit = (1000 if match[3] else 1024) ** " KMG".index(match[2].upper() or " ")
+        if 1 <= (size := int(float(match[1]) * unit)) < 1 << 62:
+            return size
+    raise typer.BadParameter(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60K or 1.5M")
+
+
+def output_file(standard: str) -> Callable[[str | Path], Path]:
+    """Make a parser for an output; `standard` is the suffix of the format that goes to standard output as "-"."""
+
+    def parse(text: str | Path) -> Path:
+        form, colon, name = str(text).rpartition(":")
+        if str(text) == f"zarr:{STANDARD}":
+            raise typer.BadParameter("a Zarr array is a folder and cannot go to standard output")
+        if name == STANDARD and colon and form.isalnum():
+            return Path(f"{STANDARD}.{form}")
+        return Path(f"{STANDARD}{standard}" if str(text) in (STANDARD, "/dev/stdout") else text)
+
+    return parse
+
+
 # Choices
 
 EffortName: TypeAlias = Literal["fast", "balanced", "best"]
@@ -90,9 +115,23 @@ PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css or .png"
 # Inputs and outputs
 
 Images = Annotated[
-    list[str], typer.Argument(metavar="INPUT...", help="Images, folders, patterns like 'a/*.tif', or - for a list.")
+    list[str],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Images, folders, patterns like 'a/*.tif', - for standard input, or @FILE for a list of names (@- to read "
+        "the list from standard input).",
+    ),
 ]
-Output = Annotated[Path | None, Option("--output", "-o", metavar="FILE", help="Output file; for one input.")]
+Output = Annotated[
+    Path | None,
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        parser=output_file(".png"),
+        help="Output file, for one input; - for standard output, in PNG or in another format as webp:-.",
+    ),
+]
 OutDir = Annotated[
     Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png; subfolders are kept as in the input.")
 ]
@@ -164,9 +203,9 @@ class CommonOptions:
         if self.as_json and self.quiet:
             raise WrongUsageError("--json and --quiet exclude each other")
 
-    def running(self, *, skip_existing: bool = False) -> Running:
-        """Tell a batch how to run."""
-        return Running(1, skip_existing, self.overwrite, self.report_file)
+    def running(self, **more: Any) -> Running:
+        """Tell a batch how to run; `more` are what not all commands have, such as skip_existing."""
+        return Running(1, overwrite=self.overwrite, report_file=self.report_file, **more)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +231,6 @@ class BatchOptions(CommonOptions):
         ),
     ] = None
 
-    def running(self, *, skip_existing: bool = False) -> Running:
+    def running(self, **more: Any) -> Running:
         """Tell a batch how to run."""
-        return Running(self.jobs, skip_existing, self.overwrite, self.report_file, self.dask)
+        return Running(self.jobs, overwrite=self.overwrite, report_file=self.report_file, dask=self.dask, **more)

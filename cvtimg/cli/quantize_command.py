@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from typer import Option
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, complain, plan_each, reason
 from cvtimg.cli import options
+from cvtimg.cli import quantize_options as own
 from cvtimg.cli.animations import quantize_animation, stays_animated
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.pages import has_pages, quantize_pages
@@ -39,65 +39,11 @@ EXAMPLES = """Examples:
   cvtimg quantize frames/ -k 32 --shared-palette --out-dir small
   cvtimg quantize sprite.png --palette game.gpl --dither blue-noise
   cvtimg quantize film.gif -k 64 -o smaller.gif
+  cvtimg quantize icons/*.png --psnr 40 --in-place --skip-if-larger
+  curl -s https://example.org/photo.jpg | cvtimg quantize - -k 32 > small.png
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
-COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "seconds", "output")
-
-Colors = Annotated[
-    Any,
-    Option(
-        "--colors",
-        "-k",
-        metavar="N|auto",
-        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS)),
-        help=f"Number of colors, at most {options.MAX_COLORS}; auto picks it at the elbow of the energy.",
-    ),
-]
-Psnr = Annotated[
-    float | None,
-    Option(metavar="DB", parser=options.number(0), help="Use as few colors as reach this quality, in decibels."),
-]
-MaxBytes = Annotated[
-    int | None,
-    Option(
-        metavar="N",
-        parser=options.whole_number(1, 1 << 62),
-        help="Use as many colors, up to 256 or -k, as fit into a file of N bytes.",
-    ),
-]
-PaletteFile = Annotated[
-    Path | None, Option("--palette", metavar="FILE", help="Use the colors of a palette file or of an image.")
-]
-Lock = Annotated[
-    list[str] | None,
-    Option(
-        metavar="COLOR",
-        parser=options.color,
-        help="Keep this color, '#rrggbb' or '#rrggbbaa', in the palette; can be repeated.",
-    ),
-]
-Dither = Annotated[
-    Literal["none", "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"],
-    Option(help="Mix colors to show those between them."),
-]
-DitherStrength = Annotated[
-    float | None, Option(metavar="S", parser=options.number(0, 1), help="Strength of dithering, 0 to 1.")
-]
-WeightMap = Annotated[
-    Path | None, Option(metavar="FILE", help="Gray image of the same size: the weight of each pixel.")
-]
-Depth = Annotated[
-    Literal["8", "16"] | None, Option(help="Bits per channel to work and write with; by default those of the image.")
-]
-SharedPalette = Annotated[bool, Option("--shared-palette", help="Use one palette for all images together.")]
-SavePalette = Annotated[
-    Path | None, Option(metavar="FILE", help=f"Write the palette, {options.PALETTE_NAMES}; for one input.")
-]
-KeepMetadata = Annotated[
-    bool, Option("--keep-metadata", help="Keep the color profile, resolution, EXIF and georeference where still valid.")
-]
-Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; slower.")]
-PerFrame = Annotated[bool, Option("--palette-per-frame", help="Use a palette for each frame or page, not one for all.")]
+COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,23 +107,26 @@ class QuantizeOptions:
 
 def quantize(
     inputs: options.Images,
-    colors: Colors = None,
-    psnr: Psnr = None,
-    max_bytes: MaxBytes = None,
-    palette: PaletteFile = None,
-    lock: Lock = None,
+    colors: own.Colors = None,
+    psnr: own.Psnr = None,
+    max_bytes: own.MaxBytes = None,
+    palette: own.PaletteFile = None,
+    lock: own.Lock = None,
     space: options.Space = "rgb",
-    dither: Dither = "none",
-    dither_strength: DitherStrength = None,
-    weight_map: WeightMap = None,
-    depth: Depth = None,
-    shared_palette: SharedPalette = False,
+    dither: own.Dither = "none",
+    dither_strength: own.DitherStrength = None,
+    weight_map: own.WeightMap = None,
+    depth: own.Depth = None,
+    shared_palette: own.SharedPalette = False,
     output: options.Output = None,
     out_dir: options.OutDir = None,
-    save_palette: SavePalette = None,
-    keep_metadata: KeepMetadata = False,
-    optimize: Optimize = False,
-    per_frame: PerFrame = False,
+    ext: own.Ext = None,
+    in_place: own.InPlace = False,
+    skip_if_larger: own.SkipIfLarger = False,
+    save_palette: own.SavePalette = None,
+    keep_metadata: own.KeepMetadata = False,
+    optimize: own.Optimize = False,
+    per_frame: own.PerFrame = False,
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
@@ -213,12 +162,17 @@ def quantize(
         _check_optimize(output)
     if save_palette and per_frame:
         raise WrongUsageError("--save-palette and --palette-per-frame exclude each other")
+    _check_names(output, out_dir, ext, in_place, lossless_suffixes())
     saved = {"--save-palette": save_palette}
     plan = plan_each(
         inputs,
         find_images,
-        {"-o": output or ("{}.png" if out_dir else "{}-quantized.png"), **({} if shared_palette else saved)},
+        {
+            "-o": output or partial(_name, out_dir=out_dir, ext=ext, in_place=in_place),
+            **({} if shared_palette else saved),
+        },
         out_dir=out_dir,
+        beside=in_place or ext is not None,
         also_read=[palette, weight_map],
         joint=saved if shared_palette else None,
     )
@@ -237,7 +191,7 @@ def quantize(
         per_frame=per_frame,
     )
     if shared_palette:
-        running = common.running(skip_existing=skip_existing)
+        running = common.running(skip_existing=skip_existing, in_place=in_place)
         find = partial(_palette_of_all, how=how)
         shared = share(plan, find, depth=depth, max_pixels=max_pixels, running=running)
         how = replace(how, search={}, colors={"palette": shared})
@@ -246,7 +200,36 @@ def quantize(
             plan.joint = {}
     work = partial(_quantize, how=how, overwrite=common.overwrite, max_pixels=max_pixels)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
-    return run_plan(plan, work, columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    return run_plan(
+        plan,
+        work,
+        columns,
+        common,
+        max_pixels=max_pixels,
+        skip_existing=skip_existing,
+        in_place=in_place,
+        skip_if_larger=skip_if_larger,
+    )
+
+
+def _check_names(output: Path | None, out_dir: Path | None, ext: str | None, in_place: bool, known: list[str]) -> None:
+    """Refuse ways to name outputs that exclude each other, and formats that cannot be."""
+    ways = {"-o": output, "--out-dir": out_dir, "--ext": ext, "--in-place": in_place}
+    given = [option for option, value in ways.items() if value]
+    if len(given) > 1 and given != ["--out-dir", "--ext"]:
+        raise WrongUsageError(f"{given[0]} and {given[1]} exclude each other")
+    if ext is not None:
+        check_suffix("--ext", Path(f"NAME{ext}"), known)
+        if os.sep in ext or "{" in ext or "}" in ext:
+            raise WrongUsageError(f"--ext: {ext!r} must be the end of a file name")
+
+
+def _name(source: Path, *, out_dir: Path | None, ext: str | None, in_place: bool) -> str:
+    """Return how the output of an image is named; GIF stays GIF, for it may be an animation."""
+    if in_place:
+        return f"{{}}{source.suffix}"
+    suffix = ".gif" if source.suffix.lower() == ".gif" else ".png"
+    return f"{{}}{ext or ('' if out_dir else '-quantized') + suffix}"
 
 
 def _check_aims(aims: Mapping[str, Any], palette: Path | None, shared: bool) -> None:
@@ -383,12 +366,14 @@ def _quantize_pages(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, over
 
 def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
     """Quantize all frames, if what is asked for can be done to them."""
-    for option in how.unfit("--psnr", "--max-bytes", "--weight-map", "-k auto", "--depth 16", "--optimize"):
+    for option in how.unfit("--weight-map", "-k auto", "--depth 16", "--optimize"):
         raise ValueError(f"is an animation, which {option} cannot be used for")
     return quantize_animation(
         task,
         stopwatch,
         {**how.search, **how.mapping, **how.colors},
+        psnr=how.target.get("psnr"),
+        max_bytes=how.max_bytes,
         per_frame=how.per_frame,
         keep_metadata=how.keep_metadata,
         overwrite=overwrite,

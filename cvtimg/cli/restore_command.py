@@ -62,7 +62,16 @@ Segments = Annotated[
         help="Number of segments, or with --detail kinds of patches, such as 96; auto picks it by the energy.",
     ),
 ]
-Output = Annotated[Path, Option("--output", "-o", metavar="FILE", help="Write the restored image.")]
+Output = Annotated[
+    Path,
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        parser=options.output_file(".png"),
+        help="Write the restored image; - for standard output.",
+    ),
+]
 Masks = Annotated[
     list[Path] | None,
     Option(

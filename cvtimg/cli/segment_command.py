@@ -61,7 +61,8 @@ Labels = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="Write the label of each pixel, .png, .tif, .npy or .zarr; for one input.",
+        parser=options.output_file(".png"),
+        help="Write the label of each pixel, .png, .tif, .npy or .zarr; for one input; - for standard output.",
     ),
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.png and so on.")]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold
+from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold, is_pipe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,6 +34,8 @@ def share(
     from cvtimg.quantization.sharing import add_samples, in_fixed_order
 
     check_plan(plan, running)
+    if any(is_pipe(task.source) for task in plan.tasks):
+        raise WrongUsageError("--shared-palette reads each input twice: standard input and pipes cannot be used")
     palette = None
     try:
         total, failed = fold(plan.tasks, partial(_count, depth=depth, max_pixels=max_pixels), add_samples, running)

@@ -77,9 +77,8 @@ def test_a_palette_is_given_or_saved(film: Frames) -> None:
 @pytest.mark.parametrize(
     ("words", "status", "reason"),
     [
-        (["-k", "5", "--psnr", "30"], 1, "film.gif: is an animation, which --psnr cannot be used for"),
+        (["-k", "5", "--depth", "16"], 1, "film.gif: is an animation, which --depth 16 cannot be used for"),
         (["-k", "auto"], 1, "is an animation, which -k auto cannot be used for"),
-        (["--max-bytes", "900"], 1, "is an animation, which --max-bytes cannot be used for"),
         (["-k", "5", "--optimize"], 1, "is an animation, which --optimize cannot be used for"),
         (["-k", "5", "--palette-per-frame", "--save-palette", "a.hex"], 2, "exclude each other"),
         (["film.png", "-k", "300", "-o", "out.gif"], 1, ".gif holds frames of at most 256 colors"),

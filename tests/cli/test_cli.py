@@ -22,7 +22,7 @@ from PIL import Image
 import cvtimg
 from cvtimg import read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli import cluster_command, commands, elbow_command, quantize_command, restore_command, segment_command
+from cvtimg.cli import cluster_command, commands, elbow_command, quantize_options, restore_command, segment_command
 from cvtimg.cli import options as _options
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
@@ -36,6 +36,7 @@ from cvtimg.restoration import RENORMALIZATIONS
 from cvtimg.segmentation.averaging import KERNELS, WHEN
 from cvtimg.tables.files import MISSING, read_table
 
+pytestmark = pytest.mark.timeout(120)
 ROOT = Path(__file__).parents[2]
 RNG = np.random.default_rng(3)
 RGB = RNG.integers(0, 256, (24, 32, 3), np.uint8)
@@ -46,7 +47,7 @@ DEEP = RNG.integers(0, 65536, (24, 32), np.uint16)
 FEW = RGB.reshape(-1, 3)[RNG.integers(0, 7, (24, 32))]
 
 KEYS = ["input", "output", "width", "height", "channels", "distinct_colors", "k", "elbow"]
-KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "seconds"]
+KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "input_bytes", "output_bytes", "seconds"]
 
 
 @dataclass
@@ -232,7 +233,7 @@ def test_the_saved_palette_is_that_of_the_output(run: Run, here: Path) -> None:
 def test_a_person_reads_a_table(run: Run, here: Path) -> None:
     outcome = run("quantize", "pictures/rgb.png", "pictures/few.png", "-k", "7", "--out-dir", "out")
     head, first, second = (line.split() for line in outcome.out.splitlines())
-    assert head == ["input", "colors", "k", "energy", "psnr", "seconds", "output"]
+    assert head == ["input", "colors", "k", "energy", "psnr", "before", "after", "seconds", "output"]
     assert (first[0], first[2], first[-1]) == ("pictures/rgb.png", "7", "out/rgb.png")
     assert second[:5] == ["pictures/few.png", "7", "7", "0", "exact"]
 
@@ -281,6 +282,7 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
         "nodata": None,
         "alpha": True,
         "distinct_colors": n_distinct(RGBA),
+        "input_bytes": Path("pictures/rgba.png").stat().st_size,
     }
     assert (rows["deep"]["bits"], rows["deep"]["bands"]) == (16, ["I"])
     assert rows["few"]["distinct_colors"] == 7
@@ -461,7 +463,7 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
         ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
         ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
-        ([PICTURE, "--max-bytes", "0"], ["'0' must be a whole number in 1.."]),
+        ([PICTURE, "--max-bytes", "0"], ["'0' must be a number of bytes >= 1"]),
         ([PICTURE, "-k", "4", "--lock", "white"], ["'white' must be a color as '#rrggbb' or '#rrggbbaa'"]),
         ([PICTURE, "-k", "4", "--space", "hsv"], ["--space': 'hsv' must be one of rgb, linear, lab, oklab"]),
         ([PICTURE, "-k", "4", "--dither", "bayer"], ["--dither': 'bayer' must be one of none, floyd-steinberg"]),
@@ -531,7 +533,7 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
         (_options.AveragingName, ["none", *WHEN]),
         (segment_command.Kernel, KERNELS),
         (segment_command.EdgeMode, EDGE_MODES),
-        (quantize_command.Dither, ["none", *DITHERS]),
+        (quantize_options.Dither, ["none", *DITHERS]),
         (elbow_command.RuleName, RULES),
         (restore_command.Renormalize, RENORMALIZATIONS),
         (cluster_command.Missing, MISSING),
@@ -558,8 +560,7 @@ def test_h_is_help_and_arguments_read_as_they_are_typed(run: Run, command: str) 
     assert short == long
     assert short.status == 0
     usage = short.out.splitlines()[0]
-    argument = {"": "COMMAND [ARGS]", "restore": "VERSION", "cluster": "TABLE"}.get(command, "INPUT")
-    assert usage == f"Usage: {f'cvtimg {command}'.strip()} [OPTIONS] {argument}..."
+    assert re.fullmatch(rf"Usage: cvtimg ?{command} \[OPTIONS\]( [A-Z|]+(\.\.\.)?| COMMAND \[ARGS\]\.\.\.)?", usage)
 
 
 def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -613,7 +614,12 @@ def modules_of(*arguments: str, cwd: Path) -> set[str]:
         "print(*sys.modules, file=sys.stderr); sys.exit(status)"
     )
     done = subprocess.run(
-        [sys.executable, "-P", "-c", script, *arguments], cwd=cwd, capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-c", script, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     return set(done.stderr.split())
 
@@ -690,7 +696,8 @@ def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
     monkeypatch.setattr(when, interrupt)
     before = listing(here)
     outcome = run("quantize", "pictures", "-k", "4", "--out-dir", "out", "--json")
-    assert (outcome.status, outcome.out, outcome.err) == (130, "", "cvtimg: interrupted\n")
+    assert (outcome.status, outcome.out) == (130, "")
+    assert outcome.err == "cvtimg: interrupted: 0 done, 0 skipped, 0 failed, 5 of 5 inputs left\n"
     assert listing(here) == before
 
 
@@ -725,7 +732,7 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
 # Tables
 
 TABLE_KEYS = ["input", "output", "rows", "left_out", "columns", "k", "elbow", "energy", "explained", "n_iter"]
-TABLE_KEYS += ["converged", "seconds"]
+TABLE_KEYS += ["converged", "input_bytes", "output_bytes", "seconds"]
 #: Three groups far from each other, in two columns of which one is a thousand times the other.
 ROWS = np.array([[0, 0], [0, 2000], [90, 0]])[RNG.integers(0, 3, 40)] + RNG.normal(size=(40, 2)) * [1, 20]
 COUNTS = RNG.integers(1, 5, 40)
@@ -880,7 +887,7 @@ def test_cluster_imports_nothing_for_pictures(table: Path) -> None:
 def test_the_launcher_uses_the_installed_package_from_anywhere(here: Path) -> None:
     for folder in (here, ROOT):
         command = [sys.executable, str(ROOT / "cli.py"), "--version"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith("cvtimg ")
 
@@ -888,7 +895,7 @@ def test_the_launcher_uses_the_installed_package_from_anywhere(here: Path) -> No
 @pytest.mark.skipif(not (ROOT / "cli.py").exists(), reason="not in a checkout")
 def test_the_launcher_says_how_to_install_in_one_line(here: Path) -> None:
     command = [sys.executable, "-S", str(ROOT / "cli.py"), "--version"]  # -S: no installed packages
-    done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 1
     assert re.fullmatch(r"cli\.py: cvtimg is not installed .*pip install \.`\n", done.stderr)
 

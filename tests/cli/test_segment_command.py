@@ -29,7 +29,7 @@ FIELDS = gaussian_filter(RNG.normal(size=(40, 50, 3)), (4, 4, 0))
 RGB = np.rint(255 * (FIELDS - FIELDS.min()) / np.ptp(FIELDS)).astype(np.uint8)
 
 KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "elbow"]
-KEYS += ["edge_weight", "energy", "n_iter", "converged", "seconds"]
+KEYS += ["edge_weight", "energy", "n_iter", "converged", "input_bytes", "output_bytes", "seconds"]
 
 
 class Outcome(NamedTuple):

@@ -1,0 +1,108 @@
+"""Standard input and output, and other pipes, as files: work on an image needs to read its file more than once."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cvtimg.batch.tasks import Task, WrongUsageError
+
+__all__ = ["STANDARD", "as_files", "deliver", "is_pipe", "is_standard", "read_all", "stem_of"]
+
+#: The name of standard input and output. As an output it has the suffix of its format, such as ``-.png``.
+STANDARD = "-"
+_NPY = b"\x93NUMPY"
+
+
+def is_standard(path: Path) -> bool:
+    """Whether a path stands for standard input or output."""
+    return path.stem == STANDARD and path.parent == Path()
+
+
+def is_pipe(path: Path) -> bool:
+    """Whether a path can be read only once: standard input, a named pipe, a terminal."""
+    if is_standard(path):
+        return True
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+
+
+def stem_of(source: Path) -> str:
+    """Return what outputs are named after."""
+    return "stdin" if is_pipe(source) else source.stem
+
+
+@contextmanager
+def as_files(tasks: list[Task]) -> Iterator[list[Task]]:
+    """Give tasks whose pipes are files, in a folder that is gone when the block ends; others stay as they are."""
+    if not any(map(_has_pipes, tasks)):
+        yield tasks
+        return
+    if sum(is_standard(path) for task in tasks for path in task.outputs.values()) > 1:
+        raise WrongUsageError("only one output can go to standard output")
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        yield [
+            _as_files(task, Path(folder, str(number))) if _has_pipes(task) else task
+            for number, task in enumerate(tasks)
+        ]
+
+
+def _has_pipes(task: Task) -> bool:
+    return any(map(is_pipe, task.sources)) or any(map(is_standard, task.outputs.values()))
+
+
+def _as_files(task: Task, folder: Path) -> Task:
+    folder.mkdir()
+    shown = {}
+
+    def received(source: Path, number: int) -> Path:
+        if not is_pipe(source):
+            return source
+        content = read_all(source)
+        file = folder / f"in{number}{'.npy' if content.startswith(_NPY) else ''}"
+        file.write_bytes(content)
+        shown[file] = str(source)
+        return file
+
+    def sent(output: Path, number: int) -> Path:
+        if not is_standard(output):
+            return output
+        file = folder / f"out{number}{output.suffix}"
+        shown[file] = STANDARD
+        return file
+
+    sources = tuple(received(source, number) for number, source in enumerate(task.sources))
+    outputs = {option: sent(path, number) for number, (option, path) in enumerate(task.outputs.items())}
+    return Task(sources, outputs, shown)
+
+
+def read_all(path: Path) -> bytes:
+    """Read a file, or standard input, to its end."""
+    if not is_standard(path):
+        return path.read_bytes()
+    stream: Any = sys.stdin
+    if stream is None:
+        raise OSError("standard input is closed")
+    content: bytes | str = getattr(stream, "buffer", stream).read()
+    return os.fsencode(content) if isinstance(content, str) else content
+
+
+def deliver(task: Task) -> None:
+    """Send what a task wrote for standard output there."""
+    for path in task.outputs.values():
+        if task.shown.get(path) == STANDARD and path.exists():
+            sys.stdout.flush()
+            with path.open("rb") as file:
+                shutil.copyfileobj(file, sys.stdout.buffer)
+            sys.stdout.buffer.flush()

@@ -1,0 +1,291 @@
+"""Images come and go through pipes, and many files of a folder keep what they are."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cvtimg import quantize, read_image, write_image
+from cvtimg.cli import app as cli
+from cvtimg.cli.options import n_bytes
+from cvtimg.pictures import Frames, read_frames, write_frames
+
+pytestmark = pytest.mark.timeout(120)
+RNG = np.random.default_rng(21)
+RGB = RNG.integers(0, 256, (24, 32, 3), np.uint8)
+posix = pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Work in an empty folder but for a.png."""
+    monkeypatch.chdir(tmp_path)
+    write_image("a.png", RGB)
+    return tmp_path
+
+
+def piped(command: list[str], content: bytes) -> subprocess.CompletedProcess[bytes]:
+    whole = [sys.executable, "-P", "-m", "cvtimg", *command]
+    return subprocess.run(whole, input=content, capture_output=True, check=False, timeout=60)
+
+
+def table() -> bytes:
+    return b"x,y\n0,0\n0,1\n9,9\n9,8\n"
+
+
+# Pipes
+
+
+@pytest.mark.parametrize(
+    ("command", "opens_as"),
+    [
+        (["quantize", "-", "-k", "5"], "PNG"),
+        (["quantize", "-", "-k", "5", "-o", "-"], "PNG"),
+        (["quantize", "-", "-k", "5", "-o", "webp:-"], "WEBP"),
+        (["segment", "-", "-k", "2"], "PNG"),
+        (["segment", "a.png", "-k", "2", "-o", "tif:-"], "TIFF"),
+        (["restore", "-", "a.png", "-k", "3", "-o", "-"], "PNG"),
+    ],
+    ids=" ".join,
+)
+def test_images_come_from_standard_input_and_go_to_standard_output(
+    here: Path, command: list[str], opens_as: str
+) -> None:
+    done = piped(command, Path("a.png").read_bytes())
+    assert (done.returncode, done.stderr) == (0, b"")
+    with Image.open(io.BytesIO(done.stdout)) as image:
+        assert (image.format, image.size) == (opens_as, (32, 24))
+    assert [path.name for path in here.iterdir()] == ["a.png"]
+
+
+@posix
+def test_dev_stdin_is_standard_input(here: Path) -> None:
+    content = Path("a.png").read_bytes()
+    assert (
+        piped(["quantize", "/dev/stdin", "-k", "5"], content).stdout
+        == piped(["quantize", "-", "-k", "5"], content).stdout
+    )
+
+
+def test_tables_arrays_and_figures_are_read_from_standard_input(here: Path) -> None:
+    head, *labels = piped(["cluster", "-", "-k", "2"], table()).stdout.split()
+    assert head == b"label"
+    assert labels in ([b"0", b"0", b"1", b"1"], [b"1", b"1", b"0", b"0"])
+    buffer = io.BytesIO()
+    np.save(buffer, RGB.astype(np.float32))
+    row = json.loads(piped(["info", "-", "--json"], buffer.getvalue()).stdout)
+    assert (row["input"], row["width"], row["height"]) == ("-", 32, 24)
+    for command in (["palette", "-", "-k", "3"], ["elbow", "-", "--k-max", "4"]):
+        done = piped(command, Path("a.png").read_bytes())
+        assert done.returncode == 0
+        assert done.stdout.startswith((b"-: 3 of", b"input"))
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n\x00\x00"])
+def test_what_cannot_be_read_from_standard_input_is_one_line(here: Path, content: bytes) -> None:
+    done = piped(["quantize", "-", "-k", "5"], content)
+    assert (done.returncode, done.stdout) == (1, b"")
+    assert done.stderr.startswith(b"cvtimg: -: ")
+    assert done.stderr.count(b"\n") == 1
+    assert b"tmp" not in done.stderr
+
+
+@posix
+def test_a_reader_that_leaves_early_gets_no_complaint(here: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as out:
+        command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "a.png", "-k", "4", "-o", "-"]
+        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["quantize", "a.png", "-k", "4", "-o", "-", "--json"], "--json needs standard output for itself"),
+        (["quantize", "a.png", "b.png", "-k", "4", "-o", "x.png"], "these are 2: use --out-dir DIR for several"),
+        (["quantize", "a.png", "-k", "4", "-o", "xyz:-"], "'-.xyz' must end in one of"),
+        (["quantize", "-", "-k", "4", "--shared-palette", "-o", "x.png"], "reads each input twice"),
+    ],
+)
+def test_what_pipes_cannot_do_is_wrong_usage(
+    here: Path, capsys: pytest.CaptureFixture[str], command: list[str], message: str
+) -> None:
+    write_image("b.png", RGB)
+    assert cli.main(command) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_list_of_names_is_a_file_or_standard_input(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_image("b.png", RGB)
+    Path("names.txt").write_text("a.png\nb.png\n")
+    assert cli.main(["info", "@names.txt", "--json"]) == 0
+    assert [json.loads(line)["input"] for line in capsys.readouterr().out.splitlines()] == ["a.png", "b.png"]
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"b.png\0")))
+    assert cli.main(["info", "@-", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["input"] == "b.png"
+    assert cli.main(["info", "@missing.txt"]) == 1
+    assert capsys.readouterr().err == "cvtimg: @missing.txt: no such file or directory\n"
+
+
+# Folders
+
+
+def names(folder: str) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
+
+
+def test_inputs_that_differ_in_their_suffix_alone_keep_it(here: Path) -> None:
+    Path("in").mkdir()
+    for name in ("a.png", "a.webp", "a.tif", "b.webp"):
+        write_image(f"in/{name}", RGB)
+    assert cli.main(["quantize", "in", "-k", "4", "--out-dir", "out", "--quiet"]) == 0
+    assert names("out") == ["a.png", "a.tif.png", "a.webp.png", "b.png"]
+
+
+def test_ext_ends_the_names_of_outputs_beside_their_inputs(here: Path) -> None:
+    write_image("b.png", RGB)
+    assert cli.main(["quantize", "a.png", "b.png", "-k", "4", "--ext", "-small.webp", "--quiet"]) == 0
+    assert names(".") == ["a-small.webp", "a.png", "b-small.webp", "b.png"]
+    assert cli.main(["quantize", "a.png", "-k", "4", "--ext", ".tif", "--out-dir", "out", "--quiet"]) == 0
+    assert names("out") == ["a.tif"]
+
+
+def film(path: str) -> None:
+    frames = tuple(np.roll(RGB, number, axis=0) for number in range(3))
+    shown, palettes = cvtimg_frames(Frames(frames, (40.0, 40.0, 40.0), 0))
+    write_frames(path, shown, palettes=palettes)
+
+
+def cvtimg_frames(frames: Frames) -> tuple[Frames, object]:
+    from cvtimg import quantize_frames
+
+    return quantize_frames(frames, 200).content
+
+
+def test_gifs_of_a_folder_stay_animated_gifs(here: Path) -> None:
+    Path("in").mkdir()
+    film("in/film.gif")
+    write_image("in/still.webp", RGB)
+    assert cli.main(["quantize", "in", "-k", "8", "--out-dir", "out", "--quiet"]) == 0
+    assert names("out") == ["film.gif", "still.png"]
+    assert len(read_frames("out/film.gif").images) == 3
+
+
+def test_in_place_replaces_each_input_by_a_whole_output(here: Path) -> None:
+    write_image("b.webp", RGB)
+    assert cli.main(["quantize", "a.png", "b.webp", "-k", "4", "--in-place", "--quiet"]) == 0
+    expected = quantize(RGB, 4).image
+    for name in ("a.png", "b.webp"):
+        np.testing.assert_array_equal(read_image(name), expected)
+    assert names(".") == ["a.png", "b.webp"]
+
+
+def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = Path("a.png").read_bytes()
+
+    def fail(*_: object, **__: object) -> None:
+        assert Path("a.png").read_bytes() == before
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shutil.copyfileobj", fail)
+    assert cli.main(["quantize", "a.png", "-k", "4", "--in-place", "--quiet"]) == 130
+    assert Path("a.png").read_bytes() == before
+    assert names(".") == ["a.png"]
+    Image.fromarray(RGB).save("photo.jpg")
+    assert cli.main(["quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet"]) == 1
+
+
+def test_outputs_that_are_no_smaller_are_not_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "small.png", "--skip-if-larger", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["output_bytes"] == Path("small.png").stat().st_size < row["input_bytes"]
+    options = ["-k", "256", "--skip-if-larger", "--json", "--report", "r.csv"]
+    assert cli.main(["quantize", "small.png", *options, "-o", "again.png"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert (row["output"], row["skipped"]) == (None, "output not smaller")
+    assert not Path("again.png").exists()
+    assert "skipped,small.png" in Path("r.csv").read_text()
+
+
+def test_sizes_are_in_table_json_and_report(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "o.png", "--report", "r.jsonl"]) == 0
+    head, line = (row.split() for row in capsys.readouterr().out.splitlines())
+    shown = dict(zip(head, line, strict=True))
+    row = json.loads(Path("r.jsonl").read_text())
+    assert row["input_bytes"] == Path("a.png").stat().st_size
+    assert row["output_bytes"] == Path("o.png").stat().st_size
+    assert float(shown["before"].rstrip("K")) == pytest.approx(row["input_bytes"] / 1024, rel=0.01)
+    assert shown["after"] == f"{row['output_bytes']}B"
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("900", 900), ("60K", 61440), ("60k", 61440), ("60kB", 60000), ("1.5M", 3 << 19), ("2G", 2 << 30)],
+)
+def test_sizes_can_have_units(text: str, size: int) -> None:
+    assert n_bytes(text) == size
+
+
+def test_animations_reach_a_quality_or_a_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film("film.gif")
+    options = ["--overwrite", "--json", "-o", "out.gif"]
+
+    def row(*words: str) -> dict[str, float]:
+        assert cli.main(["quantize", "film.gif", *words, *options]) == 0
+        found: dict[str, float] = json.loads(capsys.readouterr().out)
+        return found
+
+    found = row("--psnr", "22")
+    assert found["psnr"] >= 22
+    assert row("-k", str(int(found["k"]) - 1))["psnr"] < 22
+    found = row("--max-bytes", "2K")
+    assert Path("out.gif").stat().st_size == found["output_bytes"] <= 2048
+    assert row("-k", str(int(found["k"]) + 1))["output_bytes"] > 2048
+    assert cli.main(["quantize", "film.gif", "--psnr", "60", "-k", "3", *options]) == 1
+    assert "--psnr 60 is not reached by 3 colors" in capsys.readouterr().err
+    assert cli.main(["quantize", "film.gif", "--max-bytes", "20", *options]) == 1
+    assert "--max-bytes 20 is not reached" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+def test_a_run_that_is_resumed_adds_to_its_report(here: Path, suffix: str) -> None:
+    write_image("b.png", RGB)
+    options = ["-k", "4", "--out-dir", "out", "--quiet", "--report", f"r.{suffix}"]
+    assert cli.main(["quantize", "a.png", *options]) == 0
+    first = Path(f"r.{suffix}").read_text()
+    assert cli.main(["quantize", "a.png", "b.png", *options, "--skip-existing"]) == 0
+    both = Path(f"r.{suffix}").read_text()
+    assert both.startswith(first)
+    assert both.count("done") == 2
+    assert "skipped" not in both
+
+
+def test_no_option_lets_an_output_replace_a_mask_or_a_weight_map(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_image("map.png", RGB[..., 0])
+    before = Path("map.png").read_bytes()
+    for command in (
+        ["quantize", "a.png", "-k", "4", "--weight-map", "map.png", "-o", "map.png", "--overwrite"],
+        ["quantize", "a.png", "--palette", "map.png", "-o", "map.png", "--overwrite"],
+        ["segment", "a.png", "-k", "2", "--mask", "map.png", "-o", "map.png", "--overwrite"],
+        ["restore", "a.png", "a.png", "-k", "2", "--mask", "map.png", "-o", "map.png", "--overwrite"],
+    ):
+        run: Callable[[list[str]], int] = cli.main
+        assert run(command) == 2
+        assert "map.png is an input, which is never replaced" in capsys.readouterr().err
+    assert Path("map.png").read_bytes() == before
