@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 import cvtimg
-from cvtimg.cli.app import app
+from cvtimg.cli.app import main
 from cvtimg.colors import SPACES, ColorSpace
 from cvtimg.engine import METHODS, Conditions, Iteration, Method
 from cvtimg.palettes import PALETTE_FORMATS
@@ -93,6 +92,5 @@ def test_a_new_palette_format_is_read_and_written_by_its_suffix(
     monkeypatch.setitem(PALETTE_FORMATS, ".raw", form)
     cvtimg.write_image(tmp_path / "a.png", image)
     words = ["quantize", str(tmp_path / "a.png"), "-k", "3", "--save-palette", str(tmp_path / "a.raw")]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
+    assert main(words) == 0
     assert cvtimg.read_palette(tmp_path / "a.raw").shape == (3, 3)
