@@ -77,6 +77,12 @@ def check_any(name: str, count: int, wanted: str) -> None:
         raise ValueError(f"{name} must have {wanted}")
 
 
+def check_in_range(name: str, value: object, is_allowed: bool, allowed: str) -> None:
+    """Refuse a value that is not in the range that `allowed` describes."""
+    if not is_allowed:
+        raise ValueError(f"{name}={value!r} must be {allowed}")
+
+
 def check_needs(name: str, given: bool, other: str, has_other: bool) -> None:
     """Refuse an argument that does nothing without another."""
     if given and not has_other:

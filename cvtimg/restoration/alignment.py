@@ -1,4 +1,4 @@
-"""Versions that do not line up: each is brought to the place of the first, by a translation."""
+"""Alignment: each version is moved to the place of the first by a translation."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from numpy.typing import NDArray
 
 from cvtimg.restoration.versions import Floats, Versions, fill
 
-#: Steps of least squares: each leaves a fifth or less of what the last one left.
+#: Steps of least squares: each reduces the error to a fifth or less.
 _STEPS = 6
-#: Pictures of less contrast, as a share of their values, have nothing that could be out of place.
+#: Images of less contrast than this, as a share of their values, have nothing to align.
 _FLAT = 1e-5
-#: Differences of so many medians count half.
+#: Differences of this many medians count half.
 _OUTLYING = 3.0
-#: A shifted pixel is known if at least so much of what it is interpolated from is.
+#: A shifted pixel is known if at least this share of what it is interpolated from is.
 _KNOWN_FROM = 0.5
-#: Blur, in pixels, that takes the noise away which would outvote the picture.
+#: Blur, in pixels, that removes noise which would outvote the image.
 _BLUR = 1.0
 
 
 def align(versions: Versions) -> tuple[Versions, NDArray[np.float64]]:
     """Register versions and shift them to the place of the first.
 
-    Masked phase correlation finds whole pixels; parts of a pixel, of which it tells nothing, are found from there by
-    least squares over what both versions know, so that neither holes nor what is painted over pull at them.
+    Masked phase correlation finds whole pixels. Fractions, which it cannot find, follow by least squares over the
+    pixels that both versions know, so that neither holes nor painted-over parts bias them.
 
     Parameters
     ----------
     versions : Versions
-        As they came.
+        Versions as they came.
 
     Returns
     -------
     versions : Versions
-        In place; what a shift uncovers is not known.
+        The versions in place; pixels that a shift uncovers are unknown.
     shifts : (S, 2) float64 array
-        By how many pixels each was moved down and to the right.
+        Pixels by which each version was moved, down and to the right.
 
     References
     ----------
@@ -57,7 +57,7 @@ def align(versions: Versions) -> tuple[Versions, NDArray[np.float64]]:
 
 
 def _grey(versions: Versions, version: int) -> Floats:
-    """(H, W) mean of the bands of a version, with what it does not know filled in."""
+    """(H, W) mean of the bands of a version, with unknown pixels filled in."""
     weight = versions.known[:, :, version].astype(np.float32)
     return fill(versions.bands(version).mean(axis=2, keepdims=True), weight)[:, :, 0]
 
@@ -65,7 +65,7 @@ def _grey(versions: Versions, version: int) -> Floats:
 def _shift_between(
     fixed: Floats, moving: Floats, fixed_known: NDArray[np.bool_], moving_known: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """(2,) shift that brings one picture to the place of another."""
+    """(2,) shift that moves an image to the place of another."""
     from scipy.ndimage import gaussian_filter
     from skimage.registration import phase_cross_correlation
 
@@ -88,7 +88,7 @@ def _step(
     moving_known: NDArray[np.bool_],
     shift: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """(2,) what a shift lacks: least squares over what both know, with little weight where they do not agree."""
+    """(2,) correction of a shift: least squares over known pixels, with little weight where the images disagree."""
     from scipy.ndimage import shift as move
 
     moved = move(moving, shift, order=1, mode="nearest")
@@ -103,7 +103,7 @@ def _step(
 
 
 def _shifted(bands: Floats, known: NDArray[np.bool_], shift: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Values of a version, (H, W, C), at their new places, and where they are known there."""
+    """(H, W, C) values of a version at their new places, and where they are known."""
     from scipy.ndimage import shift as move
 
     share = move(known.astype(np.float32), shift, order=1, cval=0)

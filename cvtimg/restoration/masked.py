@@ -1,4 +1,4 @@
-"""Tessellations of values of which some are missing: a missing value is as far from one generator as from another."""
+"""Tessellations of samples with missing values: a missing value is equally far from all generators."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation.averaging import Averaging, average_segments
 
 Floats = NDArray[np.float32]
-#: From generators and the (N,) labels of all pixels to the new labels of those known.
+#: Takes generators and the (N,) labels of all pixels; returns new labels of the known ones.
 _Move = Callable[[NDArray[np.float64], NDArray[np.int32]], NDArray[np.int32]]
 
-#: Rounds, and the share of the pixels below which those that change cells are few enough to stop.
+#: Largest number of rounds, and the share of pixels changing cells below which they stop.
 _MAX_ROUNDS = 100
 _ALMOST_NONE = 1e-4
 
@@ -40,13 +40,13 @@ def masked_cells(
     Parameters
     ----------
     values : (H, W, D) array
-        Finite, and best with a mean near 0.
+        Finite values, best with a mean near 0.
     weights : (H, W, D) array
-        >= 0. A pixel without any weight keeps its label.
+        Weights >= 0. A pixel without any weight keeps its label.
     labels : (H, W) array
-        Where to start: 1..n_generators.
+        Initial labels in 1..n_generators.
     volume_power : float
-        Each cell counts by its share of the pixels to this power.
+        Weight cells by their share of the pixels to this power.
     """
     rows, loads = values.reshape(-1, values.shape[2]), weights.reshape(-1, values.shape[2])
     known: NDArray[np.bool_] = np.asarray(loads.any(axis=1))
@@ -65,11 +65,11 @@ def masked_cells(
 
 
 def _nearest(rows: Floats, loads: Floats, known: NDArray[np.bool_]) -> _Move:
-    """Move each pixel to the generator that is nearest in what is known of it: Lloyd's step.
+    """Move each pixel to the generator nearest to its known values: Lloyd's step.
 
-    But for a term without the generator, weight times squared distance is minus twice the product of a pixel, as
-    (weight, weight times value), with a generator, as (minus half its square, itself). So the kernel of the engine
-    finds the nearest.
+    Up to a term without the generator, weight times squared distance is minus twice the product of a pixel, as
+    (weight, weight times value), and a generator, as (minus half its square, itself). The kernel of the engine can
+    therefore find the nearest.
     """
     points = pack(
         np.concatenate([loads, loads * rows], axis=1)[known], np.ones(known.sum()), center=np.zeros(2 * rows.shape[1])
@@ -83,10 +83,11 @@ def _nearest(rows: Floats, loads: Floats, known: NDArray[np.bool_]) -> _Move:
 
 
 def _engine(rows: Floats, loads: Floats, known: NDArray[np.bool_], volume_power: float) -> _Move:
-    """Let the engine tessellate complete values: what is missing, or weighs less, is drawn to the own generator.
+    """Let the engine tessellate complete values: missing ones, or those of less weight, are drawn to their generator.
 
-    Their energy is nowhere less than that of the masked values, and equal to it where the round began, so what lowers
-    the one lowers the other: D. Hunter and K. Lange, The American Statistician 58 (2004), doi 10.1198/0003130042836.
+    The energy of the completed values is nowhere below that of the masked ones and equal to it at the start of a round,
+    so lowering one lowers the other: D. Hunter and K. Lange, The American Statistician 58 (2004), doi
+    10.1198/0003130042836.
     """
     full = loads.max(axis=0)
     share = np.divide(loads, full, out=np.zeros_like(loads), where=full > 0)[known]
@@ -104,7 +105,7 @@ def _engine(rows: Floats, loads: Floats, known: NDArray[np.bool_], volume_power:
 def average_masked(
     values: Floats, weights: Floats, labels: NDArray[np.int32], n_generators: int, averaging: Averaging
 ) -> MaskedCells:
-    """Average segments in turns with new labels, what is missing taken from their generators."""
+    """Average segments and relabel pixels in turn, with missing values taken from the generators."""
     rows, loads = values.reshape(labels.size, -1), weights.reshape(labels.size, -1)
     start, _ = masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1])))
     complete = np.where(weights > 0, values, start.astype(np.float32)[labels - 1]) * np.sqrt(loads.max(axis=0))
@@ -116,7 +117,7 @@ def average_masked(
 def masked_means(
     rows: Floats, loads: Floats, labels: NDArray[np.int32], before: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(K, D) mean of each cell in each channel, as `before` where nothing is known of it, and (K, D) the weight."""
+    """(K, D) mean of each cell in each channel, `before` where nothing is known of it, and (K, D) the weight."""
     masses, means = np.zeros_like(before), before.copy()
     for channel in range(rows.shape[1]):
         load = loads[:, channel].astype(np.float64)

@@ -1,9 +1,9 @@
-"""Detail, for photographs: cells of patches in place of cells of colors, and in each cell a filter of its own.
+"""Detail, for photographs: cells of patches instead of cells of colors, with a filter for each cell.
 
-A photograph has no few colors, but few kinds of patches: flat parts, edges of each direction, each texture. The
-patches about all pixels are tessellated, and the covariance of a cell, less that of the noise, tells how what is left
-of its patches after the generator, the residual, divides into picture and noise: Wiener's filter keeps the one and
-drops the other. Each pixel is the mean of what the patches about it say.
+A photograph has many colors but few kinds of patches: flat areas, edges in each direction, each texture. The patches
+around all pixels are tessellated. The covariance of a cell minus that of the noise tells which part of the residuals of
+its patches, after the generator, is signal and which is noise; a Wiener filter keeps the former. Each pixel is the mean
+of what the patches that contain it say.
 
 P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi 10.1109/TIP.2011.2172799.
 """
@@ -24,22 +24,22 @@ Floats = NDArray[np.float32]
 #: Patches are 5 x 5 pixels.
 _REACH = 2
 _SIDE = 2 * _REACH + 1
-#: Cells are cells of so many principal components of the patches, found from so many patches.
+#: Patches are clustered by this many principal components, found from this many patches.
 _N_COMPONENTS = 12
 _N_SAMPLES = 1 << 16
-#: Each round finds the cells anew in what the last one restored. From the third on nothing is gained.
+#: Each round finds the cells in the result of the last one. A fourth gains nothing.
 _ROUNDS = 3
-#: Blur, in pixels, in which the first cells are found.
+#: Blur, in pixels, of the image in which the first cells are found.
 _FIRST_BLUR = 0.7
-#: Patches that are held at once.
+#: Number of patches in memory at once.
 _CHUNK = 1 << 17
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detailed:
-    """A picture restored by its patches: (H, W, C) image, (H, W) labels of the patches from 0, and the energy.
+    """An image restored by its patches: (H, W, C) image, (H, W) labels of the patches from 0, and the energy.
 
-    The energy is the sum of the squared distances of the patches, in their principal components, to their generators.
+    The energy is the sum of the squared distances of patches to their generators, in principal components.
     """
 
     image: Floats
@@ -50,33 +50,33 @@ class Detailed:
 def restore_detail(
     fused: Floats, share: Floats, noise: float, n_generators: int, effort: str, rng: np.random.Generator
 ) -> Detailed:
-    """Restore a picture of which some pixels are noisier than others.
+    """Restore an image in which some pixels are noisier than others.
 
     Parameters
     ----------
     fused : (H, W, C) array
-        The noisy picture, unknown pixels filled in somehow.
+        The noisy image, with unknown pixels filled in.
     share : (H, W) array
-        Least variance of the noise over that of each pixel: 1 for those known best, 0 for those not known.
+        Smallest variance of the noise divided by that of each pixel: 1 for pixels known best, 0 for unknown ones.
     noise : float
-        Standard deviation of the noise of those known best.
+        Standard deviation of the noise of the pixels known best.
     n_generators : int
-        Cells of patches.
+        Number of cells of patches.
     """
     from scipy.ndimage import gaussian_filter
     from threadpoolctl import threadpool_limits
 
     estimate = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
     known = share[:, :, None] > 0
-    spread = noise**2 / np.maximum(share, share[share > 0].min())
-    # The matrices are small: threads of the BLAS would spend their time in waiting for each other.
+    variance = noise**2 / np.maximum(share, share[share > 0].min())
+    # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"):
         for _ in range(_ROUNDS):
             cells = _Cells.of(estimate, n_generators, effort, rng)
             filled = np.where(known, fused, estimate)
-            filters = _filters(filled, spread, cells.labels, n_generators)
-            # What is known ill is drawn towards the estimate, until all is known as well as what is known best: the
-            # fixed point is that of a filter that weighs each pixel by its own noise.
+            filters = _filters(filled, variance, cells.labels, n_generators)
+            # Noisier pixels are drawn toward the estimate until all are as good as the best: the fixed point is that of
+            # a filter that weights each pixel by its own noise.
             drawn = estimate + share[:, :, None] * (filled - estimate)
             estimate = _filtered(drawn, cells.labels, filters, noise**2)
     return Detailed(estimate, cells.labels, cells.energy)
@@ -84,7 +84,7 @@ def restore_detail(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cells:
-    """Cells of the patches of a picture: (H, W) label of the patch about each pixel, and their energy."""
+    """Cells of the patches of an image: (H, W) label of the patch around each pixel, and their energy."""
 
     labels: NDArray[np.int32]
     energy: float
@@ -110,26 +110,26 @@ class _Cells:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Filters:
-    """For each cell the mean patch (K, P), the axes (K, P, P) of what differs from it, and its variance (K, P)."""
+    """Mean patch of each cell, (K, P), and the axes, (K, P, P), and variances, (K, P), of what differs from it."""
 
     means: Floats
     axes: Floats
     variances: NDArray[np.float64]
 
 
-def _filters(image: Floats, spread: Floats, labels: NDArray[np.int32], n_cells: int) -> _Filters:
-    """Measure the cells of a noisy picture, and take the variance of the noise, `spread`, away from theirs."""
+def _filters(image: Floats, variance: Floats, labels: NDArray[np.int32], n_cells: int) -> _Filters:
+    """Measure the cells of a noisy image, and subtract the variance of the noise from theirs."""
     from scipy.ndimage import uniform_filter
 
     size = image.shape[2] * _SIDE**2
     counts, noise = np.zeros(n_cells), np.zeros(n_cells)
     sums, squares = np.zeros((n_cells, size)), np.zeros((n_cells, size, size))
-    patch_spread = uniform_filter(spread, _SIDE, mode="reflect")
+    patch_variance = uniform_filter(variance, _SIDE, mode="reflect")
     for rows, patches in _chunks(image):
         for cell, members in _members(labels[rows].ravel()):
             inside = patches[members]
             counts[cell] += len(members)
-            noise[cell] += patch_spread[rows].ravel()[members].sum()
+            noise[cell] += patch_variance[rows].ravel()[members].sum()
             sums[cell] += inside.sum(axis=0, dtype=np.float64)
             squares[cell] += inside.T @ inside
     masses = np.maximum(counts, 1)
@@ -141,9 +141,9 @@ def _filters(image: Floats, spread: Floats, labels: NDArray[np.int32], n_cells: 
 
 
 def _filtered(image: Floats, labels: NDArray[np.int32], filters: _Filters, variance: float) -> Floats:
-    """Filter the patches of a picture in their cells, and put them together again.
+    """Filter the patches of an image by cell, and assemble the image.
 
-    A patch counts by the inverse of the variance that its filter leaves.
+    Patches are weighted by the inverse of the variance that their filter leaves.
     """
     height, width, n_bands = image.shape
     total = np.zeros((height + 2 * _REACH, width + 2 * _REACH, n_bands), np.float32)
@@ -169,13 +169,13 @@ def _filtered(image: Floats, labels: NDArray[np.int32], filters: _Filters, varia
 
 
 def _windows(image: Floats) -> Floats:
-    """(H, W, C, 5, 5) patches about all pixels; nothing is copied but the borders."""
+    """(H, W, C, 5, 5) patches around all pixels; only the borders are copied."""
     padded = np.pad(image, ((_REACH, _REACH), (_REACH, _REACH), (0, 0)), mode="symmetric")
     return np.lib.stride_tricks.sliding_window_view(padded, (_SIDE, _SIDE), axis=(0, 1))
 
 
 def _chunks(image: Floats) -> Iterator[tuple[slice, Floats]]:
-    """Go over the picture in bands of some rows: these, and their (N, P) patches, a copy."""
+    """Yield bands of rows and a copy of their (N, P) patches."""
     windows = _windows(image)
     height, width = image.shape[:2]
     step = max(1, _CHUNK // width)
@@ -185,7 +185,7 @@ def _chunks(image: Floats) -> Iterator[tuple[slice, Floats]]:
 
 
 def _members(labels: NDArray[np.int32]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Each label that there is, and where."""
+    """Yield each label that occurs, and where."""
     order = np.argsort(labels, kind="stable")
     cells, starts = np.unique(labels[order], return_index=True)
     for cell, members in zip(cells, np.split(order, starts[1:]), strict=True):

@@ -1,9 +1,9 @@
-"""Averaging: noisy or irregular pictures are segmented by what a pixel and those about it have in common.
+"""Averaging, for noisy or irregular images.
 
-With a kernel w of sum 1, averaging the squared distance to a generator gives the same cells as averaging the picture,
-because w * |u - z|^2 = |w * u - z|^2 + a term without z: this is "before". With "after" it is the segmented picture
-that is averaged: each pixel is replaced by its generator, that picture is averaged, each pixel goes to the generator
-nearest to its average, and the generators are renewed from the original pixels, until the labels rest.
+With a kernel w of sum 1, averaging the squared distance to a generator gives the same cells as averaging the image,
+because w * |u - z|^2 = |w * u - z|^2 + a term without z: this is "before". With "after", the segmented image is
+averaged: each pixel is replaced by its generator, this image is averaged, each pixel moves to the generator nearest to
+its average, and the generators are updated from the original pixels, until the labels settle.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg.engine.points import assign, pack
 
 WHEN = ("before", "after")
 KERNELS = ("gaussian", "box")
-#: A Gaussian is cut off at so many standard deviations.
+#: A Gaussian is truncated at this many standard deviations.
 TRUNCATE = 4.0
-#: Labels rest when no more than this share of the pixels changes.
+#: Labels have settled when at most this share of the pixels changes.
 _AT_REST = 1e-3
 _MAX_ROUNDS = 50
+_LARGEST_RADIUS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +33,12 @@ class Averaging:
     Attributes
     ----------
     when : {"before", "after"}
-        Average the picture and then segment it, or segment it and then average the segments.
+        Average the image and then segment it, or segment it and then average the segments.
     kernel : {"gaussian", "box"}
-        What the weights of near pixels are.
+        Weights of near pixels.
     radius : float
-        In pixels, > 0: the standard deviation of the Gaussian; or how far the square box reaches from its center,
-        a whole number.
+        In pixels, > 0 and at most 1000: the standard deviation of the Gaussian; or the reach of the square box from
+        its center, a whole number.
     """
 
     when: str = "before"
@@ -47,14 +48,15 @@ class Averaging:
     def __post_init__(self) -> None:
         check_choice("when", self.when, WHEN)
         check_choice("kernel", self.kernel, KERNELS)
-        if not 0 < self.radius <= 1000:
-            raise ValueError(f"radius={self.radius} must be > 0 and at most 1000 pixels")
-        if self.kernel == "box" and self.radius != int(self.radius):
-            raise ValueError(f"radius={self.radius} of a box must be a whole number of pixels")
+        check_in_range(
+            "radius", self.radius, 0 < self.radius <= _LARGEST_RADIUS, f"> 0 and <= {_LARGEST_RADIUS} pixels"
+        )
+        whole = self.kernel != "box" or self.radius == int(self.radius)
+        check_in_range("radius", self.radius, whole, "a whole number of pixels for kernel='box'")
 
     @property
     def noise_gain(self) -> float:
-        """What is left of the variance of white noise: the sum of the squared weights."""
+        """Part of the variance of white noise that remains: the sum of the squared weights."""
         reach = int(TRUNCATE * self.radius) + 2
         peak = np.zeros((2 * reach + 1, 1, 1), np.float32)
         peak[reach] = 1
@@ -63,16 +65,16 @@ class Averaging:
 
 
 def as_averaging(averaging: str | Averaging | None) -> Averaging | None:
-    """Return an `Averaging` for its name, "before" or "after", or as it is."""
+    """Return the default `Averaging` for "before" or "after"; return another as it is."""
     return Averaging(check_choice("averaging", averaging, WHEN)) if isinstance(averaging, str) else averaging
 
 
 def averaged(
     values: NDArray[np.float32], averaging: Averaging, inside: NDArray[np.bool_] | None = None
 ) -> NDArray[np.float32]:
-    """(H, W, D) averages of (H, W, D) values over the pixels that are `inside` (H, W); elsewhere 0.
+    """(H, W, D) averages of (H, W, D) values over the pixels `inside`, (H, W); 0 elsewhere.
 
-    What lies beyond the border of the picture is outside too.
+    Pixels beyond the border of the image are outside too.
     """
     within = np.ones(values.shape[:2], bool) if inside is None else inside
     mass = _filtered(within[..., None].astype(np.float32), averaging)
@@ -96,14 +98,14 @@ def _filtered(values: NDArray[np.float32], averaging: Averaging) -> NDArray[np.f
 def average_segments(
     values: NDArray[np.float32], labels: NDArray[np.int32], n_segments: int, averaging: Averaging
 ) -> NDArray[np.int32]:
-    """Average segments and assign pixels anew, in turns, until the labels rest or come back to what they were.
+    """Average segments and reassign pixels in turn, until the labels settle or repeat.
 
     Parameters
     ----------
     values : (H, W, D) float32 array
         The original pixels.
     labels : (H, W) int32 array
-        Where to start: 1..n_segments, and 0 outside of the mask.
+        Initial labels in 1..n_segments, and 0 outside the mask.
     n_segments : int
         K. A segment that loses its last pixel does not come back.
     averaging : Averaging
@@ -125,9 +127,9 @@ def average_segments(
         means = np.stack([np.bincount(own, column, n_segments) for column in rows.T.astype(np.float64)], axis=1)
         present = np.flatnonzero(masses)
         means[present] = means[present] / masses[present, None]
-        picture = np.zeros(values.shape, np.float32)
-        picture[inside] = means[own]
-        points = pack(averaged(picture, averaging, inside)[inside], np.ones(len(rows)))
+        drawn = np.zeros(values.shape, np.float32)
+        drawn[inside] = means[own]
+        points = pack(averaged(drawn, averaging, inside)[inside], np.ones(len(rows)))
         nearest = assign(points, points.frame.inward(means[present]))[: len(rows)]
         before, own = own, present[nearest].astype(np.int32)
     end = np.zeros_like(labels)

@@ -1,4 +1,4 @@
-"""Arrays that are on disk, of which some rows are in memory at a time."""
+"""Arrays on disk, with some rows in memory at a time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["DiskRows"]
 class DiskRows:
     """An array of zeros in a file of its own.
 
-    Not mapped into memory: a full disk must be an error, not a signal that ends the program.
+    It is not mapped into memory, because a full disk must be an error, not a signal that ends the program.
     """
 
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
@@ -43,5 +43,5 @@ class DiskRows:
             left = left[self._file.write(left) :]
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()

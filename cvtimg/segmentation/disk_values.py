@@ -1,4 +1,4 @@
-"""A picture larger than memory as values in a color space, of which some rows are in memory at a time."""
+"""An image larger than memory as values in a color space, with some rows in memory at a time."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_any, check_needs
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.spaces import peak, to_space
 from cvtimg.pictures.tiles import Bands
@@ -17,19 +18,19 @@ from cvtimg.segmentation.values import PictureValues, unit_of
 
 __all__ = ["DiskValues"]
 
-#: Pixels of a strip. Values, labels and what is computed of them take some 100 bytes for each.
+#: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
 STRIP_PIXELS = 1 << 21
-#: A strip has so many rows at least, more than the largest disc of neighbors reaches.
+#: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
 _LEAST_ROWS = 32
 
 
 class DiskValues:
-    """The pixels of a picture in a file without compression, and their colors.
+    """The pixels of an image in an uncompressed file, and their colors.
 
     Parameters
     ----------
     bands : Bands
-        The picture.
+        The image.
     path : Path
         The file.
     space : str
@@ -43,18 +44,17 @@ class DiskValues:
     ----------
     shape : (H, W)
     strips : list of (first, last)
-        Rows that are in memory at a time.
+        Rows to hold in memory at a time.
     values : PictureValues
-        Of all pixels inside, without the way back to them.
+        Values of all pixels inside the mask, without the way back to them.
     exact : bool
-        Whether all distinct colors are told apart in these.
+        Whether they distinguish all distinct colors.
     """
 
     def __init__(self, bands: Bands, path: Path, space: str, *, has_alpha: bool, nodata: float | None) -> None:
         form = bands.form
         n_bands = form.shape[2] if len(form.shape) > 2 else 1
-        if has_alpha and n_bands < 2:
-            raise ValueError(f"has_alpha needs more bands than {n_bands}")
+        check_needs("has_alpha", has_alpha, f"more bands than {n_bands}", n_bands > 1)
         self.shape = form.shape[:2]
         self.n_dims = n_bands - has_alpha
         height, width = self.shape
@@ -70,7 +70,7 @@ class DiskValues:
         self._center = self.values.center
 
     def _count(self, bands: Bands, space: str) -> tuple[PictureValues, bool]:
-        """Lay all pixels down and count their colors."""
+        """Store all pixels and count their colors."""
         counter, top = Counter(), 0
         for band in bands:
             rows = band.reshape(*band.shape[:2], -1)
@@ -79,8 +79,7 @@ class DiskValues:
             if inside.any():
                 counter.add(colors if inside.all() else colors[inside][None])
             top += len(rows)
-        if not counter.has_any:
-            raise ValueError("picture must have at least one pixel that is known")
+        check_any("image", counter.has_any, "at least one pixel that is known")
         samples, dtype = counter.samples(), self._pixels.dtype
         if space == "rgb":
             values = PictureValues(np.empty((0, 0), np.bool_), samples, 255 / peak(dtype), 0.0, space, dtype)
@@ -91,7 +90,7 @@ class DiskValues:
         return values, counter.exact
 
     def _split(self, rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Part colors from where they are known."""
+        """Separate colors from where they are known."""
         colors = rows[:, :, : self.n_dims]
         inside = rows[:, :, -1] > 0 if self._has_alpha else np.ones(rows.shape[:2], np.bool_)
         if rows.dtype.kind == "f":
@@ -101,7 +100,7 @@ class DiskValues:
         return colors, inside
 
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return (H, W, D) values of some rows, less the mean of all, 0 outside; and (H, W) where they are known."""
+        """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
         colors, inside = self._split(self._pixels.read(first, last))
         if inside.all():
             return self._field(colors.reshape(-1, self.n_dims)).reshape(colors.shape), inside
@@ -110,12 +109,12 @@ class DiskValues:
         return field, inside
 
     def _field(self, colors: NDArray[Any]) -> NDArray[np.float32]:
-        """(N, D) values of (N, C) colors, less the mean of all."""
+        """(N, D) values of (N, C) colors about the mean of all."""
         values, scale = self.values, self.values.scale
         if values.space != "rgb":
             colors, scale = to_space(colors.astype(np.float64) / peak(values.dtype), values.space), values.unit
         field = np.empty(colors.shape, np.float32)
-        for dim, center in enumerate(self._center):  # long loops, one for each dimension
+        for dim, center in enumerate(self._center):  # long loops, one per dimension
             field[:, dim] = colors[:, dim].astype(np.float64) * scale - center
         return field
 
@@ -127,5 +126,5 @@ class DiskValues:
         return float((samples.density @ steps**2).sum() / samples.density.sum())
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._pixels.close()

@@ -1,7 +1,7 @@
-"""Samples as the smallest whole numbers that tell them apart, where they are evenly spaced.
+"""Samples as the smallest whole numbers that distinguish them, if they are evenly spaced.
 
-A picture of 8 bits keeps its levels whatever type holds it: 16-bit integers 257 times as large, or floating point in
-0..1. What is computed from the levels is then the same to the last bit.
+An 8-bit image keeps its levels whatever type holds it: 16-bit integers 257 times as large, or floating point in 0..1.
+Results computed from the levels are then identical to the last bit.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 _MOST_LEVELS = 65535
-#: So many samples show whether all can be levels, before all are looked at.
+#: This many samples are tried before all are looked at.
 _PROBES = 64
-#: So many integers mostly have all that differs.
+#: This many integers usually have the common divisor of all.
 _SOME = 4096
 
 
@@ -26,7 +26,7 @@ class Levels:
     Attributes
     ----------
     levels : array of uint8, uint16 or float32
-        From 0; whole numbers where samples are evenly spaced, and from 0 to 1 where they are not.
+        Whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1.
     offset, step : float
         In the units of the samples.
     """
@@ -54,7 +54,7 @@ def to_levels(samples: NDArray[Any]) -> Levels:
 
 
 def _step(samples: NDArray[Any], low: int) -> int:
-    """Return the greatest common divisor of what integers are above the least."""
+    """Return the greatest common divisor of integers minus the least."""
     some = samples[:: max(1, samples.size // _SOME)].astype(np.int64) - low
     step = int(np.gcd.reduce(some))
     if step == 1:
@@ -85,7 +85,7 @@ def _even_steps(shares: NDArray[np.float64], rounding: float) -> int:
 
 
 def _fitting(probes: NDArray[np.float64], rounding: float, first: int) -> int:
-    """Return the least number of steps, from `first` on, that all probes fit; 0 if none does."""
+    """Return the smallest number of steps, from `first` on, that fits all probes; 0 if none does."""
     for start in range(first, _MOST_LEVELS + 1, 1024):
         steps = np.arange(start, min(start + 1024, _MOST_LEVELS + 1))
         steps = steps[steps * rounding < 0.05]
