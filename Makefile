@@ -1,16 +1,16 @@
-# Everything happens in a virtual environment of its own. A target is made again only when what it is made of changed.
+# Everything happens in a virtual environment of its own. A target is made again only if its sources have changed.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# A wheel to install in place of the checkout, for example to test it.
+# A wheel to install instead of the checkout, for example to test it.
 WHEEL ?=
 # meson and ninja are found by name.
 export PATH := $(abspath $(BIN)):$(PATH)
 
-# An editable install builds what changed when cvtimg is imported; only these ask for a new install.
+# An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
-.PHONY: install demo test lint bench clean
+.PHONY: install demo test lint docs man bench clean
 
 install: $(VENV)/installed
 
@@ -41,7 +41,7 @@ endif
 demo: $(VENV)/installed
 	$(BIN)/python sample_images/demo.py out
 
-# The quick tests; with TESTS=all the slow ones too.
+# The quick tests; TESTS=all runs the slow ones too.
 TESTS ?= quick
 test: $(VENV)/extra-test
 	$(BIN)/pytest -n auto tests --pyargs cvtimg $(if $(filter all,$(TESTS)),,-m "not slow")
@@ -51,6 +51,14 @@ lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy sample_images
+
+# The site, build/site/index.html. Nothing is fetched, and a warning is an error.
+docs: $(VENV)/extra-docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --doctree-dir build/doctrees docs build/site
+
+# A manual page per command.
+man: $(VENV)/installed
+	$(BIN)/python docs/_extensions/command_line.py build/man
 
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
@@ -62,4 +70,4 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/restoration.py
 
 clean:
-	rm -rf .venv build dist out
+	rm -rf .venv build dist out docs/generated

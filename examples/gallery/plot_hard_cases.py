@@ -1,4 +1,10 @@
-"""Draw what is hard for palettes, plain and dithered: ``python docs/draw_hard_cases.py``."""
+"""
+Dithering hard cases
+====================
+
+Images that are hard for a small palette, each with the nearest colors, with Floyd-Steinberg dithering, and with blue
+noise: skies, skin, saturated colors, soft shadows, pixel art, text, and 16-bit gradients.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,37 +15,25 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 import cvtimg
-from cvtimg.plotting.sheets import Panel, contact_sheet
+from cvtimg.plotting import Panel, contact_sheet
 
-ROOT = Path(__file__).parent.parent
+SAMPLES = Path("../../sample_images")
 WIDTH, HEIGHT = 200, 140
-#: Shapes are drawn larger and reduced, which gives them smooth edges.
+#: Shapes are drawn larger and then reduced, which smooths their edges.
 LARGER = 4
-METHODS = {"nearest color": None, "floyd-steinberg": "floyd-steinberg", "blue-noise": "blue-noise"}
 
-
-def main() -> None:
-    """Write docs/hard_cases.png."""
-    sheet = contact_sheet([panels(name, *case) for name, case in CASES.items()], panel_width=WIDTH)
-    cvtimg.write_image(ROOT / "docs" / "hard_cases.png", sheet, overwrite=True)
-
-
-def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[Panel]:
-    """Show a picture, and the same in few colors in every way."""
-    image = draw()
-    results = {how: cvtimg.quantize(image, n_colors, dither=method) for how, method in METHODS.items()}
-    shown = [Panel(result.image, (f"{n_colors} colors, {how}",), result.palette) for how, result in results.items()]
-    return [Panel(image, (name,)), *shown]
+# %%
+# The images: crops of photographs, and drawings.
 
 
 def sample(name: str, left: int, top: int) -> NDArray[Any]:
-    """Cut a part out of a sample image."""
-    image = cvtimg.read_image(ROOT / "sample_images" / name)
+    """Crop a sample image."""
+    image = cvtimg.read_image(SAMPLES / name)
     return image[top : top + HEIGHT, left : left + WIDTH]
 
 
 def flowers() -> NDArray[Any]:
-    """Draw saturated petals, shaded from the middle out."""
+    """Draw saturated petals, shaded from their centers."""
     picture = Image.new("RGB", (WIDTH * LARGER, HEIGHT * LARGER), (20, 90, 30))
     for number, hue in enumerate((0, 18, 30, 195, 215, 235)):
         x, y = (35 + 65 * (number % 3)) * LARGER, (36 + 68 * (number // 3)) * LARGER
@@ -55,7 +49,7 @@ def flowers() -> NDArray[Any]:
 
 
 def shadow() -> NDArray[Any]:
-    """Draw a badge and its soft shadow on nothing."""
+    """Draw a badge and its soft shadow on a transparent background."""
     shape = Image.new("L", (WIDTH * LARGER, HEIGHT * LARGER))
     ImageDraw.Draw(shape).rounded_rectangle((160, 80, 560, 360), 90, 255)
     dark = Image.new("RGBA", shape.size, (10, 10, 40, 255))
@@ -68,7 +62,7 @@ def shadow() -> NDArray[Any]:
 
 
 def text() -> NDArray[Any]:
-    """Draw smooth letters in three colors."""
+    """Draw antialiased text in three colors."""
     picture = Image.new("RGB", (WIDTH, HEIGHT), "white")
     draw = ImageDraw.Draw(picture)
     draw.rectangle((0, 96, WIDTH, HEIGHT), (24, 60, 120))
@@ -78,7 +72,7 @@ def text() -> NDArray[Any]:
 
 
 def pixel_art() -> NDArray[Any]:
-    """Draw a small landscape of flat colors and bands, a pixel as 5 x 5."""
+    """Draw a small landscape of flat colors and bands, enlarged five times."""
     row, column = np.mgrid[: HEIGHT // 5, : WIDTH // 5]
     bands = np.array([[40, 24, 96], [88, 40, 120], [160, 56, 120], [224, 96, 96], [248, 160, 88], [248, 216, 120]])
     art = bands[np.minimum(row // 3, 5)]
@@ -91,7 +85,7 @@ def pixel_art() -> NDArray[Any]:
 
 
 def deep() -> NDArray[Any]:
-    """Draw a gradient of 16 bits a sample that spans few levels of 8 bits."""
+    """Draw a 16-bit gradient that spans few 8-bit levels."""
     row, column = np.mgrid[:HEIGHT, :WIDTH] / [[[HEIGHT]], [[WIDTH]]]
     return np.rint(65535 * np.stack([0.2 + 0.5 * column, 0.35 + 0.3 * row, 0.75 - 0.3 * column * row], -1)).astype(
         np.uint16
@@ -99,11 +93,11 @@ def deep() -> NDArray[Any]:
 
 
 def reduced(picture: Image.Image) -> NDArray[Any]:
-    """Bring a larger picture to the size of a panel."""
+    """Reduce a drawing to the size of a panel."""
     return np.asarray(picture.reduce(LARGER))
 
 
-#: From light above to dark below, in red, green and blue.
+#: A gradient from light to dark in red, green and blue.
 BADGE = (lambda at: 255 - at // 8, lambda at: 190 - at // 2, lambda at: 40 + at // 8)
 CASES: dict[str, tuple[Callable[[], NDArray[Any]], int]] = {
     "sky": (lambda: sample("rocket.jpg", 20, 60), 8),
@@ -113,9 +107,22 @@ CASES: dict[str, tuple[Callable[[], NDArray[Any]], int]] = {
     "soft shadow, transparent": (shadow, 16),
     "pixel art": (pixel_art, 8),
     "text": (text, 8),
-    "16 bits a sample": (deep, 16),
+    "16 bits per channel": (deep, 16),
 }
 
 
-if __name__ == "__main__":
-    main()
+# %%
+# Each image in three ways.
+
+METHODS = {"nearest color": None, "floyd-steinberg": "floyd-steinberg", "blue-noise": "blue-noise"}
+
+
+def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[Panel]:
+    """Show an image, and the same in few colors with each method."""
+    image = draw()
+    results = {how: cvtimg.quantize(image, n_colors, dither=method) for how, method in METHODS.items()}
+    shown = [Panel(result.image, (f"{n_colors} colors, {how}",), result.palette) for how, result in results.items()]
+    return [Panel(image, (name,)), *shown]
+
+
+sheet = contact_sheet([panels(name, *case) for name, case in CASES.items()], panel_width=WIDTH)

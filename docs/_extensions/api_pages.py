@@ -1,0 +1,78 @@
+"""The reference of the API: a page per subject, written from what its package's face lists."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import cvtimg
+
+PACKAGE = Path(__file__).parents[2] / "cvtimg"
+
+
+def write_pages(app: Any) -> None:
+    """Write ``generated/api/PACKAGE.rst`` for each package with a face, and the page of the verbs."""
+    folder = Path(app.srcdir) / "generated" / "api"
+    folder.mkdir(parents=True, exist_ok=True)
+    subjects = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
+    pages = {name: page(name) for name in ("cvtimg", *(f"cvtimg.{subject}" for subject in subjects))}
+    for name, text in pages.items():
+        write_changed(folder / f"{name}.rst", text)
+    for old in (folder / "names").glob("*.rst"):  # of names that are gone
+        package, _, each = old.stem.rpartition(".")
+        if f"   {each}\n" not in pages.get(package, ""):
+            old.unlink()
+    toctree = "".join(f"   api/cvtimg.{subject}\n" for subject in subjects)
+    text = Path(__file__).with_name("api.rst.in").read_text()
+    write_changed(folder.parent / "api.rst", text + toctree)
+
+
+def page(name: str) -> str:
+    """Return the page of a package: its functions and classes as tables with links, its registries with their keys."""
+    package = importlib.import_module(name)
+    public = {each: getattr(package, each) for each in package.__all__}
+    # A verb has its page in cvtimg, and the page of its subject links there.
+    verbs = set() if name == "cvtimg" else set(cvtimg.__all__).intersection(public)
+    functions = [each for each, value in public.items() if inspect.isroutine(value)]
+    classes = [each for each, value in public.items() if inspect.isclass(value)]
+    registries = {each: value for each, value in public.items() if isinstance(value, dict)}
+    if name == "cvtimg":
+        title, text = "The verbs: cvtimg", "All functions that most programs need, in one namespace."
+    else:
+        title, text = name, inspect.getdoc(package) or ""
+    parts = [title, "=" * len(title), "", text, "", f".. currentmodule:: {name}", ""]
+    for heading, names in (("Functions", functions), ("Classes", classes)):
+        if names:
+            parts += [heading, "-" * len(heading), ""]
+            parts += table([f"~cvtimg.{each}" for each in sorted(names) if each in verbs])
+            parts += table([each for each in sorted(names) if each not in verbs], "   :toctree: names")
+    if registries:
+        parts += ["Registries", "----------", ""]
+        parts += [f"``{each}``: {', '.join(f'``{key}``' for key in value)}\n" for each, value in registries.items()]
+    return "\n".join(parts) + "\n"
+
+
+def table(names: list[str], *options: str) -> list[str]:
+    """Return a table of names with the first line of what each says about itself."""
+    return [".. autosummary::", *options, "", *(f"   {each}" for each in names), ""] if names else []
+
+
+def escape_trailing_underscores(app: Any, kind: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """Keep names such as ``n_iter_`` from being taken for links; those that begin an entry are numpydoc's."""
+    lines[:] = [re.sub(r"(?<![`\w])(\w+)_(?![`\w]| :)", r"\1\\_", line) for line in lines]
+
+
+def write_changed(path: Path, text: str) -> None:
+    """Write a page if its text has changed, so that Sphinx does not read it again in vain."""
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Write the pages before autosummary looks for them, and docstrings before numpydoc reads them."""
+    app.connect("builder-inited", write_pages, priority=100)
+    app.connect("autodoc-process-docstring", escape_trailing_underscores, priority=100)
+    return {"parallel_read_safe": True}

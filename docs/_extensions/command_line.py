@@ -1,0 +1,132 @@
+"""The reference of the command line, written from the commands: pages of the site, and manual pages.
+
+``python docs/_extensions/command_line.py FOLDER`` writes the manual pages, ``FOLDER/cvtimg-quantize.1`` and so on.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+from api_pages import write_changed
+
+import cvtimg
+from cvtimg.cli.app import app as application
+
+STATUS = [
+    ("0", "All inputs are done."),
+    ("1", "Some inputs failed, and are named on standard error; the others are done."),
+    ("2", "The command line is wrong."),
+    ("130", "The run was interrupted."),
+]
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a command says about itself."""
+
+    name: str
+    usage: str
+    paragraphs: list[str]
+    arguments: list[tuple[str, str]]
+    options: list[tuple[str, str]]
+    examples: list[str]
+
+    @property
+    def summary(self) -> str:
+        """The first sentence, without its full stop."""
+        return self.paragraphs[0].rstrip(".")
+
+
+def commands() -> list[Command]:
+    """Return the commands in the order of ``cvtimg --help``."""
+    group: Any = typer.main.get_command(application)
+    context = typer.Context(group, info_name="cvtimg")
+    return [_described(group.get_command(context, name), name) for name in group.list_commands(context)]
+
+
+def _described(command: Any, name: str) -> Command:
+    context = typer.Context(command, info_name=f"cvtimg {name}")
+    records = {kind: [] for kind in ("argument", "option")}
+    for parameter in command.get_params(context):
+        record = parameter.get_help_record(context)
+        if record:
+            names = record[0].removesuffix(" <list[str]>")  # the type of an argument that can be repeated
+            records[parameter.param_type_name].append((names, " ".join(record[1].split())))
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", command.help or "")]
+    examples = re.findall(r"^\s+(cvtimg .*|\S.* \| cvtimg .*)$", command.epilog or "", flags=re.MULTILINE)
+    examples += re.findall(r"^Example: +(cvtimg .*)$", command.epilog or "", flags=re.MULTILINE)
+    usage = " ".join(["cvtimg", name, *command.collect_usage_pieces(context)])
+    usage = re.sub(r"\{(\w+)\.*\}\.\.\.", r"\1...", usage)
+    return Command(name, usage, paragraphs, records["argument"], records["option"], examples)
+
+
+def as_markdown(command: Command) -> str:
+    """Return the page of a command."""
+    parts = [f"# cvtimg {command.name}", *map(_escaped, command.paragraphs), f"```text\n{command.usage}\n```"]
+    for heading, records in (("Arguments", command.arguments), ("Options", command.options)):
+        if records:
+            parts += [f"## {heading}", *(f"`{names}`\n: {_escaped(text) or '-'}" for names, text in records)]
+    if command.examples:
+        parts += ["## Examples", "```sh\n" + "\n".join(command.examples) + "\n```"]
+    return "\n\n".join(parts) + "\n"
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\*_<>|^\[\]])", r"\\\1", text)
+
+
+def as_manual(command: Command) -> str:
+    """Return the manual page of a command, in the macros of man(7)."""
+    lines = [
+        f'.TH CVTIMG-{command.name.upper()} 1 "" "cvtimg {cvtimg.__version__}" "User Commands"',
+        ".SH NAME",
+        f"cvtimg-{command.name} \\- {_roff(command.summary)}",
+        ".SH SYNOPSIS",
+        f".B {_roff(command.usage)}",
+        ".SH DESCRIPTION",
+    ]
+    for paragraph in command.paragraphs:
+        lines += [".PP", _roff(paragraph)]
+    for heading, records in (("ARGUMENTS", command.arguments), ("OPTIONS", command.options), ("EXIT STATUS", STATUS)):
+        lines.append(f".SH {heading}")
+        for names, text in records:
+            lines += [".TP", f".B {_roff(names)}", _roff(text) or "\\&"]
+    if command.examples:
+        lines += [".SH EXAMPLES", ".nf", *map(_roff, command.examples), ".fi"]
+    others = [other.name for other in commands() if other.name != command.name]
+    lines += [".SH SEE ALSO", *(f".BR cvtimg-{other} (1)," for other in others)]
+    return "\n".join(lines).rstrip(",") + "\n"
+
+
+def _roff(text: str) -> str:
+    escaped = text.replace("\\", "\\e").replace("-", "\\-").replace("'", "\\(aq")
+    return f"\\&{escaped}" if escaped.startswith(".") else escaped
+
+
+def write_pages(app: Any) -> None:
+    """Write ``generated/commands/NAME.md`` for each command, and the page that lists them."""
+    folder = Path(app.srcdir) / "generated" / "commands"
+    folder.mkdir(parents=True, exist_ok=True)
+    for command in commands():
+        write_changed(folder / f"{command.name}.md", as_markdown(command))
+    index = Path(__file__).with_name("commands.md.in").read_text()
+    names = "\n".join(f"commands/{command.name}" for command in commands())
+    write_changed(folder.parent / "commands.md", index.replace("@COMMANDS@", names))
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for them."""
+    app.connect("builder-inited", write_pages, priority=100)
+    return {"parallel_read_safe": True}
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1])
+    target.mkdir(parents=True, exist_ok=True)
+    for each in commands():
+        (target / f"cvtimg-{each.name}.1").write_text(as_manual(each))

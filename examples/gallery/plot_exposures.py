@@ -1,0 +1,56 @@
+"""
+Merging exposures
+=================
+
+Three noisy exposures of one scene, taken from the hand: each is shifted by a few pixels. Their mean is blurred;
+`restore` aligns them first and then removes the noise.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.metrics import peak_signal_noise_ratio
+
+import cvtimg
+from cvtimg.plotting import Panel, contact_sheet
+
+SAMPLES = Path("../../sample_images")
+
+# %%
+# The exposures: crops of a photograph at three places, with noise of 25 levels.
+
+photograph = cvtimg.read_image(SAMPLES / "coffee.png")
+rng = np.random.default_rng(0)
+
+
+def crop(down: int, right: int) -> NDArray[np.uint8]:
+    """Return a part of the photograph, moved by some pixels."""
+    return photograph[100 + down : 292 + down, 200 + right : 456 + right]
+
+
+def exposure(down: int, right: int) -> NDArray[np.uint8]:
+    """Return a crop with noise."""
+    return (crop(down, right) + rng.normal(0, 25, (192, 256, 3))).clip(0, 255).astype(np.uint8)
+
+
+exposures = [exposure(0, 0), exposure(3, -2), exposure(-2, 4)]
+
+# %%
+# ``align=True`` moves every exposure to the first, and ``detail=True`` is for photographs.
+
+merged = cvtimg.restore(exposures, 96, align=True, detail=True)
+mean = np.mean(exposures, axis=0).round().astype(np.uint8)
+
+
+def panel(image: NDArray[Any], caption: str) -> Panel:
+    """Show an image with its quality."""
+    return Panel(image, (caption, f"{peak_signal_noise_ratio(crop(0, 0), image):.1f} dB"))
+
+
+row = [panel(exposures[0], "one of three exposures"), panel(mean, "their mean"), panel(merged.image, "merged")]
+
+# %%
+
+sheet = contact_sheet([[*row, Panel(crop(0, 0), ("the scene", ""))]], panel_width=256)

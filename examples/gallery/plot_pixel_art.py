@@ -1,0 +1,61 @@
+"""
+Pixel art with a fixed palette
+==============================
+
+A photograph reduced to 90 x 60 pixels, in 16 colors of its own and in the 16 colors of a game console.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import cvtimg
+from cvtimg.plotting import Panel, contact_sheet
+
+SAMPLES = Path("../../sample_images")
+
+# %%
+# The palette of PICO-8, in the text format of Lospec: one color per line.
+
+PICO_8 = """000000 1d2b53 7e2553 008751 ab5236 5f574f c2c3c7 fff1e8
+ff004d ffa300 ffec27 00e436 29adff 83769c ff77a8 ffccaa"""
+colors = np.array([list(bytes.fromhex(color)) for color in PICO_8.split()], np.uint8)
+
+# %%
+# Reduce first and quantize afterwards: scaling a quantized image would mix its colors again. Oklab keeps hues that are
+# rare, such as the green of the eyes. Dithering mixes colors that a fixed palette lacks.
+
+photograph = cvtimg.read_image(SAMPLES / "chelsea.png")
+small = np.asarray(Image.fromarray(photograph).resize((90, 60), Image.Resampling.BOX))
+
+
+def panel(caption: str, n_colors: int | None = None, **options: Any) -> Panel:
+    """Quantize the small image and enlarge it without smoothing."""
+    result = cvtimg.quantize(small, n_colors, **options)
+    return Panel(enlarged(result.image), (caption,), result.palette)
+
+
+def enlarged(image: NDArray[Any]) -> NDArray[Any]:
+    """Show each pixel as 4 x 4."""
+    return image.repeat(4, axis=0).repeat(4, axis=1)
+
+
+rows = [
+    [
+        Panel(enlarged(small), ("90 x 60 pixels",)),
+        panel("16 colors of its own", 16),
+        panel("16 colors of its own, in Oklab", 16, space="oklab"),
+    ],
+    [
+        panel("PICO-8, nearest in RGB", palette=colors),
+        panel("PICO-8, nearest in Oklab", palette=colors, space="oklab"),
+        panel("PICO-8, Oklab, blue noise", palette=colors, space="oklab", dither="blue-noise", dither_strength=0.6),
+    ],
+]
+
+# %%
+
+sheet = contact_sheet(rows, panel_width=360)

@@ -1,0 +1,76 @@
+"""What the site and the release are made from: gallery scripts, manual pages, the version and its citation."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import re
+import runpy
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cvtimg
+
+ROOT = Path(__file__).parent.parent
+GALLERY = ROOT / "examples" / "gallery"
+
+pytestmark = [
+    pytest.mark.skipif(not GALLERY.exists(), reason="the tests run without the checkout"),
+    pytest.mark.timeout(120),
+]
+
+
+@pytest.fixture
+def command_line(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the module that writes the reference of the commands."""
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_extensions")
+    return importlib.import_module("command_line")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", sorted(GALLERY.glob("plot_*.py")), ids=lambda path: path.stem)
+def test_a_script_of_the_gallery_draws_its_figure(script: Path) -> None:
+    with contextlib.chdir(GALLERY):
+        left = runpy.run_path(script.name)
+    if "figure" in left:
+        assert left["figure"].startswith(b"\x89PNG")
+    else:
+        assert left["sheet"].ndim == 3
+        assert len(np.unique(left["sheet"])) > 16
+
+
+def test_every_figure_of_the_pages_has_a_script() -> None:
+    measured = {"time_energy"}  # by benchmarks/engine.py
+    drawn = {path.stem.removeprefix("plot_") for path in GALLERY.glob("plot_*.py")}
+    assert {path.stem for path in (ROOT / "docs").glob("*.png")} == drawn | measured
+
+
+def test_a_manual_page_has_every_option_and_example(command_line: Any) -> None:
+    for command in command_line.commands():
+        page = command_line.as_manual(command).replace("\\-", "-").replace("\\(aq", "'")
+        assert len(command.options) > 3
+        assert command.examples
+        for text in (command.summary, *(names for names, _ in command.options), *command.examples):
+            assert text in page
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="needs groff")
+def test_groff_reads_the_manual_pages_without_a_warning(command_line: Any) -> None:
+    for command in command_line.commands():
+        words = ["groff", "-man", "-ww", "-Tutf8", "-z"]
+        done = subprocess.run(words, input=command_line.as_manual(command), capture_output=True, text=True, timeout=20)
+        assert done.returncode == 0
+        assert done.stderr == ""
+
+
+def test_the_version_has_one_source() -> None:
+    stated = re.search(r"version: '(.+?)'", (ROOT / "meson.build").read_text())
+    assert stated
+    assert cvtimg.__version__ == stated[1]
+    assert f"\nversion: {stated[1]}\n" in (ROOT / "CITATION.cff").read_text()
+    assert 'dynamic = ["version"]' in (ROOT / "pyproject.toml").read_text()
