@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import doctest
+import io
 import re
 import shlex
 import shutil
@@ -15,8 +17,8 @@ from typing import Any
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
+from cvtimg.cli.app import main
 from cvtimg.cli.commands import app
 
 ROOT = Path(__file__).parent.parent
@@ -95,8 +97,10 @@ def test_the_commands_run_and_print_what_is_said(page: Path) -> None:
             status, output = done.returncode, done.stdout + done.stderr
         else:
             assert words[0] == "cvtimg", f"is not checked: {command}"
-            result = CliRunner().invoke(app, words[1:])
-            status, output = result.exit_code, result.output
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+                status = main(words[1:])
+            output = printed.getvalue()
         assert status == 0, f"{command}: {output}"
         if expected:
             assert doctest.OutputChecker().check_output(expected, output, FLAGS), f"{command} prints:\n{output}"

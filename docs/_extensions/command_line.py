@@ -15,7 +15,7 @@ import typer
 from api_pages import write_changed
 
 import cvtimg
-from cvtimg.cli.app import app as application
+from cvtimg.cli.commands import app as application
 
 STATUS = [
     ("0", "All inputs are done."),
