@@ -33,7 +33,6 @@ myst_heading_anchors = 3
 # Two hyphens are an option of the command line, not a dash.
 smartquotes = False
 
-autosummary_generate = True
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False

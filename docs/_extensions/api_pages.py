@@ -13,7 +13,7 @@ import cvtimg
 PACKAGE = Path(__file__).parents[2] / "cvtimg"
 
 
-def write_pages(app: Any) -> None:
+def write_pages(app: Any, config: Any) -> None:
     """Write ``generated/api/PACKAGE.rst`` for each package with a face, and the page of the verbs."""
     folder = Path(app.srcdir) / "generated" / "api"
     folder.mkdir(parents=True, exist_ok=True)
@@ -21,6 +21,7 @@ def write_pages(app: Any) -> None:
     pages = {name: page(name) for name in ("cvtimg", *(f"cvtimg.{subject}" for subject in subjects))}
     for name, text in pages.items():
         write_changed(folder / f"{name}.rst", text)
+    config.autosummary_generate = [f"generated/api/{name}.rst" for name in pages]
     for old in (folder / "names").glob("*.rst"):  # of names that are gone
         package, _, each = old.stem.rpartition(".")
         if f"   {each}\n" not in pages.get(package, ""):
@@ -60,9 +61,16 @@ def table(names: list[str], *options: str) -> list[str]:
     return [".. autosummary::", *options, "", *(f"   {each}" for each in names), ""] if names else []
 
 
-def escape_trailing_underscores(app: Any, kind: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
-    """Keep names such as ``n_iter_`` from being taken for links; those that begin an entry are numpydoc's."""
-    lines[:] = [re.sub(r"(?<![`\w])(\w+)_(?![`\w]| :)", r"\1\\_", line) for line in lines]
+def escape(app: Any, kind: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """Keep names such as ``n_iter_`` and bars such as ``|x|`` from being taken for links, but for those in examples."""
+    in_example = False
+    for number, line in enumerate(lines):
+        in_example = line.lstrip().startswith(">>>") or (in_example and bool(line.strip()))
+        if not in_example:
+            parts = re.split(r"(`+[^`]*`+)", line)
+            # An entry's own name, before a colon, is numpydoc's.
+            parts[::2] = [re.sub(r"(?<=\w)_(?!\w| :|$)|\|", r"\\\g<0>", part) for part in parts[::2]]
+            lines[number] = "".join(parts)
 
 
 def write_changed(path: Path, text: str) -> None:
@@ -73,6 +81,6 @@ def write_changed(path: Path, text: str) -> None:
 
 def setup(app: Any) -> dict[str, bool]:
     """Write the pages before autosummary looks for them, and docstrings before numpydoc reads them."""
-    app.connect("builder-inited", write_pages, priority=100)
-    app.connect("autodoc-process-docstring", escape_trailing_underscores, priority=100)
+    app.connect("config-inited", write_pages)
+    app.connect("autodoc-process-docstring", escape, priority=100)
     return {"parallel_read_safe": True}

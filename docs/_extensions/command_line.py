@@ -108,7 +108,7 @@ def _roff(text: str) -> str:
     return f"\\&{escaped}" if escaped.startswith(".") else escaped
 
 
-def write_pages(app: Any) -> None:
+def write_pages(app: Any, config: Any) -> None:
     """Write ``generated/commands/NAME.md`` for each command, and the page that lists them."""
     folder = Path(app.srcdir) / "generated" / "commands"
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,7 +121,7 @@ def write_pages(app: Any) -> None:
 
 def setup(app: Any) -> dict[str, bool]:
     """Write the pages before Sphinx looks for them."""
-    app.connect("builder-inited", write_pages, priority=100)
+    app.connect("config-inited", write_pages)
     return {"parallel_read_safe": True}
 
 
