@@ -263,10 +263,14 @@ def _place_figures(
     rng: np.random.Generator,
     watch: Watch,
 ) -> Placement:
-    points = draw_start(region, density, n_generators, rng)
-    spacing = (region.measure / n_generators) ** 0.5
-    start = kind.start(points, spacing, rng)
     samples = _samples(region, density, n_generators, effort, rng)
+    # Around points that stand apart: figures that cross at the start would stay so.
+    apart = DESCENTS[method](
+        SampleMoments(samples, LpGauge(2)),
+        draw_start(region, density, n_generators, rng),
+        Terms(_EFFORTS["fast"].stopping),
+    )
+    start = kind.start(apart.generators, (region.measure / n_generators) ** 0.5, rng)
     terms = Terms(_EFFORTS[effort].stopping, project=kind.project, watch=watch)
     end = DESCENTS[method](FigureMoments(samples, kind), start, terms)
     return Placement.of(end, region, kind)
