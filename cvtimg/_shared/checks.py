@@ -11,10 +11,10 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
+
 #: Types of samples that the kernels read.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
-#: Pillow's modes whose samples are grey or RGB, perhaps with alpha: others have indices, ink or other coordinates.
-_PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
 
 
 def check_choice(name: str, value: str, choices: Collection[str]) -> str:
@@ -121,12 +121,46 @@ def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
     """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
-    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
-        image = image.convert("RGBA" if image.has_transparency_data else "RGB")
-    array = np.asarray(image)
+    array = array_of(image)
+    _check_image_shape(name, array)
+    return _as_samples(name, array)
+
+
+def check_pixels(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """Return an image of any integer or floating type, in native byte order, and the (H, W) pixels that count.
+
+    These are the pixels in the mask that are finite and not masked, at least one; None stands for all. The others have
+    the value of the first one that counts. Booleans become 0 and 255.
+    """
+    array = array_of(image)
+    _check_image_shape(name, array)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"{name} of type {array.dtype} must be of integers or of floating point numbers")
+    if mask is not None and np.shape(mask) != array.shape[:2]:
+        raise ValueError(f"mask of shape {np.shape(mask)} must be {array.shape[:2]}, as the {name}")
+    inside = pixels_inside(array, image, mask)
+    if array.dtype.kind == "b":
+        array = array * np.uint8(255)
+    elif array.dtype.kind == "f" and array.dtype.itemsize not in (4, 8):
+        array = array.astype(np.float32 if array.dtype.itemsize < 4 else np.float64)
+    array = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False)).view(np.ndarray)
+    if inside is not None:
+        check_any(name, bool(inside.any()), "at least one pixel that is in the mask and finite")
+        array = array.copy()
+        array[~inside] = array[inside][0]
+    return array, inside
+
+
+def check_alpha(alpha: bool | None, image: Any, n_channels: int) -> bool:
+    """Return whether the last channel of an image is alpha: as `alpha` says, or else as the image does."""
+    if alpha and n_channels not in (2, 4):
+        raise ValueError(f"alpha=True needs an image of 2 or 4 channels, not {n_channels}")
+    return says_alpha(image) if alpha is None else bool(alpha)
+
+
+def _check_image_shape(name: str, array: NDArray[Any]) -> None:
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")
-    return _as_samples(name, array)
 
 
 def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
@@ -249,11 +283,12 @@ def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[
     array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
         raise ValueError(f"{name} of shape {array.shape} must be numbers, (K,) or (K, C), and have colors")
-    fits = np.isfinite(array).all()
-    if fits and dtype.kind == "u":
-        fits = array.min() >= 0 and array.max() <= np.iinfo(dtype).max and (array == np.rint(array)).all()
+    fits, whole = np.isfinite(array).all(), dtype.kind in "iu"
+    if fits and whole:
+        low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+        fits = array.min() >= low and array.max() <= high and (array == np.rint(array)).all()
     if not fits:
-        allowed = f"whole numbers in 0..{np.iinfo(dtype).max}" if dtype.kind == "u" else "finite"
+        allowed = f"whole numbers in {np.iinfo(dtype).min}..{np.iinfo(dtype).max}" if whole else "finite"
         raise ValueError(f"{name} must be {allowed}, as the picture is of {dtype}")
     return np.ascontiguousarray(array, dtype)
 
@@ -279,7 +314,8 @@ def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims
 
 
 def _as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    """Booleans and integers of other widths become float64; other types are refused."""
+    """Booleans become uint8, integers of other widths float64; other types are refused."""
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
     if array.dtype.kind in "biu" and array.dtype not in SAMPLE_DTYPES:
         array = array.astype(np.uint8 if array.dtype.kind == "b" else np.float64)
     elif array.dtype == np.float16:
@@ -288,7 +324,7 @@ def _as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
         raise TypeError(f"{name} of type {array.dtype} must be of integers or of floating point numbers")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite: it contains NaN or infinity")
-    return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
+    return np.ascontiguousarray(array)
 
 
 def check_same(what: str, found: Sequence[object]) -> None:

@@ -27,7 +27,8 @@ class Counter:
     neighbors along a space-filling curve are replaced by their mean, and `exact` becomes False.
     """
 
-    def __init__(self, most: int = MOST_COLORS) -> None:
+    def __init__(self, most: int = MOST_COLORS, *, alpha: bool = False) -> None:
+        self._alpha = alpha
         self.exact = True
         self.n_distinct = 0
         self._most = most
@@ -41,11 +42,11 @@ class Counter:
             if self._table is None:
                 self._table = CountTable(rows.shape[1])
             if not self._table.has_room(len(rows)):
-                self._join(_samples(self._table))
+                self._join(_samples(self._table, self._alpha))
                 self._table = CountTable(rows.shape[1])
             self._table.add(rows)
         else:
-            self._join(replace(color_samples(band), inverse=_NO_PIXELS))
+            self._join(replace(color_samples(band, alpha=self._alpha), inverse=_NO_PIXELS))
 
     @property
     def has_any(self) -> bool:
@@ -64,15 +65,15 @@ class Counter:
         """Return the colors of all strips, without `inverse`."""
         if self._table is not None:
             table, self._table = self._table, None
-            self._join(_samples(table))
+            self._join(_samples(table, self._alpha))
         check_any("image", self._sum is not None, "at least one strip")
         assert self._sum is not None
         return self._sum
 
 
-def _samples(table: CountTable) -> ColorSamples:
+def _samples(table: CountTable, alpha: bool) -> ColorSamples:
     colors, density = table.close()
-    return ColorSamples(colors, density, True, _NO_PIXELS)
+    return ColorSamples(colors, density, True, _NO_PIXELS, alpha)
 
 
 def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
@@ -86,4 +87,4 @@ def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     sums = [np.add.reduceat(colors[:, dim] * density, starts) for dim in range(colors.shape[1])]
     means = np.stack(sums, axis=1) / masses[:, np.newaxis]
     colors = (np.rint(means) if samples.colors.dtype.kind == "u" else means).astype(samples.colors.dtype)
-    return merge_samples([ColorSamples(colors, masses, samples.in_order, _NO_PIXELS)])
+    return merge_samples([ColorSamples(colors, masses, samples.in_order, _NO_PIXELS, samples.alpha)])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alike, check_image, check_weights
+from cvtimg._shared.checks import check_alike, check_alpha, check_pixels, check_weights
 from cvtimg.colors import _counting
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
@@ -36,13 +36,20 @@ class ColorSamples(WeightedSamples):
         Whether colors follow a space-filling curve, so that neighbors are similar: where D <= 4.
     inverse : (H, W) int32 array
         Index of the color of each pixel: ``colors[inverse]`` is the image, as (H, W, D).
+    alpha : bool
+        Whether the last channel is alpha.
+    inside : (H, W) bool array or None
+        Pixels that count; None for all.
     """
 
     inverse: NDArray[np.int32]
+    alpha: bool = False
+    inside: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.rows, self.density, self.inverse):
-            array.flags.writeable = False
+        for array in (self.rows, self.density, self.inverse, self.inside):
+            if array is not None:
+                array.flags.writeable = False
 
     @property
     def colors(self) -> NDArray[Any]:
@@ -57,21 +64,30 @@ class ColorSamples(WeightedSamples):
     def weighted(self, weights: ArrayLike) -> ColorSamples:
         """Weight the pixels: the density of a color becomes the sum of the (H, W) weights >= 0 of its pixels."""
         checked = check_weights("weights", weights, self.inverse.shape)
+        if self.inside is not None:
+            checked = np.where(self.inside, checked, 0)
         density = np.bincount(self.inverse.reshape(-1), checked.reshape(-1), self.n_colors)
         return replace(self, density=density.astype(np.float64))
 
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
         """Return some of the colors, without `inverse`."""
-        return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, np.empty((0, 0), np.int32))
+        none = np.empty((0, 0), np.int32)
+        return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, none, self.alpha)
 
 
-def color_samples(image: Any) -> ColorSamples:
+def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | None = None) -> ColorSamples:
     """Count the distinct colors of an image.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point, any number of channels, no NaN.
+        Any integer or floating point type and byte order, any number of channels; also a masked array, and objects
+        with ``__array__`` or the DLPack protocol. Pixels that are masked or not finite do not count.
+    alpha : bool, optional
+        Whether the last channel is alpha. By default that of a Pillow image with alpha, and of an array from
+        `cvtimg.read_image` of such a file; all channels of other arrays are bands.
+    mask : (H, W) array, optional
+        Pixels that count, where it is not 0; all by default.
 
     Returns
     -------
@@ -81,7 +97,7 @@ def color_samples(image: Any) -> ColorSamples:
     Raises
     ------
     TypeError, ValueError
-        If the image has another shape or type, or NaN or infinity in it.
+        If the image has another shape or type, or no pixel that counts.
 
     Examples
     --------
@@ -93,9 +109,10 @@ def color_samples(image: Any) -> ColorSamples:
     >>> samples.inverse.tolist()
     [[0, 1, 1], [1, 2, 0]]
     """
-    array = check_image("image", image)
+    array, inside = check_pixels("image", image, mask)
     height, width = array.shape[:2]
     rows = array.reshape(height * width, -1)
+    alpha = check_alpha(alpha, image, rows.shape[1])
     if rows.dtype.kind == "f":
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
     pixels = rows.view(np.uint8)
@@ -111,7 +128,8 @@ def color_samples(image: Any) -> ColorSamples:
             rank = np.empty(len(order), np.int32)
             rank[order] = np.arange(len(order), dtype=np.int32)
             colors, density, inverse = colors[order], density[order], rank[inverse]
-    return ColorSamples(colors.view(rows.dtype), density, in_order, inverse.reshape(height, width))
+    samples = ColorSamples(colors.view(rows.dtype), density, in_order, inverse.reshape(height, width), alpha, inside)
+    return samples if inside is None else samples.weighted(inside)
 
 
 def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
@@ -143,7 +161,8 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     ([0, 7, 9], [2.0, 3.0, 1.0])
     """
     check_alike("samples to merge", [samples.colors for samples in several])
-    merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis])
+    alpha = several[0].alpha
+    merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis], alpha=alpha)
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])
 
 

@@ -146,7 +146,7 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
         return colors
     _check_channels(colors.shape[1], space)
     unit = colors / peak(colors.dtype)
-    if colors.dtype.kind == "f" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
+    if colors.dtype.kind in "if" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
         raise ValueError(f"space={space!r} needs floating point samples in 0..1, not in {unit.min()}..{unit.max()}")
     places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
@@ -177,14 +177,14 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
         _check_channels(n_channels, space)
         full = places if n_channels == 3 else places * chosen.grey
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
-    if dtype.kind == "u":
-        colors = np.rint(np.clip(colors, 0, peak(dtype)))
+    if dtype.kind in "iu":
+        colors = np.rint(np.clip(colors, np.iinfo(dtype).min, peak(dtype)))
     return colors.astype(dtype)
 
 
 def peak(dtype: np.dtype[Any]) -> float:
-    """Return the value of white: 255, 65535, or 1 for floating point."""
-    return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
+    """Return the value of white: the largest integer of the type, or 1 for floating point."""
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
 
 def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -23,7 +23,7 @@ from cvtimg._shared.checks import (
     check_rows,
     raise_unsupported,
 )
-from cvtimg.colors.places import has_alpha, to_places
+from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
@@ -262,9 +262,9 @@ def _points(samples: Any, density: ArrayLike | None, space: str) -> tuple[Points
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
         n_channels = counted.colors.shape[1]
-        plain = space == "rgb" and not has_alpha(n_channels)
+        plain = space == "rgb" and not counted.alpha
         scale = Scale(float(counted.density.sum() * n_channels), peak(counted.colors.dtype) if plain else None)
-        return pack(to_places(counted.colors, space), counted.density, in_order=counted.in_order), scale
+        return pack(to_places(counted.colors, space, counted.alpha), counted.density, in_order=counted.in_order), scale
     rows = check_rows("samples", samples)
     weights = check_density(density, len(rows))
     ordered = rows.shape[1] <= MAX_ORDERED_DIMS

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.pixels import with_mark
 from cvtimg.files.finding import find_images
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
@@ -74,7 +75,11 @@ def read_image(path: StrPath) -> NDArray[Any]:
     (2, 3, 3)
     """
     with reading(path) as file:
-        return decode(file)
+        image = decode(file)
+        if image.shape[2:] != (4,):
+            return image
+        file.seek(0)
+        return with_mark(image, read_header(file).has_alpha)
 
 
 def image_info(path: StrPath) -> ImageInfo:

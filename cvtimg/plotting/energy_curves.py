@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg.colors.places import from_places, to_places
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import peak
@@ -136,15 +137,15 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
 def _reduced(image: NDArray[Any]) -> NDArray[Any]:
     """Every so many-th pixel: no filter adds colors that the picture has not."""
     step = max(1, -(-max(image.shape[:2]) // _THUMBNAIL_SIDE))
-    return np.ascontiguousarray(image[::step, ::step])
+    return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 
 def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: str) -> NDArray[Any]:
     """Give each pixel its nearest generator."""
     samples = color_samples(image)
-    points = pack(to_places(samples.colors, space), samples.density)
+    points = pack(to_places(samples.colors, space, samples.alpha), samples.density)
     labels = assign(points, points.frame.inward(generators))[: points.n_points]
-    colors = from_places(generators, space, samples.colors.dtype)
+    colors = from_places(generators, space, samples.colors.dtype, samples.alpha)
     return colors[labels[samples.inverse]].reshape(image.shape)
 
 

@@ -125,13 +125,14 @@ def quantize_frames(
     >>> [int(one.image[0, 0]) for one in result.results]
     [11, 11, 200]
     """
-    several = [color_samples(image) for image in frames.images]
+    several = [color_samples(image, alpha=image.shape[2:] == (4,)) for image in frames.images]
     wholes = several if per_frame else [merge_samples(several)]
     n_distinct = max(samples.n_colors for samples in wholes)
     if palette is not None:
         others = {"n_colors": n_colors, "per_frame": per_frame or None, "locked": locked, **engine}
         check_alone("palette", [name for name, value in others.items() if value is not None])
-        found = [Palette(np.array(palette), None)]
+        given = np.array(palette)
+        found = [Palette(given, None, given.shape[1:] == (4,))]
     elif n_colors is None:
         raise TypeError("n_colors or palette must be given")
     else:

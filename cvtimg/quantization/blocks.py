@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.pixels import with_mark
+from cvtimg.colors.samples import ColorSamples
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
 from cvtimg.quantization.remapping import map_to_palette
 from cvtimg.quantization.sharing import add_samples, count_picture, in_fixed_order
@@ -22,11 +24,12 @@ def quantize_blocks(
     image: da.Array,
     n_colors: int,
     *,
+    alpha: bool = False,
     space: str = "rgb",
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> tuple[Palette, da.Array]:
-    """Find the colors that stand best for a picture in blocks, and give each pixel the nearest, later.
+    """Find the palette that represents a Dask array with the least error, and map its pixels to it lazily.
 
     The colors of the blocks are counted, and the counts added two by two, on the cluster that Dask works with; the
     palette is found here. `quantize` takes a Dask array too, and brings it into memory first.
@@ -34,9 +37,11 @@ def quantize_blocks(
     Parameters
     ----------
     image : (H, W) or (H, W, C) dask.array.Array
-        uint8, uint16 or floating point. Of two or four channels the last is alpha.
+        Of any integer or floating point type.
     n_colors : int
         Size of the palette, in 1..65536.
+    alpha : bool
+        Whether the last channel is alpha.
     space, locked, method, init, effort, volume_power, rng
         As in `find_palette`.
 
@@ -71,7 +76,7 @@ def quantize_blocks(
     whole: Any = image
     if image.ndim == 3:
         whole = whole.rechunk({2: -1})
-    sums = [delayed(count_picture)(block) for block in whole.to_delayed().ravel()]
+    sums = [delayed(_count_block)(block, alpha) for block in whole.to_delayed().ravel()]
     while len(sums) > 1:
         pairs = [delayed(add_samples)(*sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
         sums = pairs + sums[2 * len(pairs) :]
@@ -80,10 +85,14 @@ def quantize_blocks(
     colors = palette.colors
     dtype = np.uint8 if len(colors) <= 256 else np.uint16
     library: Any = dask.array
-    map_block = partial(_map_block, palette=colors, space=space)
+    map_block = partial(_map_block, palette=colors, alpha=alpha, space=space)
     indices: da.Array = library.map_blocks(map_block, whole, dtype=dtype, drop_axis=[2] if image.ndim == 3 else [])
     return palette, indices
 
 
-def _map_block(block: NDArray[Any], *, palette: NDArray[Any], space: str) -> NDArray[Any]:
-    return map_to_palette(block, palette, space=space).indices
+def _count_block(block: NDArray[Any], alpha: bool) -> ColorSamples:
+    return count_picture(with_mark(block, alpha))
+
+
+def _map_block(block: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: str) -> NDArray[Any]:
+    return map_to_palette(block, palette, alpha=alpha, space=space).indices

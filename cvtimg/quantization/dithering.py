@@ -54,6 +54,8 @@ class Job:
         Usual distance from an entry to the nearest other one.
     longest : float
         Longest error handed on.
+    clean : (H, W) bool array
+        Pixels that take no part in the diffusion of errors.
     """
 
     places: NDArray[np.float32]
@@ -63,6 +65,7 @@ class Job:
     strengths: NDArray[np.float32]
     step: float
     longest: float
+    clean: NDArray[np.bool_]
 
 
 def dither(
@@ -74,6 +77,7 @@ def dither(
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
     allowed: ArrayLike | None = None,
+    inside: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int32]:
     """Choose entries of a palette for the pixels of an image, so that their mean over an area is that of the image.
 
@@ -98,6 +102,8 @@ def dither(
         Kind of each color, where not every color may take every entry.
     allowed : (n_kinds, K) array of bool, optional
         Which entries a color of each kind may take, at least one. A kind with a single entry hands on no error.
+    inside : (H, W) bool array, optional
+        Pixels between which errors are handed on; by default all.
 
     Returns
     -------
@@ -123,13 +129,14 @@ def dither(
     kinds = np.zeros(len(places), np.uint8) if kinds is None else np.asarray(kinds, np.uint8)
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
-    (inside, entries), _ = _to_kernels(places, palette)
+    (colors, entries), _ = _to_kernels(places, palette)
     step = longest = _usual_step(entries)
     if strength > _CAUTIOUS:
         caution = (1 - strength) / (1 - _CAUTIOUS)
         longest = max(step, caution * step + (1 - caution) * _WIDEST_GAPS * _widest_gap(entries))
-    grid = nearest_grid(inside, entries, allowed, step, longest)
-    return chosen(Job(inside, kinds, inverse, grid, strengths, step, longest))
+    grid = nearest_grid(colors, entries, allowed, step, longest)
+    clean = np.zeros(inverse.shape, bool) if inside is None else ~inside
+    return chosen(Job(colors, kinds, inverse, grid, strengths, step, longest, clean))
 
 
 def energy_of(
@@ -148,7 +155,7 @@ def energy_of(
 
 def _floyd_steinberg(job: Job) -> NDArray[np.int32]:
     """Hand the error of a pixel on: 7/16 ahead, and 3/16, 5/16 and 1/16 to the next row."""
-    return _diffuse(job, np.zeros(job.inverse.shape, np.uint8))
+    return _diffuse(job, job.clean)
 
 
 def _edge_aware(job: Job) -> NDArray[np.int32]:
@@ -178,15 +185,24 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
         for first, second in neighbors:
             rim[first[flat[second]]] = rim[second[flat[first]]] = True
         flat |= rim & (sizes <= _LARGE_PIECE)
-    return _diffuse(job, (clean | flat)[pieces].astype(np.uint8))
+    return _diffuse(job, (clean | flat)[pieces] | job.clean)
 
 
-def _diffuse(job: Job, clean: NDArray[np.uint8]) -> NDArray[np.int32]:
+def _diffuse(job: Job, clean: NDArray[np.bool_]) -> NDArray[np.int32]:
     labels = np.empty(job.inverse.shape, np.int32)
     width = job.inverse.shape[1]
     rows, row_kinds = np.zeros((2, width + 2, MAX_DIMS), np.float32), np.empty(width, np.uint8)
     _dithering.diffuse(
-        job.places, job.kinds, job.inverse, *job.grid, job.strengths, job.longest, clean, rows, row_kinds, labels
+        job.places,
+        job.kinds,
+        job.inverse,
+        *job.grid,
+        job.strengths,
+        job.longest,
+        clean.view(np.uint8),
+        rows,
+        row_kinds,
+        labels,
     )
     return labels
 

@@ -1,24 +1,27 @@
-"""Color quantization: a picture in the few colors that stand best for it."""
+"""Color quantization: the palette that represents an image with the least error, and the image in its colors."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal, Unpack
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alone, check_count, check_image, check_non_negative
-from cvtimg.colors.places import has_alpha, with_alpha, without_idle_alpha
+from cvtimg._shared.checks import check_alone, check_alpha, check_count, check_non_negative
+from cvtimg._shared.pixels import array_of
+from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, check_room, find_palette, fixed_colors
-from cvtimg.quantization.remapping import MAX_COLORS, Quantized, map_samples
+from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
 from cvtimg.quantization.targets import first_reaching
 
-#: Colors to begin with, and what twice as many bring at least, where a target is to be reached.
+#: First number of colors in the search for a target, and the minimum gain from doubling it.
 _FIRST_TRIAL = 32
 _DECIBEL = 2.0
 _BYTES_A_PIXEL = 0.05
@@ -28,6 +31,8 @@ def quantize(
     image: Any,
     n_colors: int | Literal["auto"] | None = None,
     *,
+    alpha: bool | None = None,
+    mask: ArrayLike | None = None,
     space: str = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
@@ -45,20 +50,29 @@ def quantize(
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point. Of two or four channels the last is alpha: colors count as far as they are
-        seen, opaque pixels stay opaque, and what is fully transparent stays so.
+        Any integer or floating point type and byte order; white is the largest integer of the type, or 1 for floats.
+        Also masked arrays, and objects with ``__array__`` or the DLPack protocol.
     n_colors : int
-        Size of the palette, in 1..65536, with the locked colors and, if there are such pixels, with full transparency.
-        With `psnr` the largest size, and not needed; not to be given with `palette`. "auto" takes the elbow of the
-        energy curve, which the result then has; see `EnergyCurve.elbow`.
+        Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
+        the transparent color. "auto" uses the elbow of the energy curve, which the result then contains; see
+        `EnergyCurve.elbow`. With `psnr`, optional and the maximum size. Not allowed with `palette`.
+    alpha : bool, optional
+        Whether the last channel is alpha. Then colors count as far as they are visible, opaque pixels stay opaque, and
+        fully transparent pixels stay so. By default that of a Pillow image with alpha, and of an array that
+        `cvtimg.read_image` read from such a file. All channels of other arrays are bands that count the same; for
+        uint8 arrays of four channels, which may be RGBA, a warning asks for `alpha`.
+    mask : (H, W) array, optional
+        Pixels to quantize, where it is not 0. The others, and pixels that are not finite or masked in a masked array,
+        have no influence, keep their value in the result, and become transparent in indexed files.
     space : {"rgb", "linear", "lab", "oklab"}
-        Where distances are measured, and means are taken. All but "rgb" are for grey and RGB, with alpha or without.
+        Color space in which distances are measured and means taken. All but "rgb" need grey or RGB, with or without
+        alpha.
     palette : (K, C) array, optional
-        Colors to map the picture to, in its units, in place of finding some.
+        Colors to map the image to, in its units, instead of finding a palette.
     locked : (L, C) array, optional
-        Colors that are in the palette exactly, in the units of the picture.
+        Colors that the palette must contain, in the units of the image.
     psnr : float, optional
-        Quality in dB: take the fewest colors that reach it.
+        Use the fewest colors that reach this quality in dB.
     dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"}, optional
         Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color. "edge-aware"
         keeps text, drawings and flat areas clean.
@@ -68,7 +82,7 @@ def quantize(
     weights : (H, W) array, optional
         Weight >= 0 of each pixel in the search for the palette; 1 by default.
     method, init, effort, volume_power, rng
-        As in `tessellate`. Pixels go to the nearest color whatever the `volume_power` that the palette is made with.
+        As in `tessellate`. Pixels are mapped to their nearest color, whatever the `volume_power`.
 
     Returns
     -------
@@ -77,7 +91,7 @@ def quantize(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or `psnr` is not reached; the message names it.
+        If an argument is invalid, or `psnr` is not reached; the message names it, its value and what is allowed.
 
     Examples
     --------
@@ -92,7 +106,7 @@ def quantize(
     """
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0
-    source = _Source(image, locked, weights, space, dither, dither_strength)
+    source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
     if palette is not None:
         others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}
         check_alone("palette", [name for name, value in others.items() if value is not None])
@@ -121,6 +135,8 @@ def quantize_to_size(
     size: Callable[[Quantized], int],
     n_colors: int = 256,
     *,
+    alpha: bool | None = None,
+    mask: ArrayLike | None = None,
     space: str = "rgb",
     locked: ArrayLike | None = None,
     dither: str | None = None,
@@ -140,7 +156,7 @@ def quantize_to_size(
         Returns the number of bytes that a file of the result would have.
     n_colors : int
         Maximum number of colors; by default as many as an indexed file holds.
-    space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
+    alpha, mask, space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
         As in `quantize`.
 
     Returns
@@ -168,7 +184,7 @@ def quantize_to_size(
     """
     check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
     strength = STRENGTH if dither_strength is None else dither_strength
-    source = _Source(image, locked, weights, space, dither, strength)
+    source = _Source(image, alpha, mask, locked, weights, space, dither, strength)
     results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]
@@ -182,21 +198,33 @@ def quantize_to_size(
 
 
 class _Source:
-    """A picture that palettes of several sizes are tried on, and how they are found and used."""
+    """An image to try palettes of several sizes on, and how these are found and used."""
 
     def __init__(
         self,
         image: Any,
+        alpha: bool | None,
+        mask: ArrayLike | None,
         locked: ArrayLike | None,
         weights: ArrayLike | None,
         space: str,
         dither: str | None,
         dither_strength: float,
     ) -> None:
-        array = check_image("image", image)
-        seen = without_idle_alpha(array)
-        self._shape, self._has_idle_alpha = array.shape, seen is not array
-        self._samples = color_samples(seen)
+        array = array_of(image)
+        n_channels = array.shape[2] if array.ndim == 3 else 1
+        has_alpha = check_alpha(alpha, image, n_channels)
+        if alpha is None and not has_alpha and n_channels == 4 and array.dtype == np.uint8:
+            warnings.warn(
+                "image has 4 channels that all count: give alpha=True if the last is alpha, else alpha=False",
+                UserWarning,
+                stacklevel=3,
+            )
+        seen = without_idle_alpha(array) if has_alpha else array
+        self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
+        # A masked array is passed on whole, with its mask.
+        counted = seen if self._has_idle_alpha else image
+        self._samples = color_samples(counted, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
         self._counted = self._samples if weights is None else self._samples.weighted(weights)
         self._locked, self._space = locked, space
         self._dither, self._strength = dither, dither_strength
@@ -222,13 +250,15 @@ class _Source:
         self, palette: ArrayLike, tessellation: Tessellation | None = None, curve: EnergyCurve | None = None
     ) -> Quantized:
         """Map the picture to a palette."""
-        colors, indices, energy = map_samples(self._samples, palette, self._space, self._dither, self._strength)
-        if self._has_idle_alpha and not has_alpha(colors.shape[1]):
-            colors = with_alpha(colors)
+        result = map_samples(self._samples, palette, self._space, self._dither, self._strength)
+        colors, alpha = result.palette, result.alpha
+        if self._has_idle_alpha and not alpha:
+            colors, alpha = with_alpha(colors), True
         n_channels = colors.shape[1]
         as_before = n_channels == 1 or self._shape[2:] == (n_channels,)
         shape = self._shape if as_before else (*self._shape[:2], n_channels)
-        return Quantized(colors, indices, shape, energy, tessellation, self._samples.n_colors, curve)
+        result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=tessellation, curve=curve)
+        return keep_outside(result, self._image)
 
     def first_reaching(
         self,

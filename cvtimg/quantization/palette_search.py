@@ -15,7 +15,6 @@ from cvtimg.colors.places import (
     PARTLY,
     agree,
     from_places,
-    has_alpha,
     kinds_of,
     opaque_end,
     to_places,
@@ -57,22 +56,25 @@ class Palette:
     tessellation : Tessellation or None
         The tessellation that they were rounded from, in the coordinates of the color space; None if the samples have
         so few colors that the palette holds all of them.
+    alpha : bool
+        Whether the last channel is alpha.
     """
 
     colors: NDArray[Any]
     tessellation: Tessellation | None
+    alpha: bool = False
 
     def __post_init__(self) -> None:
         self.colors.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell the number of colors, and the first of them, in one line."""
-        shown = " ".join(_name(color, self.colors.dtype) for color in self.colors[:8])
+        shown = " ".join(_name(color, self.colors.dtype, self.alpha) for color in self.colors[:8])
         return f"Palette({len(self.colors)} colors: {shown}{' ...' if len(self.colors) > 8 else ''})"
 
     def _repr_html_(self) -> str:
         """Show the colors as swatches, for notebooks."""
-        names = [_name(color, self.colors.dtype) for color in self.colors[:_SHOWN]]
+        names = [_name(color, self.colors.dtype, self.alpha) for color in self.colors[:_SHOWN]]
         box = "display:inline-block;width:1.5em;height:1.5em"
         swatches = "".join(f"<span title='{name}' style='{box};background:{name}'></span>" for name in names)
         more = f" ... {len(self.colors)} colors" if len(self.colors) > _SHOWN else ""
@@ -127,16 +129,16 @@ def find_palette(
     """
     samples, fixed, least = fixed_colors(samples, locked)
     check_room(n_colors, least)
-    kinds = kinds_of(samples.colors)
+    kinds = kinds_of(samples.colors, samples.alpha)
     samples = _visible(samples, kinds)
-    if samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all() and has_alpha(fixed.shape[1]):
+    if samples.alpha and samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all():
         return _opaque_palette(samples, n_colors, space, fixed, engine)
     if samples.n_colors <= n_colors:
-        colors = _in_order(np.concatenate([fixed, samples.colors]))
+        colors = _in_order(np.concatenate([fixed, samples.colors]), samples.alpha)
         if len(colors) <= n_colors:
-            return Palette(colors, None)
+            return Palette(colors, None, samples.alpha)
     if len(fixed) == n_colors:
-        return Palette(_in_order(fixed), None)
+        return Palette(_in_order(fixed, samples.alpha), None, samples.alpha)
     return _tessellated(samples, n_colors, space, fixed, engine)
 
 
@@ -145,7 +147,8 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
     samples, fixed = agree(samples, fixed)
     # np.unique would import numpy.ma.
-    needed, there = (set(np.flatnonzero(np.bincount(kinds_of(colors))).tolist()) for colors in (samples.colors, fixed))
+    kinds = (kinds_of(colors, samples.alpha) for colors in (samples.colors, fixed))
+    needed, there = (set(np.flatnonzero(np.bincount(some)).tolist()) for some in kinds)
     if CLEAR in needed - there:
         fixed = np.concatenate([fixed, np.zeros_like(samples.colors[:1])])
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
@@ -172,12 +175,13 @@ def _opaque_palette(
     samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
     """Find a palette where alpha plays no part: transparent colors are locked ones, and the others have none."""
-    opaque = kinds_of(fixed) == OPAQUE
-    seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]))
+    opaque = kinds_of(fixed, True) == OPAQUE
+    seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]), alpha=False)
     n_left = n_colors - int(np.count_nonzero(~opaque))
     locked = fixed[opaque, :-1] if opaque.any() else None
     found = find_palette(seen, n_left, space=space, locked=locked, **engine)
-    return Palette(_in_order(np.concatenate([fixed[~opaque], with_alpha(found.colors)])), found.tessellation)
+    colors = np.concatenate([fixed[~opaque], with_alpha(found.colors)])
+    return Palette(_in_order(colors, True), found.tessellation, True)
 
 
 def _tessellated(
@@ -187,18 +191,19 @@ def _tessellated(
     colors, density = samples.colors, samples.density
     if samples.n_colors < n_colors:  # the engine wants as many samples as generators, locked ones too
         colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
-    places = to_places(colors, space)
-    tessellation = tessellate(
-        replace(samples, rows=places, density=density), n_colors, locked=to_places(fixed, space), **engine
-    )
+    alpha = samples.alpha
+    places, locked = to_places(colors, space, alpha), to_places(fixed, space, alpha)
+    tessellation = tessellate(replace(samples, rows=places, density=density), n_colors, locked=locked, **engine)
     generators = tessellation.generators
-    if has_alpha(fixed.shape[1]):
+    if alpha:
         end = opaque_end(fixed.shape[1], space, fixed.dtype)
         rest = _AT_ONCE if engine.get("volume_power") else _REST
-        generators = _keep_opaque(places, density, (kinds_of(colors), kinds_of(fixed)), tessellation, end, rest)
-    found = from_places(generators, space, fixed.dtype)
+        generators = _keep_opaque(
+            places, density, (kinds_of(colors, True), kinds_of(fixed, True)), tessellation, end, rest
+        )
+    found = from_places(generators, space, fixed.dtype, alpha)
     found[: len(fixed)] = fixed
-    return Palette(_in_order(found), tessellation)
+    return Palette(_in_order(found, alpha), tessellation, alpha)
 
 
 def _keep_opaque(
@@ -237,18 +242,18 @@ def _keep_opaque(
             generators[moved, dim] = sums[moved] / masses[moved]
 
 
-def _name(color: NDArray[Any], dtype: np.dtype[Any]) -> str:
+def _name(color: NDArray[Any], dtype: np.dtype[Any], alpha: bool) -> str:
     """Return "#rrggbb", with alpha if there is any."""
     eight = [round(min(max(float(value) / peak(dtype), 0), 1) * 255) for value in color]
-    if len(eight) > 4:
+    if len(eight) - alpha not in (1, 3):
         return str(tuple(color.tolist()))
     return "#" + bytes(eight[:1] * 3 + eight[1:] if len(eight) < 3 else eight).hex()
 
 
-def _in_order(colors: NDArray[Any]) -> NDArray[Any]:
-    """Distinct colors: those with transparency first, as files have it, then by the sum of their channels."""
+def _in_order(colors: NDArray[Any], alpha: bool) -> NDArray[Any]:
+    """Sort distinct colors: transparent ones first, as files have it, then by the sum of their channels."""
     totals = colors.sum(axis=1, dtype=np.float64)
-    ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors) == OPAQUE))]
+    ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors, alpha) == OPAQUE))]
     is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
     distinct: NDArray[Any] = ordered[is_new]
     return distinct

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_colors
+from cvtimg._shared.pixels import array_of, with_mark
 from cvtimg.colors.fidelity import psnr
-from cvtimg.colors.places import CLEAR, agree, allowed_for, has_alpha, kinds_of, to_places
+from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.elbow.curves import EnergyCurve
@@ -25,28 +26,34 @@ MAX_COLORS = 1 << 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantized:
-    """A picture in few colors.
+    """An image in few colors.
 
     Attributes
     ----------
-    palette : (K, C) array of the picture's type
-        Its colors. Where they were found and not given: those with transparency first, then from dark to bright; K
-        can be less than was asked for, as a picture with few colors keeps them all, and generators that round to the
-        same color are one color.
+    palette : (K, C) array of the type of the image
+        The colors. A palette that was found has transparent colors first, then the others from dark to bright; it can
+        have fewer colors than requested, because images with few colors keep all of them, and generators that round to
+        the same color are merged.
     indices : (H, W) uint8 array, or uint16 if K > 256
-        For each pixel the index of its color.
+        Index of the color of each pixel; 0 for pixels that do not count.
     shape : tuple of int
-        Shape of the picture: (H, W) or (H, W, C).
+        Shape of the image: (H, W) or (H, W, C).
     energy : float
-        Sum over the pixels of the squared difference to the picture, in squared sRGB units, whatever the space of
-        the distances; where there is alpha, the mean of what is seen over black and over white.
+        Sum over the pixels of the squared difference to the original, in squared sRGB units, whatever the color space
+        of the distances; with alpha, the mean of this over a black and over a white background.
     tessellation : Tessellation or None
-        What the palette was rounded from, in the coordinates of the color space; None where the palette was given,
-        or the picture had at most as many colors as were asked for.
+        The tessellation that the palette was rounded from, in the coordinates of the color space; None if the palette
+        was given, or the image has at most as many colors as requested.
     n_distinct : int
-        Distinct colors of the picture before.
+        Number of distinct colors of the original.
     curve : EnergyCurve or None
-        What picked the number of colors, where it was "auto".
+        The curve that picked the number of colors, if that was "auto".
+    alpha : bool
+        Whether the last channel is alpha.
+    inside : (H, W) bool array or None
+        Pixels that count: in the mask, finite and not masked; None for all.
+    outside : (n, C) array or None
+        Values of the pixels that do not count, which `image` keeps.
     """
 
     palette: NDArray[Any]
@@ -56,10 +63,14 @@ class Quantized:
     tessellation: Tessellation | None
     n_distinct: int
     curve: EnergyCurve | None = None
+    alpha: bool = False
+    inside: NDArray[np.bool_] | None = None
+    outside: NDArray[Any] | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.palette, self.indices):
-            array.flags.writeable = False
+        for array in (self.palette, self.indices, self.inside, self.outside):
+            if array is not None:
+                array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""
@@ -85,38 +96,50 @@ class Quantized:
 
     @property
     def image(self) -> NDArray[Any]:
-        """The picture in its new colors, (H, W) or (H, W, C), of the type of the original."""
+        """The image in its new colors, (H, W) or (H, W, C), of the type of the original."""
         pixels: NDArray[Any] = self.palette[self.indices]
-        return pixels.reshape(self.shape)
+        if self.inside is not None and self.outside is not None:
+            pixels[~self.inside] = self.outside
+        return with_mark(pixels.reshape(self.shape), self.alpha)
 
     @property
     def mse(self) -> float:
-        """Mean squared error of a sample, alpha apart, as in skimage.metrics.mean_squared_error."""
-        n_channels = self.palette.shape[1]
-        return float(self.energy / (self.indices.size * (n_channels - has_alpha(n_channels))))
+        """Mean squared error per sample, alpha not counted, as in skimage.metrics.mean_squared_error."""
+        n_pixels = self.indices.size if self.inside is None else np.count_nonzero(self.inside)
+        return float(self.energy / (n_pixels * (self.palette.shape[1] - self.alpha)))
 
     @property
     def psnr(self) -> float:
-        """Peak signal-to-noise ratio in dB; the peak is 255, 65535, or 1 for floating point. Infinite if exact."""
+        """Peak signal-to-noise ratio in dB, infinite if exact; the peak is the white of the type, 1 for floats."""
         return float(psnr(self.mse, peak(self.palette.dtype)))
 
     @property
     def content(self) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:
-        """What `write_image` takes: indices and a palette of RGB or RGBA, or the picture where no file has such."""
-        n_channels = self.palette.shape[1]
-        # Grey with alpha has no form in files of its own.
-        channels = {1: [0, 0, 0], 2: [0, 0, 0, 1]}.get(n_channels, slice(None))
-        if len(self.palette) <= 256 and self.palette.dtype == np.uint8 and n_channels <= 4:
-            return self.indices, self.palette[:, channels]
-        if n_channels == 1:
-            return self.image.reshape(self.indices.shape), None
-        return self.palette[:, channels][self.indices], None
+        """What `write_image` takes: indices and a palette of RGB or RGBA, or an image if no file has such a palette.
+
+        Pixels that do not count become transparent if an indexed image has room for one more color.
+        """
+        n_colors = self.palette.shape[1] - self.alpha
+        if n_colors not in (1, 3):  # bands
+            return self.image, None
+        hidden = self.inside is not None
+        if len(self.palette) + hidden <= 256 and self.palette.dtype == np.uint8:
+            colors = widen(self.palette, self.alpha, 3, self.alpha or hidden)
+            if self.inside is None:
+                return self.indices, colors
+            clear = np.uint8(len(colors))
+            return np.where(self.inside, self.indices, clear), np.append(colors, np.zeros((1, 4), np.uint8), axis=0)
+        if n_colors == 1 and self.alpha:  # grey with alpha has no form of its own in files
+            return with_mark(widen(self.palette, True, 3, True)[self.indices], True), None
+        return self.image.reshape(*self.indices.shape, -1)[..., 0] if n_colors == 1 else self.image, None
 
 
 def map_to_palette(
     picture: Any,
     palette: ArrayLike,
     *,
+    alpha: bool | None = None,
+    mask: ArrayLike | None = None,
     space: str = "rgb",
     dither: str | None = None,
     dither_strength: float = 1.0,
@@ -129,10 +152,14 @@ def map_to_palette(
     Parameters
     ----------
     picture : (H, W) or (H, W, C) array, Pillow image, or ColorSamples of one
-        uint8, uint16 or floating point. Of two or four channels the last is alpha.
+        Of any integer or floating point type; see `color_samples`.
     palette : (K, C) array
-        In the units of the picture, K <= 65536. Grey pictures take colors too, opaque ones colors with alpha, and the
-        other way round.
+        Colors in the units of the image, K <= 65536. Grey images can take RGB colors, opaque images colors with alpha,
+        and vice versa.
+    alpha : bool, optional
+        Whether the last channel is alpha; by default if the image says so. See `quantize`.
+    mask : (H, W) array, optional
+        Pixels to map, where it is not 0; the others keep their value.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured.
     dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"}, optional
@@ -143,12 +170,12 @@ def map_to_palette(
     Returns
     -------
     Quantized
-        With the palette as it was given.
+        With the given palette.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     Examples
     --------
@@ -158,40 +185,66 @@ def map_to_palette(
     >>> map_to_palette(picture, [0, 128, 255]).image.tolist()
     [[0, 0, 255], [0, 255, 255]]
     """
-    samples = picture if isinstance(picture, ColorSamples) else color_samples(picture)
-    colors, indices, energy = map_samples(samples, palette, space, dither, dither_strength)
-    shape = (*indices.shape, colors.shape[1]) if colors.shape[1] > 1 else indices.shape
-    return Quantized(colors, indices, shape, energy, None, samples.n_colors)
+    given = isinstance(picture, ColorSamples)
+    samples = picture if given else color_samples(picture, alpha=alpha, mask=mask)
+    result = map_samples(samples, palette, space, dither, dither_strength)
+    return result if given else keep_outside(result, picture)
+
+
+def keep_outside(result: Quantized, image: Any) -> Quantized:
+    """Let the pixels that do not count keep the values that they have in an image."""
+    if result.inside is None:
+        return result
+    outside = np.ma.getdata(array_of(image)).reshape(*result.indices.shape, -1)[~result.inside]
+    n_channels = result.palette.shape[1]
+    if outside.shape[1] != n_channels:  # the palette has other channels
+        outside = np.zeros((len(outside), n_channels), result.palette.dtype)
+    return replace(result, outside=outside.astype(result.palette.dtype))
 
 
 def map_samples(
     samples: ColorSamples, palette: ArrayLike, space: str, dither: str | None, dither_strength: float
-) -> tuple[NDArray[Any], NDArray[Any], float]:
-    """Return the palette, the (H, W) index of the color of each pixel, and the energy; see `map_to_palette`."""
+) -> Quantized:
+    """Map samples with the way back to their pixels; see `map_to_palette`."""
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
-    if (kinds_of(samples.colors) == CLEAR).any() and not (kinds_of(colors) == CLEAR).any():
+    kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]
+    if (kinds[0] == CLEAR).any() and not (kinds[1] == CLEAR).any():
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
     if len(colors) > MAX_COLORS:
         raise ValueError(f"palette has {len(colors)} colors and must have at most {MAX_COLORS}")
     dtype = np.uint8 if len(colors) <= 256 else np.uint16
     if dither is None:
         labels, energy = _map(samples, colors, space)
-        return colors, labels.astype(dtype)[samples.inverse], energy
-    labels, energy = _dither(samples, colors, space, dither, dither_strength)
-    return colors, labels.astype(dtype), energy
+        indices = labels.astype(dtype)[samples.inverse]
+    else:
+        labels, energy = _dither(samples, colors, space, dither, dither_strength)
+        indices = labels.astype(dtype)
+    if samples.inside is not None:
+        indices[~samples.inside] = 0
+    n_channels = colors.shape[1]
+    return Quantized(
+        palette=colors,
+        indices=indices,
+        shape=(*indices.shape, n_channels) if n_channels > 1 else indices.shape,
+        energy=energy,
+        tessellation=None,
+        n_distinct=samples.n_colors,
+        alpha=samples.alpha,
+        inside=samples.inside,
+    )
 
 
 def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDArray[np.int32], float]:
     """(M,) index of the color of the palette for each sample, and the energy of that map in sRGB."""
-    kinds, places, ends = kinds_of(samples.colors), to_places(samples.colors, space), to_places(palette, space)
+    alpha = samples.alpha
+    kinds, kinds_of_ends = kinds_of(samples.colors, alpha), kinds_of(palette, alpha)
+    places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
     points = pack(places, samples.density)
-    if has_alpha(samples.colors.shape[1]):
-        labels = nearest_of_kind(places, kinds, ends, kinds_of(palette))
-    else:
-        labels = nearest(points, ends)
+    labels = nearest_of_kind(places, kinds, ends, kinds_of_ends) if alpha else nearest(points, ends)
     if space != "rgb":
-        points, ends = pack(to_places(samples.colors, "rgb"), samples.density), to_places(palette, "rgb")
+        points = pack(to_places(samples.colors, "rgb", alpha), samples.density)
+        ends = to_places(palette, "rgb", alpha)
     return labels, _energy(points, ends, labels)
 
 
@@ -200,16 +253,20 @@ def _dither(
 ) -> tuple[NDArray[np.int32], float]:
     """(H, W) index of the color of the palette for each pixel, and the energy of that map in sRGB."""
     labels = dithering.dither(
-        to_places(samples.colors, space),
+        to_places(samples.colors, space, samples.alpha),
         samples.inverse,
-        to_places(palette, space),
+        to_places(palette, space, samples.alpha),
         method=method,
         strength=strength,
-        kinds=kinds_of(samples.colors),
-        allowed=allowed_for(kinds_of(palette)),
+        kinds=kinds_of(samples.colors, samples.alpha),
+        allowed=allowed_for(kinds_of(palette, samples.alpha)),
+        inside=samples.inside,
     )
-    places, ends = to_places(samples.colors, "rgb"), to_places(palette, "rgb")
-    return labels, dithering.energy_of(places, samples.inverse, ends, labels)
+    places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
+    if samples.inside is None:
+        return labels, dithering.energy_of(places, samples.inverse, ends, labels)
+    inverse, known = samples.inverse[samples.inside][None], labels[samples.inside][None]
+    return labels, dithering.energy_of(places, inverse, ends, known)
 
 
 def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:

@@ -10,8 +10,9 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.pixels import says_alpha
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg.colors.places import has_alpha, widen, without_idle_alpha
+from cvtimg.colors.places import widen_samples, without_idle_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
@@ -29,7 +30,7 @@ def shared_palette(
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Palette:
-    """Find the colors that stand best for all pixels of many pictures.
+    """Find the palette that represents all pixels of many images with the least error.
 
     The densities of the pictures are added exactly, so the result is that of one picture with all their pixels, and
     the same bit by bit whatever the order of the pictures. `map_to_palette` then brings each of them to the palette.
@@ -74,11 +75,15 @@ def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> Col
 
     This is what goes from worker to worker: some megabytes for a photograph of any size.
     """
-    image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else np.asarray(picture)
+    image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
+    alpha = says_alpha(image)
     if depth:
-        image = to_depth(image, np.dtype(f"uint{depth}"))
-    samples = color_samples(without_idle_alpha(image))
-    return replace(samples, inverse=np.empty((0, 0), np.int32))
+        image = to_depth(np.asarray(image), np.dtype(f"uint{depth}"))
+    if alpha:
+        seen = without_idle_alpha(np.asarray(image))
+        image, alpha = seen, seen.shape[2] in (2, 4)
+    samples = color_samples(image, alpha=alpha)
+    return replace(samples, inverse=np.empty((0, 0), np.int32), inside=None)
 
 
 def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
@@ -93,9 +98,10 @@ def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
     dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
     if dtypes == {"uint8", "uint16"}:
         pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
-    if len(channels) > 1 and max(channels) <= 4:
-        n_seen, alpha = 1 if max(channels) < 3 else 3, any(map(has_alpha, channels))
-        pair = [replace(one, rows=widen(one.colors, n_seen, alpha)) for one in pair]
+    n_colors = [one.colors.shape[1] - one.alpha for one in pair]
+    if len(channels) > 1 and set(n_colors) <= {1, 3}:
+        alpha = any(one.alpha for one in pair)
+        pair = [widen_samples(one, max(n_colors), alpha) for one in pair]
     return pair
 
 

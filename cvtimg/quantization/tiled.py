@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
-from cvtimg.colors.places import CLEAR, has_alpha, kinds_of
+from cvtimg.colors.places import CLEAR, kinds_of
 from cvtimg.colors.spaces import peak
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -51,6 +51,7 @@ class QuantizedFile:
     tessellation: Tessellation | None
     n_distinct: int
     exact: bool
+    alpha: bool = False
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""
@@ -60,8 +61,7 @@ class QuantizedFile:
     @property
     def mse(self) -> float:
         """Mean squared error of a sample, alpha apart."""
-        n_channels = self.palette.shape[1]
-        return float(self.energy / (prod(self.shape[:2]) * (n_channels - has_alpha(n_channels))))
+        return float(self.energy / (prod(self.shape[:2]) * (self.palette.shape[1] - self.alpha)))
 
     @property
     def psnr(self) -> float:
@@ -80,7 +80,7 @@ def quantize_file(
     overwrite: bool = False,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFile:
-    """Reduce a picture on disk, of any size, to the colors that stand best for it.
+    """Quantize an image on disk, of any size.
 
     The palette is that of the whole picture: no seams. Memory does not grow with the picture: some bands of about 2^23
     pixels (`cvtimg.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22 distinct colors,
@@ -128,7 +128,7 @@ def quantize_file(
     if (n_colors is None) == (palette is None):
         raise TypeError("either n_colors or palette must be given")
     bands = open_bands(source)
-    counter = Counter()
+    counter = Counter(alpha=bands.form.alpha)
     for band in bands:
         counter.add(band)
     samples, exact = counter.samples(), counter.exact
@@ -139,13 +139,16 @@ def quantize_file(
         colors, tessellation = found.colors, found.tessellation
     else:
         colors = check_colors("palette", palette, samples.colors.dtype)
-    if has_alpha(colors.shape[1]) and CLEAR in kinds_of(samples.colors) and CLEAR not in kinds_of(colors):
+    alpha = samples.alpha and colors.shape[1] == samples.colors.shape[1]
+    if alpha and CLEAR in kinds_of(samples.colors, alpha) and CLEAR not in kinds_of(colors, alpha):
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
     n_distinct = counter.n_distinct
     del samples, counter  # which take more memory than the bands
     mapping = _Mapping(bands, colors, space, Path(target).suffix.lower() != ".zarr")
     write_bands(target, mapping.form, mapping, palette=mapping.indexed, overwrite=overwrite)
-    return QuantizedFile(mapping.palette, bands.form.shape, mapping.energy, tessellation, n_distinct, exact)
+    return QuantizedFile(
+        mapping.palette, bands.form.shape, mapping.energy, tessellation, n_distinct, exact, mapping.alpha
+    )
 
 
 class _Mapping:
@@ -155,10 +158,10 @@ class _Mapping:
         # One pixel tells how palettes and pictures of unequal channels agree.
         form = bands.form
         white = np.full((1, 1, *form.shape[2:]), peak(form.dtype), form.dtype)
-        pixel = map_to_palette(white, palette, space=space)
-        self.palette = palette
+        pixel = map_to_palette(white, palette, alpha=form.alpha, space=space)
+        self.palette, self.alpha = palette, pixel.alpha and pixel.palette.shape[1] == np.shape(palette)[1]
         self.energy = 0.0
-        self._bands, self._space = bands, space
+        self._bands, self._space, self._alpha = bands, space, form.alpha
         n_channels = pixel.palette.shape[1]
         fits = len(palette) <= 256 and palette.dtype == np.uint8 and n_channels == 3
         self.indexed = pixel.palette if may_be_indexed and fits else None
@@ -170,6 +173,6 @@ class _Mapping:
 
     def __iter__(self) -> Iterator[Band]:
         for band in self._bands:
-            result = map_to_palette(band, self.palette, space=self._space)
+            result = map_to_palette(band, self.palette, alpha=self._alpha, space=self._space)
             self.energy += result.energy
             yield result.indices if self.indexed is not None else result.image.reshape(len(band), *self.form.shape[1:])

@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from cvtimg import quantize, tessellate
+from cvtimg._shared.pixels import AlphaArray
 from cvtimg.colors import SPACES, color_samples
 from cvtimg.colors.places import from_places, to_places
 from cvtimg.quantization import DITHERS, map_to_palette
@@ -33,7 +34,7 @@ def scene(dtype: Any = np.uint8) -> NDArray[Any]:
     seen = (light * ball[..., None] + dark * (shadow * (1 - ball))[..., None]) / np.maximum(alpha, 1e-9)[..., None]
     peak = np.iinfo(dtype).max if np.dtype(dtype).kind == "u" else 1
     picture = np.dstack([seen, alpha]) * peak
-    return (np.rint(picture) if peak > 1 else picture).astype(dtype)
+    return (np.rint(picture) if peak > 1 else picture).astype(dtype).view(AlphaArray)
 
 
 SCENE = scene()
@@ -50,7 +51,7 @@ def with_hidden_colors() -> NDArray[np.uint8]:
 @given(hnp.arrays(np.uint8, (2, 4)), st.booleans())
 def test_distances_of_places_are_squared_errors_over_black_and_white(pair: NDArray[np.uint8], grey: bool) -> None:
     colors = pair[:, 2:] if grey else pair
-    one, other = to_places(colors, "rgb")
+    one, other = to_places(colors, "rgb", alpha=True)
     expected = reference.seen_energy(colors[None, :1], colors[None, 1:])
     assert ((one - other) ** 2).sum() == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
@@ -59,7 +60,7 @@ def test_distances_of_places_are_squared_errors_over_black_and_white(pair: NDArr
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
 def test_colors_come_back_from_their_places(space: str, dtype: Any) -> None:
     colors = scene(dtype).reshape(-1, 4)
-    back = from_places(to_places(colors, space), space, np.dtype(dtype))
+    back = from_places(to_places(colors, space, True), space, np.dtype(dtype), True)
     assert back.dtype == dtype
     np.testing.assert_allclose(back[colors[:, 3] > 0], colors[colors[:, 3] > 0], atol=1 if dtype is np.uint8 else 1e-3)
     assert (back[colors[:, 3] == 0] == 0).all()
@@ -68,7 +69,7 @@ def test_colors_come_back_from_their_places(space: str, dtype: Any) -> None:
 @pytest.mark.parametrize("space", SPACES)
 def test_opaque_pictures_are_quantized_as_without_alpha(space: str, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
-    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
+    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)
     plain, result = (quantize(image, 12, space=space) for image in (picture, opaque))
     np.testing.assert_array_equal(result.image[..., :3], plain.image)
     assert (result.image[..., 3] == 255).all()
@@ -78,7 +79,7 @@ def test_opaque_pictures_are_quantized_as_without_alpha(space: str, photograph: 
 @pytest.mark.parametrize("space", SPACES)
 def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
-    holed = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
+    holed = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)
     holed[:5, :5, 3] = 0
     weights = np.where(holed[..., 3] > 0, 1, 0)
     result, plain = quantize(holed, 13, space=space), quantize(picture, 12, space=space, weights=weights)
@@ -127,7 +128,7 @@ def test_half_transparent_edges_have_the_color_of_the_object() -> None:
     alpha = np.clip(12.5 - np.hypot(x - 20, y - 20) / 1.3, 0, 1)
     disc = np.dstack([np.broadcast_to([250, 200, 40], (40, 40, 3)), np.rint(255 * alpha)]).astype(np.uint8)
     disc[alpha == 0] = 0  # black under full transparency, which must not come through
-    result = quantize(disc, 5)
+    result = quantize(disc, 5, alpha=True)
     partly = (result.palette[:, 3] > 0) & (result.palette[:, 3] < 255)
     assert partly.sum() >= 2
     assert np.abs(result.palette[result.palette[:, 3] > 0, :3].astype(int) - [250, 200, 40]).max() <= 2
@@ -175,7 +176,7 @@ def test_fewer_colors_than_opaque_and_transparent_pixels_need_are_refused() -> N
 
 def test_alpha_of_floating_point_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"alpha in 0\.0\.\.2\.0 must be in 0\.\.1"):
-        quantize(scene(np.float64) * [1, 1, 1, 2], 4)
+        quantize(scene(np.float64) * [1, 1, 1, 2], 4, alpha=True)
 
 
 def test_weighted_cells_stay_so_with_transparency() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from reference import energy
 
 from cvtimg import energy_curve, segment, tessellate
+from cvtimg._shared.pixels import AlphaArray
 from cvtimg.colors import color_samples
 from cvtimg.elbow import RULES, TargetMissedError
 from cvtimg.elbow.curves import EnergyCurve, auto_count
@@ -123,7 +124,7 @@ def test_the_same_picture_has_the_same_elbow_whatever_its_type() -> None:
 def test_the_colors_can_lie_in_other_spaces_and_have_alpha() -> None:
     picture = flat_picture(5, 2, 3)
     assert auto_count(picture, space="lab")[0] == 5
-    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
+    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)
     assert auto_count(opaque)[0] == 5
 
 

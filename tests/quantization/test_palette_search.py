@@ -221,7 +221,7 @@ def test_grey_pictures_take_palettes_of_colors(photograph: NDArray[Any]) -> None
 
 def test_a_result_tells_what_files_hold(photograph: NDArray[Any]) -> None:
     for picture, width in ((photograph, 3), (photograph[..., 0], 3), (np.dstack([photograph, photograph[..., 0]]), 4)):
-        result = quantize(picture, 9)
+        result = quantize(picture, 9, alpha=width == 4)
         pixels, palette = result.content
         assert palette is not None
         assert palette.shape[1] == width

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cvtimg import find_palette, read_image, write_image
+from cvtimg._shared.pixels import AlphaArray
 from cvtimg.cli import app as cli
 from cvtimg.colors.samples import color_samples
 from cvtimg.quantization import shared_palette
@@ -60,7 +61,7 @@ def test_densities_are_added_exactly() -> None:
 
 
 def test_grey_and_color_and_transparency_go_together() -> None:
-    grey, rgba = PICTURES[0][..., 0], np.dstack([PICTURES[1], PICTURES[2][..., 0]])
+    grey, rgba = PICTURES[0][..., 0], np.dstack([PICTURES[1], PICTURES[2][..., 0]]).view(AlphaArray)
     assert shared_palette([grey, PICTURES[1]], 5).colors.shape == (5, 3)
     assert shared_palette([grey, rgba, PICTURES[3].astype(np.uint16) * 257], 5).colors.shape == (5, 4)
 

@@ -78,7 +78,7 @@ def test_every_quality_is_reached_by_all_colors() -> None:
 def test_locked_and_transparent_colors_are_counted(photograph: NDArray[Any]) -> None:
     picture = np.dstack([photograph[::8, ::8], np.full((32, 32), 255, np.uint8)])
     picture[:4, :, 3] = 0
-    result = quantize(picture, psnr=1, locked=[[255, 0, 0], [0, 0, 255]])
+    result = quantize(picture, psnr=1, alpha=True, locked=[[255, 0, 0], [0, 0, 255]])
     assert len(result.palette) == 3
 
 

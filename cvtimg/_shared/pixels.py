@@ -1,0 +1,55 @@
+"""Images as arguments: arrays of any type, masked arrays, and what has an array inside; with what they say of alpha."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
+_PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
+
+
+class AlphaArray(np.ndarray[Any, Any]):
+    """An image whose last channel is alpha, (H, W, 2) or (H, W, 4): an array like any other, but for what it says.
+
+    `cvtimg.read_image` returns one for a file with transparency, and so do the results of quantizing it. Views of all
+    channels say the same, those of some or of new ones nothing.
+    """
+
+
+def array_of(image: Any) -> NDArray[Any]:
+    """Return the array that an object is, has or exports: by NumPy, Pillow, ``__array__`` or the DLPack protocol."""
+    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
+        image = image.convert("RGBA" if image.has_transparency_data else "RGB")
+    if hasattr(image, "__dlpack__") and not hasattr(image, "__array__"):
+        return np.from_dlpack(image)
+    return np.asarray(image)
+
+
+def says_alpha(image: Any) -> bool:
+    """Whether an image says that its last channel is alpha: by its Pillow mode, or as an `AlphaArray`."""
+    if hasattr(image, "getbands"):
+        return "A" in image.getbands() or bool(image.has_transparency_data)
+    return isinstance(image, AlphaArray) and image.ndim == 3 and image.shape[2] in (2, 4)
+
+
+def with_mark(image: NDArray[Any], alpha: bool) -> NDArray[Any]:
+    """Return an image that says whether its last channel is alpha."""
+    return image.view(AlphaArray if alpha else np.ndarray)
+
+
+def pixels_inside(array: NDArray[Any], image: Any, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+    """Return the (H, W) pixels that count: in the mask, not masked in a masked array, and finite; None for all."""
+    inside = None if mask is None else np.asarray(mask) != 0
+    out: Any = False
+    if "numpy.ma" in sys.modules and isinstance(image, np.ma.MaskedArray):  # which takes time to import
+        out = np.ma.getmaskarray(image)
+    if array.dtype.kind == "f":
+        out = out | ~np.isfinite(array)
+    if not np.any(out):
+        return inside
+    known: NDArray[np.bool_] = ~out.reshape(*array.shape[:2], -1).any(axis=2)
+    return known if inside is None else inside & known
