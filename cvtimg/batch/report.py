@@ -47,6 +47,8 @@ class Report:
     def done(self, row: Row) -> None:
         """Tell of an input that is done."""
         self._hear("done", row)
+        if "warning" in row and not (self.as_json or self.quiet):
+            complain(f"{row['input']}: {row['warning']}")
         if not (self.as_json or self.quiet):
             self.show(row)
 

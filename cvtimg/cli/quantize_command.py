@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, complain, plan_each, reason
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each, reason
 from cvtimg.cli import options
 from cvtimg.cli import quantize_options as own
 from cvtimg.cli.animations import quantize_animation, stays_animated
@@ -321,8 +321,6 @@ def _quantize(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         result = _result(image, how, task.output.suffix, file)
-    for warning in caught:
-        complain(f"{task.source}: {warning.message}")
     stopwatch.lap("cluster")
     _write(task.outputs, result, overwrite, file)
     stopwatch.lap("write")

@@ -86,9 +86,10 @@ def test_a_local_cluster_needs_no_scheduler(folder: Path) -> None:
 def test_blocks_give_the_palette_and_the_indices_of_the_whole(chunks: tuple[int, ...]) -> None:
     for picture in (PICTURES[0], PICTURES[0][..., 0], np.dstack([PICTURES[0], PICTURES[1][..., 0]])):
         blocks = da.from_array(picture, chunks=chunks[: picture.ndim])
-        palette, indices = quantize_blocks(blocks, 6)
+        alpha = picture.shape[2:] == (4,)
+        palette, indices = quantize_blocks(blocks, 6, alpha=alpha)
         assert isinstance(indices, da.Array)
-        whole = quantize(picture, 6)
+        whole = quantize(picture, 6, alpha=alpha)
         np.testing.assert_array_equal(palette.colors, whole.palette)
         np.testing.assert_array_equal(indices.compute(), whole.indices)
 

@@ -152,7 +152,7 @@ def test_transparent_pixels_count_as_a_color(drawing: Path) -> None:
     image = read_image(drawing)
     alpha = np.full(image.shape[:2], 255, np.uint8)
     alpha[:40] = 0
-    result = quantize(np.dstack([image, alpha]), "auto")
+    result = quantize(np.dstack([image, alpha]), "auto", alpha=True)
     left = np.unique(image[40:].reshape(-1, 3), axis=0)
     assert len(result.palette) == len(left) + 1
 

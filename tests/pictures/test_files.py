@@ -598,7 +598,7 @@ def test_optimizing_is_for_png_and_says_what_it_needs(tmp_path: Path, monkeypatc
 
 def test_more_than_256_colors_with_alpha_are_written_as_pixels(tmp_path: Path) -> None:
     picture = np.random.default_rng(8).integers(0, 256, (20, 30, 4), np.uint8)
-    pixels, palette = quantize(picture, 300).content
+    pixels, palette = quantize(picture, 300, alpha=True).content
     assert palette is None
     for suffix in (".png", ".tif", ".webp"):
         write_image(tmp_path / f"a{suffix}", pixels)
