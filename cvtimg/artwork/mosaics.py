@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_colors, check_count, check_image
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
-from cvtimg.artwork.starts import detail_density, place_corners, place_points
+from cvtimg.artwork.starts import detail_density, place_corners
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, Tiling, VoronoiTiling, descend_error, paint
 from cvtimg.colors.spaces import from_space, peak, to_space
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image
+from cvtimg.placement import place_in_picture
 
 #: Steps of the descent.
 _STEPS = {"fast": 25, "balanced": 80, "best": 240}
@@ -237,7 +238,7 @@ def _descended(
     size = (bands.shape[0], bands.shape[1])
     tiling: Tiling
     if shape == "cells":
-        points = place_points(density, n_cells)[0]
+        points = place_in_picture(density, n_cells, effort="fast").points
         tiling = VoronoiTiling(size, n_cells)
     else:
         points = place_corners(density, n_cells)

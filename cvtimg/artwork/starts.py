@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.placement import PixelMoments
+from cvtimg.placement import place_in_picture
 
 Floats = NDArray[np.float64]
 
@@ -47,21 +47,6 @@ def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> 
     return detail
 
 
-def place_points(density: NDArray[np.float32], n_points: int) -> tuple[Floats, float]:
-    """Place points by a density, as the generators of a tessellation; return them and its energy."""
-    rng = np.random.default_rng(0)
-    sums = np.cumsum(np.sqrt(density, dtype=np.float64))
-    pixels = np.minimum(np.searchsorted(sums, rng.random(n_points) * sums[-1]), density.size - 1)
-    y, x = np.divmod(pixels, density.shape[1])
-    points = np.stack([x, y], axis=1) + rng.random((n_points, 2))
-    moments = PixelMoments(density)
-    found = moments(points)
-    for _ in range(60):
-        points = np.clip(points + 1.8 * (found.centroids - points), 0, density.shape[::-1])
-        found = moments(points)
-    return points, found.energy
-
-
 def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
     """Place points whose Delaunay triangulation has `n_triangles` triangles, which fill the picture.
 
@@ -75,7 +60,7 @@ def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
     n_inner = (n_triangles + 2 - n_border) // 2
     border = _border_points(density, n_border - 4)
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
-    inner = place_points(density, n_inner)[0] if n_inner else np.empty((0, 2))
+    inner = place_in_picture(density, n_inner, effort="fast").points if n_inner else np.empty((0, 2))
     return np.concatenate([corners, border, inner])
 
 
