@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,6 +76,33 @@ def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float,
         if radius_range is not None:
             radii = np.clip(radii, *radius_range)
     return DotLayer(points, radii, masses, weights, energy)
+
+
+def share_dots(dots: DotLayer, inks: Sequence[Floats32], order: NDArray[np.intp]) -> list[DotLayer]:
+    """Give the dots of one tessellation to several pens, so that each pen has its ink everywhere.
+
+    The dots are walked along a tour, and each goes to the pen that is most in arrears: what a pen has had too much or
+    too little is carried on to the next dot, which is near. Dots of all pens together keep their distances.
+    """
+    if len(dots.points) == 0:
+        return [dots] * len(inks)
+    found = [
+        picture_moments(ink, len(dots.points))(dots.points).masses if ink.any() else np.zeros(len(dots.points))
+        for ink in inks
+    ]
+    wanted = np.stack(found, axis=1)[order]
+    pens = np.empty(len(order), np.intp)
+    arrears = np.zeros(len(inks))
+    for step, (dot, mass) in enumerate(zip(order, wanted, strict=True)):
+        arrears += mass
+        pens[dot] = pen = int(arrears.argmax())
+        arrears[pen] -= wanted[step].sum()
+    parts = [np.flatnonzero(pens == pen) for pen in range(len(inks))]
+    energies = [dots.energy, *([0.0] * (len(inks) - 1))]
+    return [
+        DotLayer(dots.points[own], dots.radii[own], dots.masses[own], dots.weights[own], energy)
+        for own, energy in zip(parts, energies, strict=True)
+    ]
 
 
 def _share_equally(ink: Floats32, points: Floats) -> tuple[Floats, Floats, float]:

@@ -77,10 +77,10 @@ class PenDots:
     cells: Polygons = ()
 
 
-def check_suffix(path: StrPath) -> str:
-    """Return the suffix of a file that dots can be written to."""
-    pixels = [suffix for suffix in (*lossless_suffixes(), ".jpg", ".jpeg") if suffix not in TABLES]
-    return check_choice("suffix", Path(path).suffix.lower(), (".svg", *pixels, *TABLES))
+def suffixes() -> list[str]:
+    """List what dots can be written in."""
+    pixels = [suffix for suffix in lossless_suffixes() if suffix not in TABLES]
+    return [".svg", *pixels, ".jpg", ".jpeg", *TABLES]
 
 
 def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_choice
 from cvtimg.artwork.dots import draw_dots
 from cvtimg.artwork.polygons import Polygons, cell_polygons
-from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, check_suffix, write_cells, write_svg, write_table
+from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, suffixes, write_cells, write_svg, write_table
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, encode_image, write_image
@@ -174,7 +176,7 @@ class Stipples:
             If the file cannot be written.
         """
         paper = Paper(width, marks, pen_width)
-        suffix = check_suffix(path)
+        suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
         pens = self._pens(self.order if tour else np.arange(len(self)))
         if suffix == ".svg":
             write_svg(path, pens, self.size, self.paper, paper, overwrite=overwrite)

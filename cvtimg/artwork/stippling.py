@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_unit_range
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots
+from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, share_dots
+from cvtimg.artwork.separations import PROCESS_COLORS, palette_coverages, process_coverages
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import disk_area, ink_coverage
 from cvtimg.artwork.tours import find_tour
@@ -25,6 +26,7 @@ def stipple(
     max_ink: float = MAX_INK,
     white_cutoff: float = 0.0,
     radius_range: tuple[float, float] | None = None,
+    layers: str | int | None = None,
     invert: bool = False,
 ) -> Stipples:
     """Reproduce the tones of an image by dots.
@@ -50,6 +52,10 @@ def stipple(
     radius_range : (float, float), optional
         Least and greatest radius in pixels, for "sized": dark tones get large dots. Tones are right if `n_dots` such
         dots can hold the ink of the image.
+    layers : "cmyk" or int, optional
+        Draw in color, with a layer for each pen. "cmyk": cyan, magenta, yellow and black, whose dots fall on each
+        other. A number: so many colors of the image's own palette, whose dots lie side by side. `n_dots` is the number
+        of all together.
     invert : bool
         Draw light on dark paper.
 
@@ -84,12 +90,56 @@ def stipple(
         raise ValueError(f"max_ink={max_ink!r} must be > 0")
     if radius_range is not None:
         _check_radii(radius_range, dots)
+    if layers is not None:
+        if invert:
+            raise ValueError("invert=True needs layers=None: inks darken the paper")
+        return _in_colors(image, layers, n_dots, dots, max_ink, white_cutoff, radius_range)
     coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert)
     check_count("n_dots", n_dots, coverage.size, "the number of pixels")
     coverage *= np.float32(max_ink)
     layer = place_dots(disk_area(coverage), n_dots if coverage.any() else 0, dots, radius_range)
     ink, paper = (255, 0) if invert else (0, 255)
     return _together([layer], [[ink] * 3], ["white" if invert else "black"], [paper] * 3, coverage.shape, max_ink)
+
+
+def _in_colors(
+    image: Any,
+    layers: str | int,
+    n_dots: int,
+    dots: str,
+    max_ink: float,
+    white_cutoff: float,
+    radius_range: tuple[float, float] | None,
+) -> Stipples:
+    """Stipple with several pens."""
+    white = [255] * 3
+    if isinstance(layers, str):
+        check_choice("layers", layers, ("cmyk",))
+        coverages = process_coverages(image, white_cutoff)
+        inks = [disk_area(coverage * np.float32(max_ink)) for coverage in coverages]
+        check_count("n_dots", n_dots, inks[0].size, "the number of pixels")
+        counts = _divide(n_dots, np.array([ink.sum(dtype=np.float64) for ink in inks]))
+        placed = [place_dots(ink, count, dots, radius_range) for ink, count in zip(inks, counts, strict=True)]
+        colors, names = list(PROCESS_COLORS.values()), list(PROCESS_COLORS)
+        return _together(placed, colors, names, white, inks[0].shape, max_ink)
+    n_pens = check_count("layers", layers, 64, "or 'cmyk'")
+    coverages, pens = palette_coverages(image, n_pens, white_cutoff)
+    check_count("n_dots", n_dots, coverages[0].size, "the number of pixels")
+    coverages = [coverage * np.float32(max_ink) for coverage in coverages]
+    total = np.minimum(np.sum(coverages, axis=0, dtype=np.float32), 1)
+    together = place_dots(disk_area(total), n_dots if total.any() else 0, dots, radius_range)
+    tour = find_tour(together.points) if len(together.points) else np.empty(0, np.intp)
+    shared = share_dots(together, coverages, tour)
+    return _together(shared, pens, [f"#{pen.tobytes().hex()}" for pen in pens], white, total.shape, max_ink)
+
+
+def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Divide dots among pens by their ink; all pens have dots of about one size."""
+    if not inks.any():
+        return np.zeros(len(inks), np.intp)
+    ends = np.rint(np.cumsum(inks) / inks.sum() * n_dots).astype(np.intp)
+    counts: NDArray[np.intp] = np.diff(ends, prepend=0)
+    return counts
 
 
 def _check_radii(radius_range: tuple[float, float], dots: str) -> None:

@@ -16,6 +16,8 @@ COMMANDS = {
     "palette": "Print the palette of images and the share of the pixels that has each color.",
     "segment": "Divide images into N segments of similar color.",
     "restore": "Restore one image from several noisy or incomplete versions of it.",
+    "stipple": "Reproduce the tones of images by N dots, for pen plotters and print.",
+    "mosaic": "Compose images of N convex tiles of one color each.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",

@@ -91,6 +91,29 @@ def test_light_on_dark_paper_is_the_negative() -> None:
     assert light.points[:, 0].mean() < 80
 
 
+def test_pens_have_the_ink_of_their_colors_where_it_is() -> None:
+    image = np.full((60, 120, 3), 255, np.uint8)
+    image[:, :60] = (255, 0, 255)
+    image[:, 60:] = (0, 0, 0)
+    result = stipple(image, 600, layers="cmyk")
+    by_pen = [result.points[result.layers == pen] for pen in range(4)]
+    assert [len(points) > 0 for points in by_pen] == [False, True, False, True]
+    assert by_pen[1][:, 0].max() < 60 < by_pen[3][:, 0].min()
+
+
+def test_colors_of_a_palette_share_the_dots_of_one_tessellation() -> None:
+    image = np.full((60, 120, 3), 255, np.uint8)
+    image[:, :60] = (200, 30, 30)
+    image[:, 60:] = (20, 40, 180)
+    result = stipple(image, 500, layers=2)
+    assert len(result) == 500
+    assert sorted(result.order) == list(range(500))
+    left = {tuple(result.colors[pen]) for pen in result.layers[result.points[:, 0] < 58]}
+    right = {tuple(result.colors[pen]) for pen in result.layers[result.points[:, 0] > 62]}
+    assert len(left) == len(right) == 1
+    assert left != right
+
+
 def test_cells_fill_the_image() -> None:
     cells = stipple(PHOTO, 500, dots="equal-mass").cells()
     areas = [float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (cell.T for cell in cells if len(cell))]

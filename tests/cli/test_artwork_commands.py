@@ -1,0 +1,99 @@
+"""``cvtimg stipple`` and ``cvtimg mosaic``: images to dots and tiles."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cvtimg import read_image, write_image
+from cvtimg.cli.app import main
+
+RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (50, 1))
+
+
+@pytest.fixture
+def picture(tmp_path: Path) -> Path:
+    write_image(tmp_path / "ramp.png", np.dstack([RAMP, RAMP[::-1], RAMP]))
+    return tmp_path / "ramp.png"
+
+
+def row(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, object]:
+    assert main([*map(str, arguments), "--json"]) == 0
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_stipple_draws_dots_in_the_width_asked_for(picture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = row(capsys, "stipple", picture, "-n", 200, "--width", "16cm", "--marks", "lines")
+    assert (told["n"], told["max_ink"]) == (200, 0.9)
+    root = ElementTree.parse(picture.with_name("ramp-stippled.svg")).getroot()
+    assert root.get("width") == "160mm"
+    assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) == 200
+
+
+def test_stipple_has_a_layer_for_each_pen(picture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for layers, n_pens in (("cmyk", 4), ("3", 3)):
+        told = row(capsys, "stipple", picture, "-n", 300, "--layers", layers, "-o", picture.with_name(f"{layers}.svg"))
+        assert len(told["layers"]) == n_pens  # type: ignore[arg-type]
+        root = ElementTree.parse(picture.with_name(f"{layers}.svg")).getroot()
+        groups = list(root.iter("{http://www.w3.org/2000/svg}g"))
+        assert len(groups) == n_pens
+        assert sum(len(group) for group in groups) == 300
+
+
+def test_stipple_writes_tables_and_cells(picture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output, cells = picture.with_name("dots.csv"), picture.with_name("cells.geojson")
+    row(capsys, "stipple", picture, "-n", 50, "--dots", "sized", "--radius-range", 1, 4, "-o", output, "--cells", cells)
+    with output.open() as file:
+        radii = [float(line["radius"]) for line in csv.DictReader(file)]
+    assert len(radii) == 50
+    assert 1 <= min(radii) <= max(radii) <= 4
+    assert len(json.loads(cells.read_text())["features"]) == 50
+
+
+def test_mosaic_is_written_as_pixels_and_polygons(picture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = row(capsys, "mosaic", picture, "-n", 60)
+    assert told["n"] == 60
+    assert read_image(picture.with_name("ramp-mosaic.png")).shape == (50, 80, 3)
+    output = picture.with_name("a.geojson")
+    row(capsys, "mosaic", picture, "-n", 60, "--shape", "triangles", "-k", 4, "-o", output)
+    fills = {feature["properties"]["fill"] for feature in json.loads(output.read_text())["features"]}
+    assert len(fills) == 4
+
+
+@pytest.mark.parametrize("command", ["stipple", "mosaic"])
+def test_one_bad_image_stops_no_other(command: str, picture: Path, tmp_path: Path) -> None:
+    (tmp_path / "bad.png").write_bytes(b"no image")
+    out = tmp_path / "out"
+    assert main([command, str(tmp_path), "-n", "30", "--out-dir", str(out), "--quiet", "--jobs", "1"]) == 1
+    assert [path.stem for path in out.iterdir()] == ["ramp"]
+    before = next(out.iterdir()).stat().st_mtime_ns
+    assert main([command, str(picture), "-n", "30", "--out-dir", str(out), "--skip-existing", "--quiet"]) == 0
+    assert next(out.iterdir()).stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["stipple", "-n", "0"], "whole number"),
+        (["stipple", "-n", "9", "--max-ink", "0"], "must be a number"),
+        (["stipple", "-n", "9", "--width", "20km"], "a length > 0 such as 200mm"),
+        (["stipple", "-n", "9", "--layers", "rgb"], "must be cmyk or a number of colors"),
+        (["stipple", "-n", "9", "--layers", "cmyk", "--invert"], "exclude each other"),
+        (["stipple", "-n", "9", "--radius-range", "1", "2"], "needs --dots sized"),
+        (["stipple", "-n", "9", "-o", "a.xyz"], "must end in one of .svg"),
+        (["mosaic", "-n", "9", "-o", "a.csv"], "must end in one of .svg"),
+        (["mosaic", "-n", "9", "--shape", "squares"], "squares"),
+    ],
+)
+def test_wrong_usage_is_said_and_writes_nothing(
+    arguments: list[str], message: str, picture: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*arguments, str(picture)]) == 2
+    assert message in capsys.readouterr().err
+    assert [path.name for path in picture.parent.iterdir()] == ["ramp.png"]
