@@ -27,8 +27,8 @@ def process_coverages(image: Any, white_cutoff: float) -> list[Floats32]:
     """
     light, opacity = _three_channels(image)
     lightest = light.max(axis=2)
-    inks = [1 - light[:, :, channel] / np.maximum(lightest, 1e-6) for channel in range(3)]
-    return [as_coverage(np.clip(ink, 0, 1), opacity, white_cutoff) for ink in (*inks, 1 - lightest)]
+    inks = [(lightest - light[:, :, channel]) / np.maximum(lightest, 1e-6) for channel in range(3)]
+    return [as_coverage(ink, opacity, white_cutoff) for ink in (*inks, 1 - lightest)]
 
 
 def palette_coverages(image: Any, n_pens: int, white_cutoff: float) -> tuple[list[Floats32], NDArray[np.uint8]]:
@@ -38,9 +38,8 @@ def palette_coverages(image: Any, n_pens: int, white_cutoff: float) -> tuple[lis
     """
     light, opacity = _three_channels(image)
     seen = light if opacity is None else 1 - opacity[:, :, np.newaxis] * (1 - light)
-    steps = np.rint(
-        from_space(seen.reshape(-1, 3).astype(np.float64), "linear", np.dtype(np.float32)) * (_LEVELS - 1)
-    ).astype(np.int64)
+    encoded = from_space(seen.reshape(-1, 3).astype(np.float64), "linear", np.dtype(np.float32))
+    steps = np.rint(encoded * (_LEVELS - 1)).astype(np.int64)
     keys = (steps[:, 0] * _LEVELS + steps[:, 1]) * _LEVELS + steps[:, 2]
     distinct, of_pixel = np.unique(keys, return_inverse=True)
     levels = np.stack([distinct // _LEVELS**2, distinct // _LEVELS % _LEVELS, distinct % _LEVELS], axis=1)
