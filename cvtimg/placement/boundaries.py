@@ -46,9 +46,9 @@ class ToBoundary:
         from scipy.spatial import cKDTree
 
         tree = cKDTree(before)
-        moved = there.copy()
+        moved = self._region.project(there)
         meets = np.unique(tree.query(self._boundary)[1])
-        moved[meets] = self._region.to_boundary(there[meets])
+        moved[meets] = self._region.to_boundary(moved[meets])
         if len(self._corners):
             gaps, owner = tree.query(self._corners)
             # The nearest corner last, so that it wins where a cell holds several.

@@ -79,8 +79,10 @@ class Terms:
 
     def moved(self, generators: _Points, step: _Points) -> _Points:
         """Make a step with the generators that may, and bring them back to where they may be."""
-        there = generators + (step if self.free is None else step * self.free[:, None])
-        return there if self.project is None else self.project(there, generators)
+        there = generators + step
+        if self.project is not None:
+            there = self.project(there, generators)
+        return there if self.free is None else np.where(self.free[:, None], there, generators)
 
     def ended(self, energies: list[float]) -> bool:
         """Whether to stop before the next move."""

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_picture_density, check_places
 from cvtimg.engine.methods import Callback, Stopping, Watch
-from cvtimg.placement.descent import DESCENTS, Descent, Terms
+from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.result import Placement
 from cvtimg.placement.starts import along_hilbert_curve, split_generators
 from cvtimg.regions import PictureRegion
+from cvtimg.regions.pictures import NearestPixel
 
 #: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
@@ -157,7 +158,36 @@ def place_by_levels(
     """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
     n_free = n_generators - len(fixed)
     start = _start(moments, n_free, effort.n_levels, fixed, method, effort, rng, watch)
-    return _descend(moments, start, fixed, method, effort.stopping, watch)
+    project = _WhereMassIs(moments)
+    return _descend(moments, project(start, start), fixed, method, effort.stopping, watch, project)
+
+
+class _WhereMassIs:
+    """The projection of points to pixels with mass: a cell may have its center of mass in a gap.
+
+    Parameters
+    ----------
+    moments : PixelMoments
+    """
+
+    def __init__(self, moments: PixelMoments) -> None:
+        self._density = moments.density
+        self._scale = moments.scale
+        self._nearest: NearestPixel | None = None  # most pictures never need it
+
+    def __call__(self, there: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
+        places = there * self._scale
+        x, y = (
+            np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(places.T, self._density.shape[::-1], strict=True)
+        )
+        white = self._density[y, x] == 0
+        if not white.any():
+            return there
+        if self._nearest is None:
+            self._nearest = NearestPixel(self._density > 0)
+        moved = there.copy()
+        moved[white] = self._nearest(places[white]) / self._scale
+        return moved
 
 
 def _start(
@@ -188,7 +218,8 @@ def _descend(
     method: str,
     stopping: Stopping,
     watch: Watch,
+    project: Projection | None = None,
 ) -> Descent:
     generators = np.concatenate([fixed, free])
     movable = np.arange(len(generators)) >= len(fixed) if len(fixed) else None
-    return DESCENTS[method](moments, generators, Terms(stopping, free=movable, watch=watch))
+    return DESCENTS[method](moments, generators, Terms(stopping, movable, project, watch=watch))

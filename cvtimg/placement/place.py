@@ -13,7 +13,7 @@ from cvtimg.engine.methods import Callback, Stopping, Watch
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
-from cvtimg.placement.descent import DESCENTS, Terms
+from cvtimg.placement.descent import DESCENTS, Projection, Terms
 from cvtimg.placement.figures import FigureMoments, Figures
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, picture_moments, place_by_levels
@@ -148,7 +148,7 @@ def place_generators(
     terms = Terms(
         _EFFORTS[effort].stopping,
         free=np.arange(n_generators) >= len(still) if len(still) else None,
-        project=_Inside(where, n_generators if auto else None, len(still)),
+        project=_projection(where, n_generators if auto else None),
         may_rise=auto,
         watch=Watch(callback),
     )
@@ -171,21 +171,13 @@ def place_generators(
     return Placement.of(min(ends, key=lambda end: end.energies[-1]), where)
 
 
-class _Inside:
-    """The projection of points: to the boundary, if asked for; around a periodic box; and never out of a region."""
-
-    def __init__(self, region: Region, n_on_boundary: int | None, n_still: int) -> None:
-        self._region = region
-        self._to_boundary = None if n_on_boundary is None else ToBoundary(region, n_on_boundary)
-        self._n_still = n_still
-
-    def __call__(self, there: Points, before: Points) -> Points:
-        moved = there if self._to_boundary is None else self._to_boundary(there, before)
-        if self._to_boundary is not None:
-            moved[: self._n_still] = before[: self._n_still]
-        if isinstance(self._region, Box) and any(self._region.periodic):
-            return moved  # wrapped in the end: a descent compares places
-        return self._region.project(moved) if self._region.n_dims > 3 else moved
+def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
+    """Keep points in the region, and bring them to its boundary if asked to; around a periodic box they may go."""
+    if n_on_boundary is not None:
+        return ToBoundary(region, n_on_boundary)
+    if isinstance(region, Box):
+        return None  # centers of mass lie inside, and a descent compares places that are not wrapped
+    return lambda there, before: region.project(there)
 
 
 def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:

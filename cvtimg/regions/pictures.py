@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from cvtimg.regions.polygons import PolygonRegion
 
 
+#: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
+_TO_SIDE = 0.5 - 1e-7
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
 class PictureRegion(Region):
     """The pixels of a mask, or the voxels of one in three dimensions.
@@ -27,7 +31,7 @@ class PictureRegion(Region):
     --------
     >>> from cvtimg.regions import PictureRegion
     >>> region = PictureRegion([[True, True, False]])
-    >>> region.measure, region.project([[2.7, 0.5]]).tolist()
+    >>> region.measure, region.project([[2.7, 0.5]]).round(6).tolist()
     (2.0, [[2.0, 0.5]])
     """
 
@@ -85,7 +89,7 @@ class PictureRegion(Region):
         places = self._checked(points).copy()
         outside = ~self.contains(places)
         if outside.any():
-            places[outside] = self._nearest_of(self._border(), places[outside])
+            places[outside] = NearestPixel(self.mask)(places[outside])
         return places
 
     def to_boundary(self, points: ArrayLike) -> Points:
@@ -118,26 +122,6 @@ class PictureRegion(Region):
         corners = np.stack(np.unravel_index(own, self.mask.shape)[::-1], axis=1)
         return np.asarray(corners + random.random((n, self.n_dims)))
 
-    def _border(self) -> Points:
-        """Centers of the pixels of the mask that have a neighbor outside."""
-        padded = np.pad(self.mask, 1)
-        inner = np.ones_like(self.mask)
-        for axis in range(self.mask.ndim):
-            for step in (-1, 1):
-                middle = tuple(slice(1, -1) for _ in range(self.mask.ndim))
-                inner &= np.roll(padded, step, axis)[middle]
-        return np.argwhere(self.mask & ~inner)[:, ::-1].astype(np.float64) + 0.5
-
-    def _nearest_of(self, centers: Points, places: Points) -> Points:
-        """Find the nearest point of the pixels with these centers."""
-        from scipy.spatial import cKDTree
-
-        near = cKDTree(centers).query(places, min(8, len(centers)))[1].reshape(len(places), -1)
-        ends = np.clip(places[:, None], centers[near] - 0.5, centers[near] + 0.5)
-        best = ((ends - places[:, None]) ** 2).sum(axis=2).argmin(axis=1)
-        found: Points = ends[np.arange(len(places)), best]
-        return found
-
     def _sides(self) -> tuple[Points, NDArray[np.intp]]:
         """Middles (S, D) of the sides between inside and outside, and the axis (S,) that each stands across."""
         middles, axes = [], []
@@ -148,3 +132,38 @@ class PictureRegion(Region):
             middles.append(places[:, ::-1])
             axes.append(np.full(len(places), self.mask.ndim - 1 - axis))
         return np.concatenate(middles), np.concatenate(axes)
+
+
+class NearestPixel:
+    """Finds the nearest point of the pixels of a mask, for points outside of it, any number of times.
+
+    Parameters
+    ----------
+    mask : (H, W) or (L, H, W) bool array
+    """
+
+    def __init__(self, mask: NDArray[np.bool_]) -> None:
+        from scipy.spatial import cKDTree
+
+        self._centers = _border(mask)
+        self._tree = cKDTree(self._centers)
+
+    def __call__(self, points: Points) -> Points:
+        """Move (N, D) points."""
+        n = min(8, len(self._centers))
+        near = self._tree.query(points, n)[1].reshape(len(points), n)
+        ends = np.clip(points[:, None], self._centers[near] - _TO_SIDE, self._centers[near] + _TO_SIDE)
+        best = ((ends - points[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+        found: Points = ends[np.arange(len(points)), best]
+        return found
+
+
+def _border(mask: NDArray[np.bool_]) -> Points:
+    """Centers of the pixels of a mask that have a neighbor outside."""
+    padded = np.pad(mask, 1)
+    inner = np.ones_like(mask)
+    middle = tuple(slice(1, -1) for _ in range(mask.ndim))
+    for axis in range(mask.ndim):
+        for step in (-1, 1):
+            inner &= np.roll(padded, step, axis)[middle]
+    return np.argwhere(mask & ~inner)[:, ::-1].astype(np.float64) + 0.5

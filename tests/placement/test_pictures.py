@@ -115,3 +115,13 @@ def test_arguments_are_refused_by_name() -> None:
         place_in_picture(np.ones((3, 3)), 2, fixed=[[0, 0], [1, 1]])
     with pytest.raises(ValueError, match=r"method='newton' must be one of l-bfgs"):
         place_in_picture(np.ones((3, 3)), 2, method="newton")
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 60])
+def test_no_generator_is_in_the_gap_of_a_ring(n: int) -> None:
+    y, x = np.mgrid[:60, :60] - 29.5
+    ring = np.abs(np.hypot(x, y) - 22) < 4
+    placement = place_in_picture(ring, n)
+    assert ring[tuple(placement.points.astype(int).T[::-1])].all()
+    assert (np.diff(placement.energies) < 0).all()
+    assert (placement.masses > 0).all()

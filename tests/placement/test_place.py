@@ -261,3 +261,11 @@ def test_implicit_regions() -> None:
     radii = np.sort(np.hypot(*placement.points.T))
     assert radii[0] < 0.02  # one in the middle, six around it
     np.testing.assert_allclose(radii[1:], radii[1:].mean(), atol=0.02)
+
+
+@pytest.mark.parametrize("n", [1, 3, 9])
+def test_generators_stay_out_of_holes_and_bays(n: int) -> None:
+    bay = PolygonRegion([[0, 0], [4, 0], [4, 4], [3.8, 4], [3.8, 0.2], [0.2, 0.2], [0.2, 4], [0, 4]])
+    placement = place_generators(bay, n)
+    assert (np.linalg.norm(bay.project(placement.points) - placement.points, axis=1) < 1e-9).all()
+    assert (np.diff(placement.energies) < 0).all()
