@@ -1,4 +1,4 @@
-"""Draws energy curves: log E over log k, a curve for each picture, its elbow, and the picture at a few k along it."""
+"""Plots of energy curves: log E over log k for each image, its elbow, and the image at a few k along the curve."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 #: Suffixes of plots.
 PLOT_SUFFIXES = (".png", ".svg")
-#: So many pictures have a row of thumbnails each; more would leave no room for the curves.
+#: At most this many images get a row of thumbnails; more would leave no room for the curves.
 MOST_THUMBNAILS = 4
-#: Numbers of generators to show a picture in, beside the one that was picked; 0 stands for the original.
+#: Numbers of generators at which an image is shown, in addition to the one picked.
 _POWERS = (2, 4, 8, 16, 32, 64)
 _THUMBNAIL_SIDE = 160
 _WIDTH = 8.0
@@ -33,7 +33,7 @@ _AXES_HEIGHT = 4.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plotted:
-    """One curve of a plot: its name, the k to mark, and (H, W) or (H, W, C) the picture, None for a table."""
+    """One curve of a plot: its name, the k to mark, and the (H, W) or (H, W, C) image; None for a table."""
 
     name: str
     curve: EnergyCurve
@@ -43,16 +43,16 @@ class Plotted:
 
 
 def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") -> bytes:
-    """Draw curves into the bytes of a file.
+    """Plot curves and return the bytes of a file.
 
     Parameters
     ----------
     plotted : sequence of Plotted
-        Energies are shown as shares of E(1), so that pictures can be compared. Where E(k) is 0 the curve ends.
+        Energies are shown relative to E(1), so that images can be compared. The curve ends where E(k) is 0.
     suffix : {".png", ".svg"}
         Format of the file.
     rule : str
-        What picked k, for the legend.
+        Name of the rule that picked k, for the legend.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     n_max = max(one.curve.n_max for one in plotted)
     columns = [None, *(k for k in _POWERS if k <= n_max), 0]
     heights = [*(_row_height(one, len(columns)) for one in rows), _AXES_HEIGHT]
-    # Letters stay letters in an SVG, and the same curves make the same bytes.
+    # Text stays text in an SVG, and equal curves make equal bytes.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
         figure = Figure(figsize=(_WIDTH, sum(heights) + 0.3), layout="constrained")
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
@@ -93,7 +93,7 @@ def _row_height(one: Plotted, n_columns: int) -> float:
 
 
 def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int | None], color: str) -> None:
-    """Show a picture at a few k; what the rule picked has a frame in the color of the curve."""
+    """Show an image at a few k; the one that the rule picked has a frame in the color of its curve."""
     assert one.image is not None
     small = _reduced(one.image)
     for place, column in zip(axes, columns, strict=True):
@@ -121,7 +121,7 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
         if np.isfinite(shares[one.k - 1]):
             axes.plot(one.k, shares[one.k - 1], "o", color=color, markersize=11, markerfacecolor="none", mew=2)
         else:
-            axes.axvline(one.k, color=color, linestyle=":")  # nothing is left there, which no logarithm shows
+            axes.axvline(one.k, color=color, linestyle=":")  # the energy is 0 there, which no logarithm shows
     axes.set_xscale("log", base=2)
     if any(one.curve.energies[0] for one in plotted):
         axes.set_yscale("log")
@@ -135,13 +135,13 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
 
 
 def _reduced(image: NDArray[Any]) -> NDArray[Any]:
-    """Every so many-th pixel: no filter adds colors that the picture has not."""
+    """Take every n-th pixel: a filter would add colors that the image does not have."""
     step = max(1, -(-max(image.shape[:2]) // _THUMBNAIL_SIDE))
     return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 
 def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: str) -> NDArray[Any]:
-    """Give each pixel its nearest generator."""
+    """Replace each pixel by its nearest generator."""
     samples = color_samples(image)
     points = pack(to_places(samples.colors, space, samples.alpha), samples.density)
     labels = assign(points, points.frame.inward(generators))[: points.n_points]

@@ -1,7 +1,7 @@
-"""Draw results, compute nothing: palettes as strips, and grids of pictures with captions.
+"""Drawings of results: palettes as strips, and grids of images with captions.
 
-Arrays in, an array out, and nothing on disk. Whatever belongs under a picture (a quantized picture's palette, the
-segments' colors, a few figures) is passed in a `Panel`; `contact_sheet` lays panels out and knows no more of them.
+Functions take arrays and return an array; nothing is written. Whatever belongs below an image (the palette of a
+quantized image, the colors of segments, a few figures) is passed in a `Panel`, which `contact_sheet` lays out.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CAPTION_SIZE = 14
 TITLE_SIZE = 22
 TITLE_HEIGHT = 28
 
-#: A picture in a sheet is at most this many times as high as the panels are wide: an upright 2:3 photograph fits.
+#: An image in a sheet is at most this many times as high as the panels are wide: an upright 2:3 photograph fits.
 TALLEST = 1.5
 #: Sides of a sheet and a strip are at most this long, so that a slip of the pen does not fill the memory.
 LONGEST = 1 << 15
@@ -45,7 +45,7 @@ LONGEST = 1 << 15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """A picture in a contact sheet, and what stands below it.
+    """An image in a contact sheet, with a caption and a palette below it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Panel:
         bool, uint8, uint16 or floating point. One or two channels show the first as grey, three are RGB, four are
         RGB and alpha, of more the first three are shown.
     caption : sequence of str
-        A line each; what is too long for the panel ends in an ellipsis.
+        Lines below the image; those too long for the panel end in an ellipsis.
     palette : (K, D) array, optional
         Colors to draw as a strip, of the type of the image.
     shares : (K,) array, optional
@@ -61,7 +61,7 @@ class Panel:
 
     Examples
     --------
-    >>> panel = Panel(np.zeros((2, 3), np.uint8), ("black", "energy 0 a pixel"))
+    >>> panel = Panel(np.zeros((2, 3), np.uint8), ("black", "energy 0 per pixel"))
     >>> panel.palette is None
     True
     """
@@ -85,19 +85,19 @@ def palette_strip(
     width, height : int
         Size of the strip in pixels.
     shares : (K,) array, optional
-        Draw bands in proportion to these weights, at least one pixel wide each, for example the masses of the
-        cells. By default all colors get the same room, because a color may be rare and yet matter; many colors
-        stand two or more in a column, so that their fields stay large enough to see.
+        Draw bands in proportion to these weights, such as the masses of the cells, each at least one pixel wide. By
+        default all colors get equal room, because rare colors can matter too; many colors are stacked two or more to
+        a column, so that their fields remain large enough to see.
 
     Returns
     -------
     (height, width, 3) uint8 array
-        The colors in their order, column by column from left to right, downwards in each.
+        The colors in order, column by column from left to right, and down each column.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or the strip has no pixel for each color.
+        If an argument is invalid, or the strip has fewer pixels than colors.
 
     Examples
     --------
@@ -114,20 +114,19 @@ def palette_strip(
 
 
 def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_width: int = 300) -> NDArray[np.uint8]:
-    """Lay out panels as a grid: pictures, a palette strip below each that has a palette, and captions.
+    """Lay out panels as a grid: images, a palette strip below each that has a palette, and captions.
 
-    Pictures wider than a panel are reduced to its width, or to one and a half times that in height. Smaller ones
-    are enlarged by whole factors, pixel by pixel, so that each pixel can be seen as it is. Transparency is shown
-    over a grey checkerboard.
+    Images wider than a panel are reduced to its width, or to one and a half times that in height. Smaller ones are
+    enlarged by whole factors, so that each pixel can be seen. Transparency is shown over a grey checkerboard.
 
     Parameters
     ----------
     rows : iterable of sequences of Panel
-        Rows may differ in their number of panels. Within a row pictures, strips and captions stand level.
+        Rows may differ in their number of panels. Within a row, images, strips and captions are aligned.
     title : str
         Heading of the sheet.
     panel_width : int
-        In pixels. Five panels of 300 make a sheet of 1600.
+        Width of a panel in pixels. Five panels of 300 make a sheet of 1600.
 
     Returns
     -------
@@ -136,17 +135,17 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     Raises
     ------
     TypeError, ValueError
-        If a picture or palette has another shape or type, or a palette has more colors than fit in a strip.
+        If an image or palette has another shape or type, or a palette has more colors than fit in a strip.
 
     Notes
     -----
-    uint16 and floating point pictures are stretched to black and white by the least and the greatest value of all
-    such pictures in their row, so that pictures in a row can be compared.
+    uint16 and floating point images are stretched from black to white between the least and the greatest value of all
+    such images in their row, so that images in a row can be compared.
 
     Examples
     --------
-    >>> picture = np.array([[10, 200], [200, 10]], dtype=np.uint8)
-    >>> sheet = contact_sheet([[Panel(picture, ("2 colors",), np.array([[10], [200]], np.uint8))]], panel_width=100)
+    >>> image = np.array([[10, 200], [200, 10]], dtype=np.uint8)
+    >>> sheet = contact_sheet([[Panel(image, ("2 colors",), np.array([[10], [200]], np.uint8))]], panel_width=100)
     >>> sheet.shape
     (195, 140, 3)
     """
@@ -174,7 +173,7 @@ def draw_edges(
     thickness: int = 1,
     ignore: int | None = None,
 ) -> NDArray[np.uint8]:
-    """Draw the edges of segments over the picture that they are of.
+    """Draw the edges of segments over the segmented image.
 
     Parameters
     ----------
@@ -183,21 +182,21 @@ def draw_edges(
     labels : (H, W) integer array
         Segment of each pixel.
     color : sequence of three int
-        In 0..255.
+        RGB color of the edges, in 0..255.
     thickness : int
         Width of the edges in pixels. An odd one is centered on inner edges, an even one on the border.
     ignore : int, optional
-        A label whose borders are no edges, as in `find_edges`.
+        Label whose borders are not edges, as in `find_edges`.
 
     Returns
     -------
     (H, W, 3) uint8 array
-        A picture that is not 8-bit is stretched from the least to the greatest value outside of `ignore`.
+        An image that is not 8-bit is stretched from its least to its greatest value outside `ignore`.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid; the message names it.
 
     Examples
     --------
@@ -220,7 +219,7 @@ def draw_edges(
 
 
 def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: int | None = None) -> NDArray[np.uint8]:
-    """Give colors as they look where `draw_edges` draws: (K, C) in the units of the image to (K, 3) uint8."""
+    """Convert (K, C) colors in the units of the image to (K, 3) uint8, as `draw_edges` shows them."""
     segments = check_labels("labels", labels)
     values = check_labeled_image("image", image, segments)
     rows = np.asarray(colors)
@@ -236,7 +235,7 @@ def _draw_title(title: str, width: int) -> Image.Image:
 
 
 def _draw_row(panels: list[Panel], width: int) -> Image.Image:
-    """Draw the panels of a row side by side, with their parts level."""
+    """Draw the panels of a row side by side, with their parts aligned."""
     images = [_as_array(panel.image) for panel in panels]
     limits = _limits(images)
     pictures = [_fit(_as_bytes(image, limits), width) for image in images]
@@ -286,7 +285,7 @@ def _as_array(image: Any) -> NDArray[Any]:
 
 
 def _limits(pictures: Iterable[NDArray[Any]]) -> tuple[float, float]:
-    """Least and greatest value of the pictures that are not 8-bit, without their alpha."""
+    """Least and greatest value of the images that are not 8-bit, without their alpha."""
     deep = [_split_alpha(picture)[0] for picture in pictures if picture.dtype != np.uint8]
     low = min((float(color.min()) for color in deep), default=0)
     return low, max((float(color.max()) for color in deep), default=low)
@@ -314,7 +313,7 @@ def _stretch(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]
 
 
 def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:
-    """Bring a picture to the size of a panel."""
+    """Resize an image to fit a panel."""
     picture = Image.fromarray(pixels)
     room = min(width / picture.width, int(TALLEST * width) / picture.height)
     scale = int(room) if room >= 1 else room

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import re
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -231,6 +233,20 @@ def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
     with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson"):
         write_contours(tmp_path / "a.dxf", drawing)
+
+
+def test_a_new_contour_format_is_one_module_and_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from cvtimg.cli.segment_outputs import KINDS
+
+    def write(path: Path, drawing: Drawing, overwrite: bool) -> None:
+        path.write_text("".join(f"{polygon.label} {polygon.area}\n" for polygon in drawing.polygons))
+
+    monkeypatch.setitem(sys.modules, "cvtimg.labels.formats.areas", SimpleNamespace(write=write))
+    monkeypatch.setitem(CONTOUR_FORMATS, ".areas", "areas")
+    polygons = find_contours([[1, 1, 2]]).polygons
+    write_contours(tmp_path / "a.areas", Drawing(polygons, (1, 3), np.zeros((3, 3), np.uint8), {}))
+    assert (tmp_path / "a.areas").read_text() == "1 2.0\n2 1.0\n"
+    assert set(KINDS["contours"]) == set(CONTOUR_FORMATS) - {".areas"}  # the command took them at its import
 
 
 def test_nothing_to_write_is_still_a_valid_file(tmp_path: Path) -> None:
