@@ -5,6 +5,7 @@ Every message gives the name, the value and what is allowed.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NoReturn
 
@@ -15,6 +16,8 @@ from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 
 #: Types of samples that the kernels read.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
+#: What people call arguments in other libraries.
+_MEANT = {"k": "n_colors", "n_clusters": "n_colors", "colors": "n_colors", "seed": "rng", "random_state": "rng"}
 
 
 def check_choice(name: str, value: str, choices: Collection[str]) -> str:
@@ -113,10 +116,28 @@ def check_in_unit_range(name: str, value: float) -> float:
 
 def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
     """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
+    refuse_path(name, rows)
     array = np.asarray(rows)
     if array.ndim != 2 or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (N, D) with N, D >= 1")
     return _as_samples(name, array)
+
+
+def refuse_path(name: str, value: object) -> None:
+    """Refuse a path where its content is wanted."""
+    if isinstance(value, (str, bytes, os.PathLike)) or (
+        isinstance(value, (list, tuple)) and value and isinstance(value[0], (str, os.PathLike))
+    ):
+        raise TypeError(f"{name}={value!r} must be an array; read an image with cvtimg.read_image")
+
+
+def check_keywords(function: str, given: Collection[str], known: Collection[str]) -> None:
+    """Refuse keyword arguments that a function does not have, and name the one that was likely meant."""
+    for name in given:
+        if name not in known:
+            meant = _MEANT.get(name)
+            hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(sorted(known))}"
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{hint}")
 
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
@@ -159,6 +180,8 @@ def check_alpha(alpha: bool | None, image: Any, n_channels: int) -> bool:
 
 
 def _check_image_shape(name: str, array: NDArray[Any]) -> None:
+    if array.dtype.kind in "USO":
+        refuse_path(name, array.tolist())
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise ValueError(f"{name} of shape {array.shape} must be (H, W) or (H, W, C), none of them 0")
 

@@ -22,7 +22,8 @@ class AlphaArray(np.ndarray[Any, Any]):
 
 def array_of(image: Any) -> NDArray[Any]:
     """Return the array that an object is, has or exports: by NumPy, Pillow, ``__array__`` or the DLPack protocol."""
-    if getattr(image, "mode", "RGB") not in _PLAIN_MODES:
+    mode = getattr(image, "mode", None)  # a tensor of torch has another kind of mode
+    if isinstance(mode, str) and mode not in _PLAIN_MODES:
         image = image.convert("RGBA" if image.has_transparency_data else "RGB")
     if hasattr(image, "__dlpack__") and not hasattr(image, "__array__"):
         return np.from_dlpack(image)

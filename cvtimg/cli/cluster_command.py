@@ -6,7 +6,7 @@ import csv
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from typer import Option
@@ -61,7 +61,6 @@ Generators = Annotated[
 Columns = Annotated[str | None, Option(metavar="A,B,C", help="Columns to use; by default all but the weight.")]
 Weight = Annotated[str | None, Option(metavar="COLUMN", help="Column with the weight of each row.")]
 Standardize = Annotated[bool, Option("--standardize", help="Scale each column to mean 0 and variance 1.")]
-Missing = Annotated[Literal["error", "drop"], Option(help="What to do with rows that lack a value.")]
 
 
 def cluster(
@@ -73,7 +72,7 @@ def cluster(
     columns: Columns = None,
     weight: Weight = None,
     standardize: Standardize = False,
-    missing: Missing = "error",
+    missing: options.Missing = "error",
     skip_existing: options.SkipExisting = False,
     *,
     engine: options.EngineOptions,

@@ -74,6 +74,7 @@ def elbow(
     averaging: Averaging = "none",
     edge_weight: EdgeWeight = None,
     effort: Effort = "fast",
+    missing: options.Missing = "error",
     csv_file: CsvFile = None,
     plot: PlotFile = None,
     seed: options.Seed = 0,
@@ -104,7 +105,9 @@ def elbow(
         raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
     if not segments:
         curve["effort"] = effort
-    work = partial(_measure, curve=curve, segments=segments, rule=rule, target=target, keep=plot is not None)
+    work = partial(
+        _measure, curve=curve, segments=segments, rule=rule, target=target, missing=missing, keep=plot is not None
+    )
     status = run_plan(plan, work, report, common, max_pixels=max_pixels)
     done = report.plotted
     if len(done) == 1 and not (common.as_json or common.quiet):
@@ -135,13 +138,14 @@ def _measure(
     segments: Mapping[str, Any],
     rule: str,
     target: float | None,
+    missing: str,
     keep: bool,
 ) -> Row:
     from cvtimg import energy_curve
     from cvtimg.plotting.energy_curves import Plotted
     from cvtimg.segmentation import segment_curve
 
-    samples, image = _read(task.source, curve["space"])
+    samples, image = _read(task.source, curve["space"], missing)
     stopwatch.lap("read")
     if segments and image is None:
         raise ValueError("--averaging and --edge-weight are for images, not for tables")
@@ -162,7 +166,7 @@ def _measure(
     }
 
 
-def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
+def _read(source: Path, space: str, missing: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """Read the samples, and the picture if it is one."""
     from cvtimg.tables.files import read_table
 
@@ -171,7 +175,7 @@ def _read(source: Path, space: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
         return image, image
     if space != "rgb":
         raise ValueError(f"--space {space} is for images; a table has no color space")
-    return read_table(source).rows, None
+    return read_table(source, missing=missing).rows, None
 
 
 def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:

@@ -74,9 +74,25 @@ def or_auto(parse: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def color(text: str) -> str:
     """Check a color in the way of style sheets, and return its digits with those of alpha."""
     digits = text.removeprefix("#")
+    if len(digits) in (3, 4):
+        digits = "".join(2 * digit for digit in digits)
     if len(digits) in (6, 8) and set(digits) <= set(hexdigits):
         return f"{digits:f<8}"
-    raise typer.BadParameter(f"{text!r} must be a color as '#rrggbb' or '#rrggbbaa'")
+    from PIL import ImageColor
+
+    if isinstance(known := ImageColor.colormap.get(text.lower()), str):
+        return f"{known.removeprefix('#'):f<8}"
+    raise typer.BadParameter(f"{text!r} must be a color as '#rgb', '#rrggbb', '#rrggbbaa', or a name as 'white'")
+
+
+def color_or_file(text: str | Path) -> str | Path:
+    """Check a color, or a file that exists."""
+    try:
+        return color(str(text))
+    except typer.BadParameter as error:
+        if Path(text).is_file():
+            return Path(text)
+        raise typer.BadParameter(f"{error!s}, or a palette file") from None
 
 
 def n_bytes(text: str | int) -> int:
@@ -110,7 +126,7 @@ MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic"
 InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
 SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
 AveragingName: TypeAlias = Literal["none", "before", "after"]
-PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css or .png"
+PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .pal, .txt, .aseprite or .png"
 
 # Inputs and outputs
 
@@ -162,6 +178,8 @@ VolumePower = Annotated[
     ),
 ]
 Averaging = Annotated[AveragingName, Option(help="Smooth noise, before or after pixels are assigned to segments.")]
+
+Missing = Annotated[Literal["error", "drop"], Option(help="What to do with rows of tables that lack a value.")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,6 +99,7 @@ def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
         {
             "hex": f"#{color.tobytes().hex()}",
             "rgb": color[:3].tolist(),
+            **({"alpha": int(color[3])} if len(color) == 4 else {}),
             "share": count / counts.sum(),
             "pixels": int(count),
         }

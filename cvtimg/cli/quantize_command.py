@@ -173,7 +173,7 @@ def quantize(
         },
         out_dir=out_dir,
         beside=in_place or ext is not None,
-        also_read=[palette, weight_map],
+        also_read=[palette, weight_map, *(one for one in lock or [] if isinstance(one, Path))],
         joint=saved if shared_palette else None,
     )
     given: dict[str, Any] = {"palette": _read("--palette", palette, read_palette)} if palette else {}
@@ -272,12 +272,18 @@ def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
     return {"space": space}
 
 
-def _locked(colors: list[str]) -> NDArray[np.uint8]:
-    """(L, 3) colors, or (L, 4) if some have transparency."""
+def _locked(colors: list[str | Path]) -> NDArray[np.uint8]:
+    """(L, 3) colors, or (L, 4) if some have transparency, each once."""
     import numpy as np
 
-    rgba = np.array([list(bytes.fromhex(color)) for color in colors], np.uint8)
-    return rgba if (rgba[:, 3] < 255).any() else rgba[:, :3]
+    from cvtimg import read_palette
+
+    rgba: list[tuple[int, ...]] = []
+    for color in colors:
+        rows = [bytes.fromhex(color)] if isinstance(color, str) else _read("--lock", color, read_palette).tolist()
+        rgba += [(*row, 255)[:4] for row in rows]
+    distinct = np.array(list(dict.fromkeys(rgba)), np.uint8)
+    return distinct if (distinct[:, 3] < 255).any() else distinct[:, :3]
 
 
 def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
@@ -320,7 +326,7 @@ def _quantize(
     stopwatch.lap("read")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        result = _result(image, how, task.output.suffix, file)
+        result = _result(task.source, image, how, task.output.suffix, file)
     stopwatch.lap("cluster")
     _write(task.outputs, result, overwrite, file)
     stopwatch.lap("write")
@@ -378,7 +384,7 @@ def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, 
     )
 
 
-def _result(image: NDArray[Any], how: QuantizeOptions, suffix: str, file: Mapping[str, Any]) -> Quantized:
+def _result(source: Path, image: NDArray[Any], how: QuantizeOptions, suffix: str, file: Mapping[str, Any]) -> Quantized:
     """Quantize an image as its file and its depth need."""
     import numpy as np
 
@@ -392,13 +398,29 @@ def _result(image: NDArray[Any], how: QuantizeOptions, suffix: str, file: Mappin
     given = {**how.target, **how.search, **how.mapping, **how.colors_of(image.dtype)}
     given = {name: value for name, value in given.items() if value is not None}
     if how.max_bytes is None:
-        return quantize(image, **given)
+        result = quantize(image, **given)
+        own = _own_palette(source, result, how)
+        return result if own is None else quantize(image, palette=own, **how.mapping)
 
     def size(result: Quantized) -> int:
         pixels, palette = result.content
         return len(encode_image(suffix, pixels, palette=palette, **file))
 
     return quantize_to_size(image, how.max_bytes, size, **given)
+
+
+def _own_palette(source: Path, result: Quantized, how: QuantizeOptions) -> NDArray[Any] | None:
+    """Return the palette of an indexed image that is reproduced exactly, so that its indices keep their meaning."""
+    n_colors = how.search.get("n_colors")
+    if result.energy or not isinstance(n_colors, int) or how.colors or result.palette.dtype.itemsize > 1:
+        return None
+    from cvtimg import read_palette
+    from cvtimg.pictures import image_info
+
+    if image_info(source).mode != "P":
+        return None
+    own = read_palette(source)
+    return own if len(own) <= n_colors and own.shape[1] == result.palette.shape[1] else None
 
 
 def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool, file: Mapping[str, Any]) -> None:

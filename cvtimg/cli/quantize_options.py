@@ -35,11 +35,12 @@ PaletteFile = Annotated[
     Path | None, Option("--palette", metavar="FILE", help="Use the colors of a palette file or of an image.")
 ]
 Lock = Annotated[
-    list[str] | None,
+    list[Any] | None,
     Option(
-        metavar="COLOR",
-        parser=options.color,
-        help="Keep this color, '#rrggbb' or '#rrggbbaa', in the palette; can be repeated.",
+        metavar="COLOR|FILE",
+        parser=options.color_or_file,
+        help="Keep a color ('#fff', '#rrggbb', '#rrggbbaa', 'white') or those of a palette file in the palette; can "
+        "be repeated.",
     ),
 ]
 Dither = Annotated[

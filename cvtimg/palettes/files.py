@@ -50,6 +50,9 @@ PALETTE_FORMATS = {
     ".act": PaletteFormat("act"),
     ".ase": PaletteFormat("ase"),
     ".css": PaletteFormat("css"),
+    ".pal": PaletteFormat("jasc"),
+    ".txt": PaletteFormat("paintnet"),
+    ".aseprite": PaletteFormat("aseprite"),
     ".png": PaletteFormat("picture"),
 }
 
@@ -60,7 +63,8 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     Parameters
     ----------
     path : str or path-like
-        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe) or .css; any other file is taken for a picture.
+        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .pal (JASC, RIFF), .txt (paint.net) or
+        .aseprite; any other file is read as an image.
 
     Returns
     -------
@@ -101,7 +105,8 @@ def write_palette(
     ----------
     path : str or path-like
         Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
-        properties) or .png (a picture with a field for each color). The palette is named after the file.
+        properties), .pal (JASC), .txt (paint.net), .aseprite or .png (an image with a field for each color). The
+        palette is named after the file.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
         Grey, RGB or RGBA, in sRGB. uint8 is written as it is; uint16 and floating point in 0..1 are rounded to
         8 bits, which is what these formats hold.

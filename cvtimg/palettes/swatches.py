@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg.pictures.formats.opening import UnfitContentError
 
-__all__ = ["Swatches", "as_palette", "hex_color", "lines_of", "with_named_alpha"]
+__all__ = ["Swatches", "as_palette", "css_color", "hex_color", "lines_of", "with_named_alpha"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +47,14 @@ def hex_color(text: str) -> tuple[int, ...]:
     if len(digits) not in (6, 8) or not all(digit in "0123456789abcdefABCDEF" for digit in digits):
         raise UnfitContentError(f"has a color {text.strip()[:40]!r}, which must be like #rrggbb or #rrggbbaa")
     return tuple(bytes.fromhex(digits))
+
+
+def css_color(text: str) -> tuple[int, ...]:
+    """Read a color as style sheets have it: in hexadecimal digits, or by its name, such as ``rebeccapurple``."""
+    from PIL import ImageColor
+
+    name = ImageColor.colormap.get(text.strip().lower())
+    return hex_color(name if isinstance(name, str) else text)
 
 
 def lines_of(content: bytes) -> list[str]:

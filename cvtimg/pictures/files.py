@@ -7,7 +7,7 @@ cannot be read or written ends in an `OSError` that says ``"{path}: {reason}"`` 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,4 +205,14 @@ def write_image(
         except ModuleNotFoundError:
             raise
         except Exception as error:  # encoders raise ValueError, OSError, SystemError and others
-            raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+            raise OSError(f"{path}: cannot be written ({one_line(_cause(file, error))})") from error
+
+
+def _cause(file: BinaryIO, error: Exception) -> Exception:
+    """Return why writing failed: encoders hide what the system said, which says it again."""
+    try:
+        file.write(bytes(1 << 16))
+        file.flush()
+    except OSError as system:
+        return system
+    return error

@@ -10,7 +10,7 @@ from typing import Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alone, check_alpha, check_count, check_non_negative
+from cvtimg._shared.checks import check_alone, check_alpha, check_count, check_keywords, check_non_negative
 from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
@@ -106,6 +106,7 @@ def quantize(
     """
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0
+    check_keywords("quantize", engine, EngineOptions.__annotations__)
     source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
     if palette is not None:
         others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}

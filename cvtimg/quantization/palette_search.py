@@ -8,7 +8,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_colors, check_count
+from cvtimg._shared.checks import check_colors, check_count, check_keywords
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -20,7 +20,7 @@ from cvtimg.colors.places import (
     to_places,
     with_alpha,
 )
-from cvtimg.colors.samples import ColorSamples
+from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.engine.methods import Method, Stopping
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -86,7 +86,7 @@ class Palette:
 
 
 def find_palette(
-    samples: ColorSamples,
+    samples: ColorSamples | ArrayLike,
     n_colors: int,
     *,
     space: str = "rgb",
@@ -97,8 +97,8 @@ def find_palette(
 
     Parameters
     ----------
-    samples : ColorSamples
-        From `color_samples`, or from `merge_samples` for one palette of several images or frames.
+    samples : ColorSamples, or (H, W) or (H, W, C) array
+        An image, its samples from `color_samples`, or from `merge_samples` for one palette of several images or frames.
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if a sample is fully transparent, the
         transparent color.
@@ -127,6 +127,9 @@ def find_palette(
     >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
     [11, 201]
     """
+    check_keywords("find_palette", engine, EngineOptions.__annotations__)
+    if not isinstance(samples, ColorSamples):
+        samples = color_samples(samples)
     samples, fixed, least = fixed_colors(samples, locked)
     check_room(n_colors, least)
     kinds = kinds_of(samples.colors, samples.alpha)

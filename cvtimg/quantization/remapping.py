@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_colors
+from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.pixels import array_of, with_mark
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
@@ -206,6 +206,8 @@ def map_samples(
     samples: ColorSamples, palette: ArrayLike, space: str, dither: str | None, dither_strength: float
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`."""
+    if dither is not None:
+        check_choice("dither", dither, dithering.DITHERS)
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
     kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]

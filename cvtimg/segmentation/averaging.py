@@ -66,7 +66,9 @@ class Averaging:
 
 def as_averaging(averaging: str | Averaging | None) -> Averaging | None:
     """Return the default `Averaging` for "before" or "after"; return another as it is."""
-    return Averaging(check_choice("averaging", averaging, WHEN)) if isinstance(averaging, str) else averaging
+    if averaging is None or isinstance(averaging, Averaging):
+        return averaging
+    return Averaging(check_choice("averaging", averaging, WHEN))
 
 
 def averaged(

@@ -23,7 +23,7 @@ from PIL import Image
 import cvtimg
 from cvtimg import read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli import cluster_command, commands, elbow_command, quantize_options, restore_command, segment_command
+from cvtimg.cli import commands, elbow_command, quantize_options, restore_command, segment_command
 from cvtimg.cli import options as _options
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
@@ -465,7 +465,7 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
         ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
         ([PICTURE, "--max-bytes", "0"], ["'0' must be a number of bytes >= 1"]),
-        ([PICTURE, "-k", "4", "--lock", "white"], ["'white' must be a color as '#rrggbb' or '#rrggbbaa'"]),
+        ([PICTURE, "-k", "4", "--lock", "loud"], ["'loud' must be a color as '#rgb', '#rrggbb'", "or a palette file"]),
         ([PICTURE, "-k", "4", "--space", "hsv"], ["--space': 'hsv' must be one of rgb, linear, lab, oklab"]),
         ([PICTURE, "-k", "4", "--dither", "bayer"], ["--dither': 'bayer' must be one of none, floyd-steinberg"]),
         ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
@@ -484,7 +484,7 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "-k", "4", "-o", "out.xyz"], [".xyz' must end in one of .png,"]),
         ([PICTURE, "-k", "4", "-o", "out"], ["out' must end in one of .png,"]),
         ([PICTURE, "-k", "4", "-o", "out.jpg"], [".jpg' must end in one of .png,"]),
-        ([PICTURE, "-k", "4", "--save-palette", "p.txt"], [".txt' must end in one of .gpl, .json"]),
+        ([PICTURE, "-k", "4", "--save-palette", "p.xyz"], [".xyz' must end in one of .gpl, .json"]),
         ([PICTURE, "-k", "4", "-o", "out.png", "--out-dir", "out"], ["-o and --out-dir exclude each other"]),
         ([PICTURE, "-k", "4", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
         (["pictures", "-k", "4"], ["5 inputs need --out-dir DIR"]),
@@ -537,7 +537,7 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
         (quantize_options.Dither, ["none", *DITHERS]),
         (elbow_command.RuleName, RULES),
         (restore_command.Renormalize, RENORMALIZATIONS),
-        (cluster_command.Missing, MISSING),
+        (_options.Missing, MISSING),
     ],
     ids=itertools.count(),  # the text of a type has addresses in it, and differs between processes
 )

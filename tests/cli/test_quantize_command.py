@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import quantize, read_image, write_image
+from cvtimg import quantize, read_image, read_palette, write_image
 from cvtimg.cli import app as cli
+from cvtimg.cli.options import color
 
 Run = Callable[..., dict[str, Any]]
 
@@ -26,7 +27,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     def run(*arguments: str) -> dict[str, Any]:
         status = cli.main(["quantize", *arguments, "-o", "out.png", "--overwrite", "--json"])
         out, err = capsys.readouterr()
-        assert (status == 0) == (err == "")
+        assert status == 0 or err
         return dict(json.loads(out)) if out else {"error": err, "status": status}
 
     return run
@@ -192,3 +193,39 @@ def test_transparency_stays_in_the_file(run: Run, picture: NDArray[Any]) -> None
         assert file.mode == "P"
         alphas = file.info["transparency"]
     assert b"\xff" not in alphas.rstrip(b"\xff")  # so that a file need not tell of the opaque ones
+
+
+@pytest.mark.parametrize(
+    ("text", "digits"),
+    [("#fff", "ffffffff"), ("#1a2b", "11aa22bb"), ("#102030", "102030ff"), ("White", "ffffffff"), ("navy", "000080ff")],
+)
+def test_colors_are_written_as_in_style_sheets(text: str, digits: str) -> None:
+    assert color(text) == digits
+
+
+def test_lock_takes_a_palette_file_beside_free_colors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photograph: NDArray[np.uint8]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_image("in.png", photograph[::4, ::4])
+    Path("house.pal").write_text("JASC-PAL\n0100\n2\n1 2 3\n250 0 250\n")
+    words = ["quantize", "in.png", "-k", "8", "--lock", "house.pal", "--lock", "white", "--save-palette", "out.hex"]
+    assert cli.main([*words, "--quiet"]) == 0
+    palette = read_palette("out.hex").tolist()
+    assert len(palette) == 8
+    for locked in ([1, 2, 3], [250, 0, 250], [255, 255, 255]):
+        assert locked in palette
+    before = Path("house.pal").read_text()
+    assert cli.main(["quantize", "in.png", "-k", "8", "--lock", "house.pal", "-o", "house.png", "--quiet"]) == 0
+    assert Path("house.pal").read_text() == before
+
+
+def test_an_indexed_image_keeps_its_indices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    palette = np.array([[200, 200, 200], [0, 0, 0], [250, 10, 10], [0, 0, 90]], np.uint8)
+    indices = np.random.default_rng(3).integers(0, 3, (12, 15)).astype(np.uint8)  # the last color is not used
+    write_image("in.png", indices, palette=palette)
+    assert cli.main(["quantize", "in.png", "-k", "16", "-o", "out.png", "--quiet"]) == 0
+    with Image.open("out.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), indices)
+    np.testing.assert_array_equal(read_palette("out.png"), palette)

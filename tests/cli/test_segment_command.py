@@ -14,7 +14,7 @@ import tifffile
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import find_contours, find_edges, read_image, write_image
+from cvtimg import find_contours, find_edges, read_image, segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.elbow.curves import auto_count
@@ -143,7 +143,7 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
         (["--write", "table.xls"], ".xls' must end in one of .csv"),
         (["--contours", "a.dxf"], ".dxf' must end in one of .svg, .geojson"),
         (["-o", "a.jpg"], ".jpg' must end in one of .png, .tif, .tiff, .npy"),
-        (["--line-color", "loud"], "'loud' must be a color as '#rrggbb'"),
+        (["--line-color", "loud"], "'loud' must be a color as '#rgb'"),
         (["--edge-mode", "thin"], "--edge-mode': 'thin' must be one of inner, outer, thick"),
         (["--averaging", "never"], "--averaging': 'never' must be one of none, before, after"),
         (["--kernel", "round"], "--kernel': 'round' must be one of gaussian, box"),
@@ -303,3 +303,13 @@ def test_options_that_would_do_nothing_are_refused(run: Run, arguments: list[str
     assert outcome.status == 2
     assert "--superpixels" in outcome.err
     assert listing() == {"rgb.png"}
+
+
+def test_auto_counts_averaging_and_edges_as_in_python(run: Run) -> None:
+    noisy = np.clip(RGB + RNG.normal(0, 40, RGB.shape), 0, 255).astype(np.uint8)
+    write_image("noisy.png", noisy)
+    words = ["--averaging", "before", "--radius", "2", "--edge-weight", "300"]
+    (row,) = run("noisy.png", "-k", "auto", "-o", "l.npy", *words).rows
+    expected = segment(noisy, "auto", averaging="before", edge_weight=300)
+    assert row["k"] == expected.n_segments
+    np.testing.assert_array_equal(np.load("l.npy"), expected.labels)

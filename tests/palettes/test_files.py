@@ -78,6 +78,31 @@ def read_png(path: Path) -> NDArray[Any]:
     return fields[: len(fields) - n_last + 1]
 
 
+def read_pal(path: Path) -> NDArray[Any]:
+    head, version, count, *rows = path.read_text().splitlines()
+    assert (head, version, int(count)) == ("JASC-PAL", "0100", len(rows))
+    return np.array([[int(word) for word in row.split()] for row in rows])
+
+
+def read_txt(path: Path) -> NDArray[Any]:
+    codes = [line for line in path.read_text().splitlines() if not line.startswith(";")]
+    assert all(len(code) == 8 for code in codes)
+    return np.array([list(bytes.fromhex(code[2:])) for code in codes])
+
+
+def read_aseprite(path: Path) -> NDArray[Any]:
+    """Find the palette chunk by its own arithmetic: header 128, frame 16, then size and kind of each chunk."""
+    content = path.read_bytes()
+    assert int.from_bytes(content[:4], "little") == len(content)
+    assert content[4:6] == b"\xe0\xa5"
+    assert content[132:134] == b"\xfa\xf1"
+    assert int.from_bytes(content[128:132], "little") == len(content) - 128
+    size, kind, n_colors = struct.unpack_from("<IHI", content, 144)
+    assert (kind, size) == (0x2019, 26 + 6 * n_colors)
+    assert content[144 + size + 4 : 144 + size + 6] == b"\x04\x20"  # a layer, without which no sprite opens
+    return np.array([list(content[at + 2 : at + 5]) for at in range(170, 170 + 6 * n_colors, 6)])
+
+
 Reader = Callable[[Path], NDArray[Any]]
 READERS: dict[str, Reader] = {
     ".json": read_json,
@@ -87,6 +112,9 @@ READERS: dict[str, Reader] = {
     ".act": read_act,
     ".ase": read_ase,
     ".png": read_png,
+    ".pal": read_pal,
+    ".txt": read_txt,
+    ".aseprite": read_aseprite,
 }
 
 
@@ -209,7 +237,12 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
         ("a.css", b"--x: #12345;", "has a color '#12345'"),
         ("a.png", b"GIMP Palette", "is not a picture that Pillow can read"),
         ("a.png", b"", "is empty"),
-        ("a.txt", b"#112233", "is not a picture that Pillow can read"),
+        ("a.xyz", b"#112233", "is not a picture that Pillow can read"),
+        ("a.txt", b"; only\n; comments", "has no colors"),
+        ("a.txt", b"FF11223", "has a color 'FF11223'"),
+        ("a.pal", b"JASC", "is not a JASC or RIFF palette"),
+        ("a.pal", b"JASC-PAL\n0100\n1\n1 2 x", "has a line that is not three or four numbers"),
+        ("a.aseprite", b"sprite", "is not an Aseprite sprite"),
     ],
 )
 def test_a_file_that_is_no_palette_is_named_with_the_reason(
@@ -378,3 +411,26 @@ def test_an_existing_file_stays_unless_asked(tmp_path: Path) -> None:
 def test_the_palette_is_named_after_the_file_in_one_line(tmp_path: Path) -> None:
     write_palette(tmp_path / "two\nlines.gpl", RGB)
     assert (tmp_path / "two\nlines.gpl").read_text().splitlines()[1] == "Name: two lines"
+
+
+def test_formats_of_other_programs_are_read(tmp_path: Path) -> None:
+    entries = [[1, 2, 3], [250, 128, 0]]
+    riff = b"PAL data" + struct.pack("<IHH", 12, 0x300, 2) + bytes([1, 2, 3, 0, 250, 128, 0, 0])
+    old = struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])
+    chunk = struct.pack("<IH", 6 + len(old), 4) + old
+    frame = struct.pack("<IHHH2xI", 16 + len(chunk), 0xF1FA, 1, 100, 0) + chunk
+    sprite = struct.pack("<IH122x", 128 + len(frame), 0xA5E0) + frame
+    files = {
+        "riff.pal": b"RIFF" + struct.pack("<I", len(riff)) + riff,
+        "jasc.pal": b"JASC-PAL\r\n0100\r\n2\r\n1 2 3\r\n250 128 0\r\n",
+        "paint.txt": b"; paint.net Palette File\r\n;\r\nFF010203\r\nFFFA8000\r\n",
+        "old.aseprite": sprite,
+        "sprite.ase": sprite,
+        "names.css": b":root { --a: #010203; --font: serif; --b: #fa8000 }",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+        assert read_palette(tmp_path / name).tolist() == entries, name
+    (tmp_path / "named.css").write_text(":root { --a: White; --b: rebeccapurple; --c: #0f08 }")
+    expected = [[255, 255, 255, 255], [102, 51, 153, 255], [0, 255, 0, 136]]
+    assert read_palette(tmp_path / "named.css").tolist() == expected

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.palettes.formats import aseprite
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -28,7 +29,12 @@ _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the colors, of groups too. CMYK is taken without a profile; Lab is that of CIE under D50."""
+    """Read the colors, of groups too. CMYK is taken without a profile; Lab is that of CIE under D50.
+
+    Aseprite uses the same suffix for its sprites, whose palettes are read as well.
+    """
+    if aseprite.is_sprite(content):
+        return aseprite.read(content)
     magic, *_, n_blocks = _HEADER.unpack_from(content)
     if magic != _MAGIC:
         raise UnfitContentError("is no Adobe Swatch Exchange file: it must begin with ASEF")

@@ -1,0 +1,91 @@
+"""Messages name the argument that people gave, and say what to do; no internals leak."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cvtimg
+from cvtimg.cli.app import main
+from cvtimg.pictures.formats import encoding
+
+IMAGE = np.random.default_rng(0).integers(0, 256, (8, 9, 3), np.uint8)
+
+
+class Tensor:
+    """Like a tensor of torch: it has an attribute `mode` that is no mode of Pillow."""
+
+    def mode(self) -> None: ...
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return IMAGE
+
+
+def test_what_has_a_mode_of_another_kind_is_an_array() -> None:
+    image: Any = Tensor()
+    np.testing.assert_array_equal(cvtimg.quantize(image, 4).image, cvtimg.quantize(IMAGE, 4).image)
+
+
+def test_find_palette_takes_an_image() -> None:
+    from cvtimg.colors import color_samples
+
+    expected = cvtimg.find_palette(color_samples(IMAGE), 4).colors
+    np.testing.assert_array_equal(cvtimg.find_palette(IMAGE, 4).colors, expected)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda **_: cvtimg.quantize("a.png", 4), r"image='a.png' must be an array; read .* cvtimg.read_image"),
+        (lambda **_: cvtimg.segment(Path("a.png"), 4), r"must be an array; read .* cvtimg.read_image"),
+        (lambda **_: cvtimg.restore(["a.png", "b.png"], 4), r"must be an array; read .* cvtimg.read_image"),
+        (lambda **_: cvtimg.superpixels("a.png", 4), r"must be an array; read .* cvtimg.read_image"),
+        (lambda **wrong: cvtimg.quantize(IMAGE, **wrong, k=4), r"quantize\(\) .* 'k'; did you mean n_colors\?"),
+        (lambda **wrong: cvtimg.quantize(IMAGE, 4, **wrong, seed=0), r"quantize\(\) .* 'seed'; did you mean rng\?"),
+        (lambda **wrong: cvtimg.find_palette(IMAGE, 4, **wrong, speed=0), r"find_palette\(\) .* 'speed'; options are"),
+        (lambda **_: cvtimg.quantize(IMAGE, 4, dither="fs"), r"dither='fs' must be one of floyd-steinberg"),
+        (lambda **_: cvtimg.segment(IMAGE, 4, averaging=True), r"averaging=True must be one of before, after"),  # type: ignore[arg-type]
+    ],
+)
+def test_wrong_arguments_are_named_as_they_were_given(call: Callable[..., Any], message: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=message):
+        call()
+
+
+def test_a_file_of_all_inputs_that_exists_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cvtimg.write_image("a.png", IMAGE)
+    Path("r.csv").write_text("mine")
+    assert main(["info", "a.png", "--report", "r.csv"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("cvtimg: r.csv: exists already")
+    assert "unexpected" not in error
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
+def test_a_full_disk_is_said_whatever_the_encoder_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("codec initialization failed")
+
+    begin = Path.open
+    monkeypatch.setattr(encoding, "_write", fail)
+    monkeypatch.setattr(Path, "open", lambda path, mode="r": begin(Path("/dev/full") if mode == "w+b" else path, mode))
+    with pytest.raises(OSError, match="no space left on device"):
+        cvtimg.write_image(tmp_path / "a.tif", IMAGE)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rows_without_a_value_can_be_dropped_by_elbow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("x,y\n1,2\n3,\n5,6\n7,9\n")
+    assert main(["elbow", "t.csv"]) == 1
+    assert "--missing drop" in capsys.readouterr().err
+    assert main(["elbow", "t.csv", "--missing", "drop", "--quiet"]) == 0
