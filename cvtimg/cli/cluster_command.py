@@ -121,7 +121,7 @@ def _cluster(
 ) -> Row:
     from cvtimg import tessellate
     from cvtimg.elbow.curves import auto_count
-    from cvtimg.tables.files import Scaling, read_table, spread, write_generators, write_labels
+    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_generators, write_labels
 
     table = read_table(task.source, **read)
     stopwatch.lap("read")
@@ -137,7 +137,7 @@ def _cluster(
     if "--generators" in task.outputs:
         write_generators(task.outputs["--generators"], table.names, generators, result.masses, overwrite=overwrite)
     stopwatch.lap("write")
-    total = spread(rows, table.weights)
+    total = energy_about_mean(rows, table.weights)
     return {
         "rows": len(rows),
         "left_out": len(table.kept) - len(rows),

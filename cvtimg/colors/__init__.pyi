@@ -1,8 +1,9 @@
-from .samples import ColorSamples, color_samples, merge_samples
+from .samples import AlphaArray, ColorSamples, color_samples, merge_samples
 from .spaces import SPACES, ColorSpace, from_space, to_depth, to_space
 
 __all__ = [
     "SPACES",
+    "AlphaArray",
     "ColorSamples",
     "ColorSpace",
     "color_samples",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alike, check_alpha, check_pixels, check_weights
+from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg.colors import _counting
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve

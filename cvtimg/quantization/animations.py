@@ -1,4 +1,4 @@
-"""Animations in few colors: one palette for all frames, or one for each."""
+"""Animations in few colors, with one palette for all frames or one for each."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class QuantizedFrames:
     durations, plays
         As in `Frames`.
     n_distinct : int
-        Distinct colors of all frames before; of the frame with the most where each has its own palette.
+        Number of distinct colors of all frames; if each frame has its own palette, of the frame with the most.
     """
 
     results: tuple[Quantized, ...]
@@ -58,12 +58,12 @@ class QuantizedFrames:
 
     @property
     def mse(self) -> float:
-        """Mean squared error of a sample over all frames."""
+        """Mean squared error per sample over all frames."""
         return float(np.mean([result.mse for result in self.results]))
 
     @property
     def psnr(self) -> float:
-        """Peak signal-to-noise ratio in dB over all frames; infinite if exact."""
+        """Peak signal-to-noise ratio in dB over all frames, infinite if exact."""
         return float(psnr(self.mse, peak(self.results[0].palette.dtype)))
 
     @property
@@ -100,9 +100,9 @@ def quantize_frames(
     frames : Frames
         From `read_frames`.
     n_colors : int
-        Size of a palette, in 1..65536, of which a .gif holds 256. Not to be given with `palette`.
+        Size of a palette, in 1..65536; a .gif holds up to 256. Not allowed with `palette`.
     per_frame : bool
-        Find a palette for each frame: of less error, but colors that stand still may change from frame to frame.
+        Find a palette for each frame. This lowers the error, but colors that stand still may change between frames.
     space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
@@ -113,7 +113,7 @@ def quantize_frames(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     Examples
     --------

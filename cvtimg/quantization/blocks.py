@@ -1,4 +1,4 @@
-"""Color quantization of Dask arrays, block by block, wherever the blocks are."""
+"""Color quantization of Dask arrays, block by block, wherever the blocks are computed."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def quantize_blocks(
 ) -> tuple[Palette, da.Array]:
     """Find the palette that represents a Dask array with the least error, and map its pixels to it lazily.
 
-    The colors of the blocks are counted, and the counts added two by two, on the cluster that Dask works with; the
-    palette is found here. `quantize` takes a Dask array too, and brings it into memory first.
+    Dask's cluster counts the colors of the blocks and adds the counts in pairs; the palette is found here. `quantize`
+    accepts a Dask array too, but loads it into memory first.
 
     Parameters
     ----------
@@ -48,15 +48,15 @@ def quantize_blocks(
     Returns
     -------
     Palette
-        The same bit by bit whatever the blocks.
+        The same, bit for bit, for any blocks.
     dask.array.Array, (H, W)
-        For each pixel the index of its color, uint8 or, of more than 256 colors, uint16: not computed yet, in the
-        blocks of the picture.
+        Index of the color of each pixel, uint8, or uint16 for more than 256 colors: not computed yet, in the blocks of
+        the image.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
 
     Examples
     --------

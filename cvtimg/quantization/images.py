@@ -233,11 +233,11 @@ class _Source:
 
     @property
     def least(self) -> int:
-        """How many colors its palettes must have."""
+        """The number of colors that its palettes must have."""
         return fixed_colors(self._samples, self._locked)[2]
 
     def quantized(self, n_colors: int, engine: EngineOptions, curve: EnergyCurve | None = None) -> Quantized:
-        """Find a palette and map the picture to it."""
+        """Find a palette and map the image to it."""
         found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
         return self.mapped(found.colors, found.tessellation, curve)
 
@@ -250,7 +250,7 @@ class _Source:
     def mapped(
         self, palette: ArrayLike, tessellation: Tessellation | None = None, curve: EnergyCurve | None = None
     ) -> Quantized:
-        """Map the picture to a palette."""
+        """Map the image to a palette."""
         result = map_samples(self._samples, palette, self._space, self._dither, self._strength)
         colors, alpha = result.palette, result.alpha
         if self._has_idle_alpha and not alpha:
@@ -269,12 +269,12 @@ class _Source:
         per_octave: float,
         engine: EngineOptions,
     ) -> dict[bool, Quantized]:
-        """Return the result of the first size of palette whose value reaches the target, under True.
+        """Return the result with the fewest colors whose value reaches the target, under True.
 
-        Under False is that of one color less; either can be missing.
+        Under False is the result with one color less; either can be missing.
 
-        Low effort tells where to look. Each trial is a search of its own, so that its result is what `quantize` gives
-        for its size: from the generators of another trial it would end at more energy.
+        A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is what
+        `quantize` returns for its size: starting from another trial would end at a higher energy.
         """
         least = self.least
         check_room(n_colors, least)

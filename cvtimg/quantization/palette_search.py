@@ -158,14 +158,14 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
 
 
 def check_room(n_colors: int, least: int) -> None:
-    """Refuse a size that no palette has, or too small a one."""
+    """Refuse a size beyond the largest palette, or below the number of colors that must be in it."""
     check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
     if n_colors < least:
         raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
 
 
 def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
-    """Leave out what cannot be seen or does not count; but if nothing opaque counts, it still needs its color."""
+    """Leave out colors that are invisible or have no weight; opaque ones without weight still need one color."""
     opaque, density = kinds == OPAQUE, samples.density
     if opaque.any() and not density[opaque].any():
         density = np.where(opaque, 1e-12 * density.max(), density)
@@ -177,7 +177,7 @@ def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
 def _opaque_palette(
     samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
-    """Find a palette where alpha plays no part: transparent colors are locked ones, and the others have none."""
+    """Find a palette where alpha plays no part: transparent colors are locked, and all others are opaque."""
     opaque = kinds_of(fixed, True) == OPAQUE
     seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]), alpha=False)
     n_left = n_colors - int(np.count_nonzero(~opaque))
@@ -190,9 +190,9 @@ def _opaque_palette(
 def _tessellated(
     samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
-    """Find a palette of more samples, with the fixed colors, than it can hold."""
+    """Find a palette for more colors than it can hold."""
     colors, density = samples.colors, samples.density
-    if samples.n_colors < n_colors:  # the engine wants as many samples as generators, locked ones too
+    if samples.n_colors < n_colors:  # the engine needs as many samples as generators, locked ones included
         colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
     alpha = samples.alpha
     places, locked = to_places(colors, space, alpha), to_places(fixed, space, alpha)
@@ -217,10 +217,10 @@ def _keep_opaque(
     end: float,
     rest: Stopping,
 ) -> NDArray[np.float64]:
-    """Make the generators of mostly opaque cells opaque, and let all move until they rest under that condition.
+    """Make the generators of mostly opaque cells opaque, and move all generators until they converge.
 
-    `kinds` are those of the places and of the locked generators, the first ones. Opaque places belong to the nearest
-    opaque generator, which has `end` for its last coordinate. No step raises the energy.
+    `kinds` are those of the places and of the locked generators, which come first. Opaque places belong to the nearest
+    opaque generator, whose last coordinate is `end`. No step raises the energy.
     """
     generators, labels = tessellation.generators.copy(), tessellation.labels
     n_generators, n_locked = len(generators), len(kinds[1])

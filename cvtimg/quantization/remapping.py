@@ -20,7 +20,7 @@ from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization import dithering
 
-#: Labels of pixels have at most 16 bits.
+#: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
 
 
@@ -238,7 +238,7 @@ def map_samples(
 
 
 def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDArray[np.int32], float]:
-    """(M,) index of the color of the palette for each sample, and the energy of that map in sRGB."""
+    """Return the (M,) index of the nearest color of each sample, and the energy of this map in sRGB."""
     alpha = samples.alpha
     kinds, kinds_of_ends = kinds_of(samples.colors, alpha), kinds_of(palette, alpha)
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
@@ -253,7 +253,7 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDAr
 def _dither(
     samples: ColorSamples, palette: NDArray[Any], space: str, method: str, strength: float
 ) -> tuple[NDArray[np.int32], float]:
-    """(H, W) index of the color of the palette for each pixel, and the energy of that map in sRGB."""
+    """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
     labels = dithering.dither(
         to_places(samples.colors, space, samples.alpha),
         samples.inverse,
@@ -272,7 +272,7 @@ def _dither(
 
 
 def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:
-    """Sum of density times squared distance from (N,) points to the places that their labels name."""
+    """Sum density times squared distance from (N,) points to the places of their labels."""
     padded = np.append(labels, np.zeros(len(points.density) - len(labels), np.int32))
     # Rounded as the points are, so that a color that is in the palette has no error.
     inside = points.frame.inward(places).astype(np.float32).astype(np.float64)
@@ -280,7 +280,7 @@ def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> 
 
 
 def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
-    """(N,) index of the nearest of (K, D) places to each point, the lowest on a tie."""
+    """Return the (N,) index of the place of (K, D) nearest to each point, the lowest on a tie."""
     inside = points.frame.inward(places)
     if points.n_dims > 1:
         return assign(points, inside)[: points.n_points]
@@ -297,7 +297,7 @@ def nearest_of_kind(
     ends: NDArray[np.float64],
     kinds_of_ends: NDArray[np.uint8],
 ) -> NDArray[np.int32]:
-    """(N,) index of the nearest of (K, D) places to each, of those that its kind may become."""
+    """Return the (N,) index of the nearest of (K, D) places, among those that the kind of each may become."""
     labels = np.empty(len(places), np.int32)
     for kind, allowed in enumerate(allowed_for(kinds_of_ends)):
         some, choice = places[kinds == kind], np.flatnonzero(allowed)

@@ -1,4 +1,4 @@
-"""One palette for many pictures: of the exact sum of their densities, whatever their order and who counted them."""
+"""One palette for many images, from the exact sum of their densities, in any order and counted anywhere."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def shared_palette(
 ) -> Palette:
     """Find the palette that represents all pixels of many images with the least error.
 
-    The densities of the pictures are added exactly, so the result is that of one picture with all their pixels, and
-    the same bit by bit whatever the order of the pictures. `map_to_palette` then brings each of them to the palette.
+    The densities of the images are added exactly: the result is that of one image with all their pixels, bit for bit,
+    in any order. `map_to_palette` then maps each image to the palette.
 
     Parameters
     ----------
     pictures : iterable of paths or (H, W) or (H, W, C) arrays
-        Taken one after the other: only the distinct colors of all are held in memory, at most 2^24 of 8-bit RGB.
-        Grey counts as RGB where there is color, opaque pictures get alpha where some have transparency, and 8 bits
-        become 16 where some have 16; floating point and bands that are no colors go with their like alone.
+        Read one after the other: memory holds only the distinct colors of all, at most 2^24 of 8-bit RGB. Grey becomes
+        RGB if there is color, opaque images get alpha if some have transparency, and 8 bits become 16 if some have
+        16; floating point, and bands that are not colors, cannot be combined with other images.
     n_colors : int
         Size of the palette, in 1..65536.
     space, locked, method, init, effort, volume_power, rng
@@ -53,9 +53,9 @@ def shared_palette(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
     OSError
-        If a picture cannot be read.
+        If an image cannot be read.
 
     Examples
     --------
@@ -71,9 +71,9 @@ def shared_palette(
 
 
 def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> ColorSamples:
-    """Count the colors of a picture, with so many bits a sample, without the way back to its pixels.
+    """Count the colors of an image, at this many bits per sample, without `inverse`.
 
-    This is what goes from worker to worker: some megabytes for a photograph of any size.
+    This is what workers exchange: a few megabytes for a photograph of any size.
     """
     image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
     alpha = says_alpha(image)
@@ -87,13 +87,13 @@ def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> Col
 
 
 def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
-    """Add two densities. Counts of pixels are whole numbers, whose sums are exact in any order."""
+    """Add two densities. Counts of pixels are integers, whose sums are exact in any order."""
     merged = merge_samples(_alike(first, second))
     return replace(merged, inverse=np.empty((0, 0), np.int32))
 
 
 def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
-    """Bring samples to one type and number of channels, if they can be."""
+    """Bring samples to one type and number of channels, if possible."""
     pair = [first, second]
     dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
     if dtypes == {"uint8", "uint16"}:
@@ -106,7 +106,7 @@ def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
 
 
 def in_fixed_order(samples: ColorSamples) -> ColorSamples:
-    """Sort colors: those that a table counted have their order from it, others from which came first."""
+    """Sort colors: a table of counts has its own order, a hash table that of the first occurrences."""
     order = np.lexsort(samples.colors.T[::-1])
     in_order = replace(samples, rows=samples.colors[order], density=samples.density[order])
     return merge_samples([in_order]) if samples.in_order else in_order

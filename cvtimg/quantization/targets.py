@@ -1,4 +1,4 @@
-"""The least number of colors that reaches a target, by few trials."""
+"""The smallest number of colors that reaches a target, in few trials."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ def first_reaching(
     Parameters
     ----------
     measure : callable
-        Grows with n, by and large; each trial is dear.
+        Grows with n, more or less; each trial is expensive.
     target : float
-        What is to be reached.
+        Value to reach.
     least, most : int
         Range of n.
     first : int
-        Where to begin.
+        First trial.
     per_octave : float
-        About how much it grows from n to 2 n, of use until two trials tell.
+        Approximate growth from n to 2 n, used until two trials tell.
     """
     below, reaching = least - 1, most + 1
     n = min(max(first, least), most)
@@ -38,7 +38,7 @@ def first_reaching(
 
 
 def _next(trials: list[tuple[int, float]], target: float, below: int, reaching: int, per_octave: float) -> int:
-    """Follow the line through the last two trials; each sixth time halve what is left, in case it is far from one."""
+    """Follow the line through the last two trials; every sixth time bisect, in case the values are far from a line."""
     (n, value), tried = trials[-1], {trial[0] for trial in trials}
     if not math.isfinite(value) or (len(trials) % 6 == 0 and reaching in tried):
         return round(math.sqrt(max(below, 1) * reaching))

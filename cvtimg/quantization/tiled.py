@@ -1,4 +1,4 @@
-"""Color quantization of pictures larger than memory: once through the file to count, once to map."""
+"""Color quantization of images larger than memory: one pass through the file to count colors, one to map them."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ __all__ = ["QuantizedFile", "quantize_file"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantizedFile:
-    """What became of a picture that is only on disk.
+    """The result of quantizing an image on disk.
 
     Attributes
     ----------
-    palette, tessellation
+    palette, tessellation, alpha
         As in `Quantized`.
     shape : tuple of int
-        Shape of the picture: (H, W) or (H, W, C).
+        Shape of the image: (H, W) or (H, W, C).
     energy : float
-        As in `Quantized`: exact, whether `exact` is true or not.
+        As in `Quantized`; exact even if `exact` is false.
     n_distinct : int
-        Distinct colors of the picture before; where `exact` is false and pixels have more than three bytes, how many
-        were told apart at a time.
+        Number of distinct colors of the original; if `exact` is false and pixels have more than three bytes, the
+        largest number held at a time.
     exact : bool
-        Whether the palette is that of all these colors: up to 2^22 (`cvtimg.counting.MOST_COLORS`). Beyond,
-        neighbours were taken together when it was sought.
+        Whether the palette was found from all distinct colors. Beyond 2^22 (`cvtimg.colors.counting.MOST_COLORS`),
+        neighboring colors were merged first.
     """
 
     palette: NDArray[Any]
@@ -60,7 +60,7 @@ class QuantizedFile:
 
     @property
     def mse(self) -> float:
-        """Mean squared error of a sample, alpha apart."""
+        """Mean squared error per sample, alpha not counted."""
         return float(self.energy / (prod(self.shape[:2]) * (self.palette.shape[1] - self.alpha)))
 
     @property
@@ -82,20 +82,20 @@ def quantize_file(
 ) -> QuantizedFile:
     """Quantize an image on disk, of any size.
 
-    The palette is that of the whole picture: no seams. Memory does not grow with the picture: some bands of about 2^23
-    pixels (`cvtimg.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22 distinct colors,
-    beyond which neighbours are taken together: under 2 GiB for RGB.
+    The palette is that of the whole image, so there are no seams. Memory does not grow with the image: a few strips of
+    about 2^23 pixels (`cvtimg.pictures.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22
+    distinct colors, beyond which neighbors are merged: under 2 GiB for RGB.
 
     Parameters
     ----------
     source : path
-        A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: uint8, uint16 or
-        floating point, (H, W) or (H, W, C).
+        A TIFF or BigTIFF in tiles or strips, or a Zarr array in a folder that ends in .zarr: uint8, uint16 or floating
+        point, (H, W) or (H, W, C). The last band is alpha if the file says so.
     target : path
-        Ends in .tif, .tiff or .zarr. Up to 256 colors of 8-bit RGB make an indexed TIFF; a Zarr array holds the
-        picture in its new colors. Color profile and place on Earth stay as they are in a TIFF.
+        Ends in .tif, .tiff or .zarr. Up to 256 colors of 8-bit RGB are written as an indexed TIFF; a Zarr array holds
+        the image in its new colors. A TIFF keeps the color profile and the georeference.
     n_colors : int
-        Size of the palette, in 1..65536; not to be given with `palette`.
+        Size of the palette, in 1..65536; not allowed with `palette`.
     space, palette, locked, method, init, effort, volume_power, rng
         As in `quantize`.
     overwrite : bool
@@ -108,9 +108,9 @@ def quantize_file(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it, its value and what is allowed.
     OSError
-        If a file cannot be read by tiles, or written.
+        If a file cannot be read in tiles, or written.
 
     Examples
     --------
@@ -152,10 +152,10 @@ def quantize_file(
 
 
 class _Mapping:
-    """The bands of a picture in the colors of a palette, and the energy of those that were given."""
+    """The strips of an image in the colors of a palette, and the energy of those done so far."""
 
     def __init__(self, bands: Bands, palette: NDArray[Any], space: str, may_be_indexed: bool) -> None:
-        # One pixel tells how palettes and pictures of unequal channels agree.
+        # One pixel shows how a palette and an image of unequal channels agree.
         form = bands.form
         white = np.full((1, 1, *form.shape[2:]), peak(form.dtype), form.dtype)
         pixel = map_to_palette(white, palette, alpha=form.alpha, space=space)

@@ -1,6 +1,6 @@
 """Files with columns: text with a delimiter, and NumPy arrays in ``.npy`` files.
 
-Both know the names of their columns, read some of them as numbers, and say in people's words where a row is.
+Both know the names of their columns, read columns as numbers, and say where a row is.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["Columns", "open_columns"]
 
 _NO_VALUE = frozenset({"", "na", "n/a", "#n/a", "<na>", "nan", "null", "none"})
 _DELIMITERS = "\t;,"
-#: More rows at once take longer, for Python then tidies up among more lists.
+#: More rows at once take longer, because Python then collects garbage among more lists.
 _ROWS_AT_ONCE = 1024
 
 
@@ -49,16 +49,16 @@ class Columns(Protocol):
         """Read (M, C) values, NaN where one is missing."""
 
     def place(self, row: int) -> str:
-        """Word for people where a row is."""
+        """Say where a row is."""
 
 
 def open_columns(path: Path) -> Columns:
-    """Open a ``.npy`` file as an array, and any other as text.
+    """Open a ``.npy`` file as an array, and any other file as text.
 
     Raises
     ------
     ValueError
-        If it is not what its suffix says; the message names it.
+        If its content does not fit its suffix; the message names the file.
     OSError
         If it cannot be read.
     """
@@ -72,7 +72,7 @@ class _Array:
         self.path = path
         with path.open("rb") as file:
             try:
-                # Not np.load, which would read archives, too.
+                # Not np.load, which would also read archives.
                 self._array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
             except (ValueError, EOFError) as error:
                 raise ValueError(f"{path}: is not a whole .npy file of numbers ({one_line(error)})") from error
@@ -126,7 +126,7 @@ class _Text:
         return f"line {self._line(row + 1 if self.named else row)}"
 
     def _line(self, number: int) -> int:
-        """Find the line that row `number` of the file ends in: not every line is a row."""
+        """Find the line in which row `number` of the file ends: not every line is a row."""
         with self._rows(self._delimiter) as (rows, reader):
             next(islice(rows, number, None))
             return int(reader.line_num)
@@ -137,7 +137,7 @@ class _Text:
             if len(by_column) == self._n_fields:
                 return np.stack([np.fromiter(map(float, by_column[c]), float, len(rows)) for c in columns], axis=1)
         except ValueError:
-            pass  # to be looked at one by one
+            pass  # read the rows one by one
         return np.array([self._row(row, columns, n_before + number) for number, row in enumerate(rows)])
 
     def _row(self, row: list[str], columns: Sequence[int], number: int) -> list[float]:
@@ -168,7 +168,7 @@ class _Text:
     def _sniff(self) -> tuple[str, list[str], list[str] | None]:
         """Guess the delimiter, and return it with the first two rows.
 
-        It gives two rows of the same number of values. A comma comes last, for it may divide numbers.
+        It gives two rows the same number of values. A comma comes last, as it may be a decimal separator.
         """
         found = []
         for delimiter in _DELIMITERS:
@@ -183,7 +183,7 @@ class _Text:
 
     @contextmanager
     def _rows(self, delimiter: str) -> Iterator[tuple[Iterator[list[str]], Any]]:
-        """Open the file; yield its rows but for lines with nothing in them, and the reader that counts lines."""
+        """Open the file; yield its rows, without empty lines, and the reader, which counts lines."""
         with self._opened() as file:
             reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
             yield filter(None, reader), reader

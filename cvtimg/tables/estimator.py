@@ -29,46 +29,46 @@ __all__ = ["CVT"]
 class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseEstimator):  # type: ignore[misc]
     """Centroidal Voronoi tessellation of the rows of a table.
 
-    The estimator for those who have scikit-learn's pipelines and searches; `cvtimg.tessellate` is the same as a
-    function, and can do more.
+    An estimator for scikit-learn's pipelines and searches; `cvtimg.tessellate` is the same as a function, with more
+    options.
 
     Parameters
     ----------
     n_clusters : int
         Number of generators, at most the number of samples.
     method : str
-        How generators move, by its name in `cvtimg.engine.METHODS`.
+        How generators move: a name in `cvtimg.engine.METHODS`.
     init : {"split", "k-means++", "maximin", "random"} or (n_clusters, n_features) array
-        Initial generators. From given ones the iteration starts as they are, without a search.
+        Initial generators. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
-        How long to look for a low energy.
+        How much work to spend on finding a low energy.
     random_state : int, RandomState instance or None
-        An int is the seed, as `rng` is of `tessellate`. From a RandomState the seed is drawn, so that every fit has
-        another; None stands for NumPy's global one.
+        An int is the seed, like `rng` of `tessellate`. A RandomState draws a new seed for each fit; None uses NumPy's
+        global one.
 
     Attributes
     ----------
     cluster_centers_ : (n_clusters, n_features) array
-        Generators, in the order of their first coordinate, then of the second and so on, or of `init` where that
-        is an array. They are fewer where there are fewer distinct samples of positive weight.
+        Generators, sorted by their coordinates, or in the order of `init` if that is an array. There are fewer if there
+        are fewer distinct samples of positive weight.
     labels_ : (n_samples,) int32 array
-        For each sample the index of its nearest generator.
+        Index of the nearest generator of each sample.
     inertia_ : float
-        Energy: sum of weight times squared distance to the nearest generator. If the method "transfer" is stopped
-        before it rests, this is lower than the last of `energies_`, where a sample may be in another cell.
+        Energy: sum of weight times squared distance to the nearest generator. If the method "transfer" stops before it
+        converges, this is lower than the last of `energies_`, in which a sample may belong to another cell.
     energies_ : (n_iter_ + 1,) array
-        The energy before each step of the iteration and at its end; it never rises.
+        Energy before each step of the iteration and at the end; it never rises.
     n_iter_ : int
-        Steps of the iteration.
+        Number of steps of the iteration.
     n_features_in_ : int
-        Columns of the samples.
+        Number of columns of the samples.
     feature_names_in_ : (n_features_in_,) array of str
-        Their names, where they have any.
+        Names of the columns, if they have names.
 
     Warns
     -----
     ConvergenceWarning
-        If there are fewer distinct samples than clusters. Each is its own generator then, and the energy is 0.
+        If there are fewer distinct samples than clusters. Each is then its own generator, and the energy is 0.
 
     See Also
     --------
@@ -76,11 +76,10 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
 
     Notes
     -----
-    The words of the papers and those of scikit-learn: generators are cluster centers, a tessellation is a clustering,
-    a cell is a cluster, the density is the sample weight, the energy is the inertia.
+    In scikit-learn's terms, generators are cluster centers, a tessellation is a clustering, a cell is a cluster, the
+    density is the sample weight, and the energy is the inertia.
 
-    Samples are compared in float32 after the center of the generators was taken from them. Centers are float32 if the
-    samples are.
+    Samples are compared in float32, relative to the center of the generators. Centers are float32 if the samples are.
 
     References
     ----------
@@ -119,7 +118,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         X : (n_samples, n_features) array-like
             Samples, finite and dense.
         y : ignored
-            For scikit-learn's sake.
+            Present for compatibility with scikit-learn.
         sample_weight : (n_samples,) array-like, optional
             Density: weights >= 0 and not all 0, 1 each by default.
 
@@ -130,7 +129,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Raises
         ------
         TypeError, ValueError
-            If a parameter or an argument is not what is said here; the message names it.
+            If a parameter or an argument is invalid; the message names it, its value and what is allowed.
         """
         rows = self._rows(X, reset=True)
         weights = _weights(sample_weight, len(rows))
@@ -187,7 +186,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         X : (n_samples, n_features) array-like
             Samples.
         y : ignored
-            For scikit-learn's sake.
+            Present for compatibility with scikit-learn.
         sample_weight : (n_samples,) array-like, optional
             Density, 1 each by default.
 
@@ -227,9 +226,9 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         )
 
     def _tessellate_distinct(self, rows: NDArray[Any], weights: NDArray[np.float64]) -> Tessellation:
-        """Tessellate the distinct samples, for the engine has found too few."""
+        """Tessellate the distinct samples, of which the engine found too few."""
         weighted = np.flatnonzero(weights > 0)
-        # Distinct for the engine, that is in float32.
+        # Distinct as the engine sees them, in float32.
         places = pack(rows, weights).rows(weighted).astype(np.float32)
         _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
         distinct = rows[weighted[first]]
@@ -247,19 +246,19 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return result if n_found < len(distinct) else replace(result, generators=distinct.astype(np.float64))
 
     def _measure(self, rows: NDArray[Any], weights: NDArray[np.float64] | None) -> tuple[NDArray[np.int32], float]:
-        """Return the label of the nearest generator for each sample, and the energy."""
-        # The center depends on the generators alone, so that a sample has one label in any company.
+        """Return the index of the nearest generator of each sample, and the energy."""
+        # The center depends only on the generators, so that a label does not depend on the other samples.
         center: NDArray[np.float64] = np.mean(self.cluster_centers_, axis=0, dtype=np.float64)
         density = np.ones(len(rows)) if weights is None else weights
         points = pack(rows, density, center=center)
-        # Rounded as the samples are: one that is a generator has no energy.
+        # Rounded as the samples are, so that a sample that is a generator has no energy.
         generators = points.frame.inward(self.cluster_centers_).astype(np.float32).astype(np.float64)
         labels = assign(points, generators)
         return labels[: len(rows)], points.frame.energy(float(cell_energies(points, generators, labels).sum()))
 
 
 def _in_order(generators: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sort generators, so that rounding that makes the engine find them in another order changes no label."""
+    """Sort generators, so that labels do not depend on the order in which the engine finds them."""
     return generators[np.lexsort(generators.astype(np.float32).T[::-1])]
 
 

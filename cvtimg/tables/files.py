@@ -1,4 +1,4 @@
-"""Tables of numbers on disk: rows and weights in, labels and generators out.
+"""Tables of numbers on disk: rows and weights are read, labels and generators written.
 
 A table is text with a delimiter, such as CSV, or a NumPy array in a ``.npy`` file. Its columns have names.
 """
@@ -25,18 +25,18 @@ __all__ = [
     "MISSING",
     "Scaling",
     "Table",
+    "energy_about_mean",
     "find_tables",
     "read_table",
-    "spread",
     "write_generators",
     "write_labels",
 ]
 
-#: What to do with rows that lack a value.
+#: What to do with rows that have missing values.
 MISSING = ("error", "drop")
 #: Suffixes of files of labels.
 LABEL_SUFFIXES = (".csv", ".npy")
-#: Suffixes by which tables in a folder are known; a file that is named is read whatever its suffix.
+#: Suffixes of the tables in a folder; a file that is named is read whatever its suffix.
 TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
 
 
@@ -51,9 +51,9 @@ class Table:
     rows : (N, D) float64 array
         Finite.
     weights : (N,) float64 array or None
-        Finite and >= 0, if there is a column of weights.
+        Finite and >= 0, if a column of weights was selected.
     kept : (M,) bool array
-        For each row of the file, whether it is in `rows`; the others lack a value.
+        Whether each row of the file is in `rows`; the others have missing values.
     """
 
     names: tuple[str, ...]
@@ -81,15 +81,15 @@ def read_table(
     Parameters
     ----------
     path : str or path-like
-        An array (N,), (N, D) or structured in a ``.npy`` file; whatever ends otherwise is text in UTF-8 with commas,
-        semicolons or tabs between values, which may be in double quotes. Lines with nothing in them are no rows.
+        A ``.npy`` file with an (N,), (N, D) or structured array; any other file is UTF-8 text with commas, semicolons
+        or tabs between values, which may be in double quotes. Empty lines are ignored.
     columns : sequence of str, optional
-        Names of the columns to take, in this order; all but `weight` by default. Columns without names are called
-        col0, col1 and so on, or 0, 1 and so on for short.
+        Names of the columns to read, in this order; all but `weight` by default. Columns without names are called
+        col0, col1, ..., or 0, 1, ... for short.
     weight : str, optional
         Column of weights.
     missing : {"error", "drop"}
-        What to do with rows where a value that is to be read is missing: empty, NaN, NA, null or none.
+        What to do with rows in which a selected value is missing: empty, NaN, NA, null or none.
 
     Returns
     -------
@@ -98,15 +98,15 @@ def read_table(
     Raises
     ------
     ValueError
-        If the file is no such table, or a column is not there or is not of finite numbers; the message names file,
-        line and column.
+        If the file is not such a table, or a column is missing or not numeric; the message names file, line and
+        column.
     OSError
         If the file cannot be read.
 
     Notes
     -----
-    The first line of text names the columns if none of its values is a number, or if in some column it has no
-    number and the second line has one. No point but ``.`` divides a number.
+    The first line of text names the columns if none of its values is a number, or if in some column it has no number
+    but the second line has one. The decimal separator is ``.``.
 
     Examples
     --------
@@ -149,14 +149,14 @@ def read_table(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
-    """Columns of mean 0 and variance 1, and the way back to their own units.
+    """Scales columns to mean 0 and variance 1, and back to their own units.
 
     Attributes
     ----------
     means : (D,) float64 array
         Weighted means.
     deviations : (D,) float64 array
-        Weighted standard deviations; 1 for a column that is constant.
+        Weighted standard deviations; 1 for constant columns.
     """
 
     means: NDArray[np.float64]
@@ -164,10 +164,10 @@ class Scaling:
 
     @classmethod
     def of(cls, rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Scaling:
-        """Measure (N, D) rows and their (N,) weights, 1 each by default."""
+        """Measure (N, D) rows with (N,) weights, 1 by default."""
         means = np.average(rows, axis=0, weights=weights)
         deviations = np.sqrt(np.average((rows - means) ** 2, axis=0, weights=weights))
-        # The mean of equal numbers need not equal them to the last bit.
+        # The mean of equal numbers may differ from them in the last bit.
         constant = np.ptp(rows if weights is None else rows[weights > 0], axis=0) == 0
         return cls(means, np.where(constant | (deviations == 0), 1.0, deviations))
 
@@ -177,13 +177,13 @@ class Scaling:
         return standardized
 
     def undo(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Bring standardized rows back to their own units."""
+        """Convert standardized rows back to their own units."""
         original: NDArray[np.float64] = rows * self.deviations + self.means
         return original
 
 
-def spread(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
-    """Sum of weight times squared distance to the mean: the energy of a single generator."""
+def energy_about_mean(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
+    """Return the sum of weight times squared distance to the mean: the energy of a single generator."""
     squares = ((rows - np.average(rows, axis=0, weights=weights)) ** 2).sum(axis=1)
     return float(squares.sum() if weights is None else np.einsum("n,n->", weights, squares))
 
@@ -194,12 +194,11 @@ def write_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *
     Parameters
     ----------
     path : str or path-like
-        Ends in .csv: a line ``label``, and a line for each row. Or in .npy: an (M,) int32 array.
+        Ends in .csv, for a line ``label`` and then one line per row, or in .npy, for an (M,) int32 array.
     labels : (N,) integer array
-        Of the rows that were kept.
+        Labels of the rows that were kept.
     kept : (M,) bool array
-        Rows that were kept. The label of another is ``""`` in a .csv, which is not taken for an empty line, and -1
-        in a .npy.
+        Rows that were kept. The label of any other row is ``""`` in a .csv, which is no empty line, and -1 in a .npy.
     overwrite : bool
         Replace an existing file.
 
@@ -240,9 +239,9 @@ def write_generators(
     names : sequence of str
         Names of the columns.
     generators : (K, D) array
-        A line for each, in the order of the labels.
+        One line each, in the order of the labels.
     masses : (K,) array
-        Mass of each cell; two more columns, ``mass`` and ``share`` of all, tell it.
+        Mass of each cell, written to two more columns, ``mass`` and ``share`` of the total.
     overwrite : bool
         Replace an existing file.
 
@@ -265,7 +264,7 @@ def find_tables(path: StrPath) -> list[Path]:
     Parameters
     ----------
     path : str or path-like
-        A folder stands for all files in it and below that end in .csv, .tsv or .npy, hidden ones left out.
+        A folder stands for all files in it and below that end in .csv, .tsv or .npy, except hidden ones.
 
     Returns
     -------
@@ -287,7 +286,7 @@ def find_tables(path: StrPath) -> list[Path]:
 
 
 def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) -> list[int]:
-    """Return the numbers of the columns to take, that of the weights last."""
+    """Return the numbers of the columns to read, that of the weights last."""
     places = {name: number for number, name in enumerate(source.names)}
     for number, name in enumerate(source.names):
         if places[name] != number:
@@ -304,10 +303,10 @@ def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) 
     last = [] if weight is None else [place(weight)]
     chosen = [n for n in range(len(source.names)) if n not in last] if columns is None else list(map(place, columns))
     if not chosen:
-        raise ValueError(f"{source.path}: has no column to take")
+        raise ValueError(f"{source.path}: has no column to read")
     for number, name in zip(chosen, columns or (), strict=False):
         if number in last:
-            raise ValueError(f"{source.path}: column {name!r} is the weight, and not one to take")
+            raise ValueError(f"{source.path}: column {name!r} is the weight, and cannot be read as a value too")
         if chosen.count(number) > 1:
             raise ValueError(f"{source.path}: column {name!r} is named more than once")
     return chosen + last

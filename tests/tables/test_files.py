@@ -13,7 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.tables.files import Scaling, Table, find_tables, read_table, spread, write_generators, write_labels
+from cvtimg.tables.files import (
+    Scaling,
+    Table,
+    energy_about_mean,
+    find_tables,
+    read_table,
+    write_generators,
+    write_labels,
+)
 
 RNG = np.random.default_rng(5)
 
@@ -174,8 +182,8 @@ def test_a_row_without_a_weight_is_left_out_and_one_that_lacks_what_is_not_read_
         ("a,b\n1,2\n", {"columns": ["c"]}, "column 'c' must be one of a, b"),
         ("a,b\n1,2\n", {"columns": ["0"]}, "column '0' must be one of a, b"),
         ("a,b\n1,2\n", {"columns": ["a", "a"]}, "column 'a' is named more than once"),
-        ("a,b\n1,2\n", {"columns": ["b"], "weight": "b"}, "column 'b' is the weight, and not one to take"),
-        ("a\n1\n", {"weight": "a"}, "has no column to take"),
+        ("a,b\n1,2\n", {"columns": ["b"], "weight": "b"}, "column 'b' is the weight, and cannot be read as a value too"),
+        ("a\n1\n", {"weight": "a"}, "has no column to read"),
         ("a,a\n1,2\n", {}, "column name 'a' occurs more than once"),
         ("a,b\n,2\n1,\n", {"missing": "drop"}, "has no row without a missing value"),
         (b"\xff\xfea\x00", {}, "is not text in UTF-8"),
@@ -232,7 +240,7 @@ def test_a_missing_value_in_an_array_is_named_by_its_row_from_0(tmp_path: Path) 
         (np.zeros((2, 2, 2)), r"array of shape \(2, 2, 2\) must be"),
         (np.float64(3), r"array of shape \(\) must be"),
         (np.zeros((0, 3)), "has no rows"),
-        (np.zeros((3, 0)), "has no column to take"),
+        (np.zeros((3, 0)), "has no column to read"),
         (np.array([[1j]]), "column 'col0' of type complex128 is not of numbers"),
         (np.array([["x"]]), "column 'col0' of type <U1 is not of numbers"),
         (np.zeros(2, [("a", "f8", 2)]), "column 'a' of type .* is not of numbers"),
@@ -285,9 +293,9 @@ def test_a_constant_column_becomes_0_not_noise(weights: NDArray[Any] | None) -> 
     np.testing.assert_allclose(Scaling.of(rows, weights).apply(rows), 0, atol=1e-15)
 
 
-def test_spread_is_the_energy_of_one_generator() -> None:
-    assert spread(np.array([[0.0, 0], [0, 2], [4, 1]]), np.array([1, 1, 2.0])) == 18
-    assert spread(np.array([[1.0], [3.0]])) == 2
+def test_the_energy_about_the_mean_is_the_energy_of_one_generator() -> None:
+    assert energy_about_mean(np.array([[0.0, 0], [0, 2], [4, 1]]), np.array([1, 1, 2.0])) == 18
+    assert energy_about_mean(np.array([[1.0], [3.0]])) == 2
 
 
 # Writing
