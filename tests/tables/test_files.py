@@ -182,7 +182,11 @@ def test_a_row_without_a_weight_is_left_out_and_one_that_lacks_what_is_not_read_
         ("a,b\n1,2\n", {"columns": ["c"]}, "column 'c' must be one of a, b"),
         ("a,b\n1,2\n", {"columns": ["0"]}, "column '0' must be one of a, b"),
         ("a,b\n1,2\n", {"columns": ["a", "a"]}, "column 'a' is named more than once"),
-        ("a,b\n1,2\n", {"columns": ["b"], "weight": "b"}, "column 'b' is the weight, and cannot be read as a value too"),
+        (
+            "a,b\n1,2\n",
+            {"columns": ["b"], "weight": "b"},
+            "column 'b' is the weight, and cannot be read as a value too",
+        ),
         ("a\n1\n", {"weight": "a"}, "has no column to read"),
         ("a,a\n1,2\n", {}, "column name 'a' occurs more than once"),
         ("a,b\n,2\n1,\n", {"missing": "drop"}, "has no row without a missing value"),
