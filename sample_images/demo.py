@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import quantize, read_image, restore, segment, superpixels, write_image
+from cvtimg import mosaic, quantize, read_image, restore, segment, stipple, superpixels, write_image
 from cvtimg.colors import color_samples
 from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
 from cvtimg.quantization import Quantized
@@ -96,8 +96,8 @@ def run(out: Path) -> None:
     )
     print(f"{len(PICTURES) * len(N_COLORS)} images are in {out}; {sheet} shows them side by side")
     uses = out / "uses.png"
-    write_image(uses, contact_sheet([segmented("coffee.png"), restored()]), overwrite=True)
-    print(f"{uses} shows segments, superpixels and an image restored from three damaged versions")
+    write_image(uses, contact_sheet([segmented("coffee.png"), restored(), art()]), overwrite=True)
+    print(f"{uses} shows segments, superpixels, a restored image, stipples and mosaics")
 
 
 def segmented(name: str) -> list[Panel]:
@@ -120,6 +120,21 @@ def restored() -> list[Panel]:
     result = restore(versions, 6)
     shown = [Panel(version, ("noise, holes and a gap",)) for version in versions]
     return [*shown, Panel(result.image, ("restored",), result.colors.astype(np.uint8))]
+
+
+def art() -> list[Panel]:
+    """Show a portrait in dots, a photograph in dots of four inks, and mosaics of it."""
+    portrait, cup = read_image(FOLDER / "astronaut.png"), read_image(FOLDER / "coffee.png")
+    dots = stipple(portrait, 8000, dots="equal-mass")
+    inks = stipple(cup, 20000, dots="sized", layers="cmyk")
+    return [
+        Panel(dots.draw(scale=2), (f"{len(dots):,} dots",)),
+        Panel(inks.draw(scale=2), (f"{len(inks):,} dots in four inks",)),
+        *(
+            Panel(mosaic(cup, 800, shape=shape).draw(), (f"a mosaic of 800 {shape}",))
+            for shape in ("cells", "triangles")
+        ),
+    ]
 
 
 def quantized(image: NDArray[Any], n_colors: int, path: Path) -> Outcome:

@@ -40,7 +40,7 @@ def draw_dots(
     [[0.8125, 0.8125], [0.8125, 0.8125]]
     """
     height, width = (max(round(side * scale), 1) for side in shape)
-    centers, sizes = np.ascontiguousarray(points * scale), np.ascontiguousarray(radii * scale)
+    centers, sizes = (np.ascontiguousarray(array * scale, np.float64) for array in (points, radii))
     starts, disks = _disks_of_rows(centers[:, 1], sizes, height)
     coverage = np.empty((height, width), np.float32)
 
