@@ -321,8 +321,9 @@ def _quantize(
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
         colors = how.colors_of(open_bands(task.source).form.dtype)
         return quantize_in_tiles(task, stopwatch, {**how.of_palette, **colors}, overwrite=overwrite)
-    image = read_image(task.source)
-    file = {"metadata": _metadata(task, keep_all=how.keep_metadata), "optimize": how.optimize}
+    keep_profile = how.keep_metadata and not how.colors  # colors that are given are in sRGB
+    image = read_image(task.source, keep_profile=keep_profile)
+    file = {"metadata": _metadata(task, how.keep_metadata, keep_profile), "optimize": how.optimize}
     stopwatch.lap("read")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -347,12 +348,12 @@ def _quantize(
     }
 
 
-def _metadata(task: Task, *, keep_all: bool) -> Metadata | None:
+def _metadata(task: Task, keep_all: bool, keep_profile: bool) -> Metadata | None:
     """Return what to keep of a file; its georeference is kept in any case, as it tells what the pixels are."""
     from cvtimg.pictures import Metadata, read_metadata
 
     if keep_all:
-        return replace(read_metadata(task.source), nodata=None)
+        return replace(read_metadata(task.source, keep_profile=keep_profile), nodata=None)
     tiffs = {path.suffix.lower() for path in (task.source, task.output)} <= {".tif", ".tiff"}
     return Metadata(geo=read_metadata(task.source).geo) if tiffs else None
 

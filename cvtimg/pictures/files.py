@@ -1,7 +1,7 @@
-"""Pictures and files on disk: the only part of cvtimg that reads or writes pictures.
+"""Image files of one image: read as an upright sRGB array, and written whole or not at all.
 
-A picture comes in as an upright sRGB array and goes out whole or not at all. Every file that
-cannot be read or written ends in an `OSError` that says ``"{path}: {reason}"`` in one line.
+A file that cannot be read or written ends in an `OSError` that says ``"{path}: {reason}"`` in one line. Animations are
+in `frames`, files of several pages in `pages`, images larger than memory in `tiles`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suffixes
 from cvtimg.pictures.formats.header import ImageInfo, read_header
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
-from cvtimg.pictures.formats.opening import reading
+from cvtimg.pictures.formats.opening import Source, reading
 
 __all__ = [
     "ImageInfo",
@@ -36,35 +36,41 @@ __all__ = [
 ]
 
 
-def read_image(path: StrPath) -> NDArray[Any]:
-    """Read a picture as an upright sRGB array.
+def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
+    """Read an image as an upright sRGB array.
 
     Parameters
     ----------
-    path : str or path-like
-        Any raster picture that Pillow reads, TIFF of any samples and bands, or a .npy array (H, W) or (H, W, C).
-        Of several frames or pages the first is taken.
+    source : path, bytes or binary file
+        Any raster format that Pillow reads (PNG, JPEG, TIFF, WebP, GIF, BMP, AVIF and others), TIFF of any samples and
+        bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Of an animation the first frame is
+        read; of files with several pages, `read_pages` reads all.
+    keep_profile : bool
+        Leave colors as they are under an RGB profile, such as Display P3, in place of converting them to sRGB; to be
+        written with ``read_metadata(source, keep_profile=True)``.
 
     Returns
     -------
     ndarray, (H, W) or (H, W, C), C-contiguous
-        uint8 (H, W) for 1-bit and grey; uint8 (H, W, 3) for RGB, palette, CMYK, YCbCr and LAB;
-        uint8 (H, W, 4) for whatever has transparency; uint16 of the same shapes for 16 bits, grey or RGB, in PNG and
-        TIFF. Floating point stays float32 or float64, integers of other types become uint16 where they are in
-        0..65535, else floating point. Bands that are no colors give (H, W, C) with all of them, C >= 2.
+        uint8 (H, W) for 1-bit and gray; uint8 (H, W, 3) for RGB, palette, CMYK, YCbCr and LAB; uint8 (H, W, 4) for
+        images with transparency; uint16 of the same shapes for 16-bit gray or RGB in PNG and TIFF. Floating point
+        stays float32 or float64; integers of other types become uint16 if they are in 0..65535, else floating point.
+        Bands that are not colors give (H, W, C) with all of them, C >= 2.
 
     Raises
     ------
     OSError
-        If the file cannot be read; `FileNotFoundError`, `IsADirectoryError` and
+        If the file cannot be read, or has several pages; `FileNotFoundError`, `IsADirectoryError` and
         `PermissionError` where they apply.
 
     Notes
     -----
-    16-bit RGB is brought to sRGB at its full depth. Grey beyond 8 bits, floating point and bands that are no colors
-    are taken for measurements: their values stay as they are, without colour profile. Of a TIFF with three colors and
-    one more band without a meaning all four bands come, which others then take for transparency; `image_info` tells
-    them apart.
+    The orientation in EXIF is applied. Colors are converted to sRGB by the ICC profile of the file, if it has one, and
+    16-bit RGB at its full depth; CMYK is converted by its profile, or without one by plain complement. Gray beyond
+    8 bits, floating point and bands that are not colors are taken for measurements: their values stay as they are.
+
+    The last band is transparency only where the file says so; `image_info` tells. A TIFF with three colors and one
+    more band without a meaning gives all four bands.
 
     Examples
     --------
@@ -74,20 +80,20 @@ def read_image(path: StrPath) -> NDArray[Any]:
     ...     read_image(f"{folder}/a.png").shape
     (2, 3, 3)
     """
-    with reading(path) as file:
-        image = decode(file)
+    with reading(source) as file:
+        image = decode(file, keep_profile=keep_profile)
         if image.shape[2:] != (4,):
             return image
         file.seek(0)
         return with_mark(image, read_header(file).has_alpha)
 
 
-def image_info(path: StrPath) -> ImageInfo:
-    """Read what the header of a picture says, and no pixels.
+def image_info(source: Source) -> ImageInfo:
+    """Read the header of an image file, and no pixels.
 
     Parameters
     ----------
-    path : str or path-like
+    source : path, bytes or binary file
         As in `read_image`.
 
     Returns
@@ -108,22 +114,24 @@ def image_info(path: StrPath) -> ImageInfo:
     >>> info.width, info.height, info.bits
     (3, 2, 16)
     """
-    with reading(path) as file:
+    with reading(source) as file:
         return read_header(file)
 
 
-def read_metadata(path: StrPath) -> Metadata:
-    """Read what can be kept of a picture file beside the pixels, for `write_image`.
+def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
+    """Read what can be kept of an image file beside the pixels, for `write_image`.
 
     Parameters
     ----------
-    path : str or path-like
+    source : path, bytes or binary file
         As in `read_image`.
+    keep_profile : bool
+        Whether `read_image` keeps the profile, too.
 
     Returns
     -------
     Metadata
-        Color profile, pixels an inch, EXIF without orientation, and where a GeoTIFF lies; of a TIFF of bands, the
+        Color profile, pixels per inch, EXIF without orientation, and where a GeoTIFF lies; for a TIFF of bands, the
         last alone.
 
     Raises
@@ -140,8 +148,8 @@ def read_metadata(path: StrPath) -> Metadata:
     >>> round(across), round(down)
     (300, 300)
     """
-    with reading(path) as file:
-        return decode_metadata(file)
+    with reading(source) as file:
+        return decode_metadata(file, keep_profile=keep_profile)
 
 
 def write_image(
@@ -154,19 +162,19 @@ def write_image(
     optimize: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a picture whole or not at all, in the format that the suffix names.
+    """Write an image whole or not at all, in the format that the suffix names.
 
     Parameters
     ----------
     path : str or path-like
-        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .npy, .jpg or .jpeg.
+        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .npy, .jpg or .jpeg,
+        or .avif where Pillow has it.
     image : ndarray
         (H, W) bool, uint8 or uint16, or (H, W, 3) or (H, W, 4) uint8 or uint16 (in .png and .tif), in sRGB. A .tif or
         .npy takes any bands of integers, float32 or float64. With a palette (H, W) integers in 0..K-1.
     palette : ndarray, (K, 3) or (K, 4) uint8, 1 <= K <= 256, optional
-        Writes an indexed picture, a PNG of the smallest of 1, 2, 4 and 8 bits that holds K
-        colours. A format without palette or without its transparency gets the same colours as
-        RGB or RGBA. No format that loses colours is taken.
+        Writes an indexed image; a PNG of 1, 2, 4 or 8 bits per pixel, as K needs. Formats without palettes, or without
+        transparency in them, get the same colors as RGB or RGBA. Lossy formats are refused.
     alpha : bool, optional
         Whether the last band is transparency; by default that of four. Other bands than gray, RGB and alpha fit into
         a .tif or a .npy.

@@ -65,7 +65,7 @@ def test_a_bad_picture_fails_alone(
 ) -> None:
     Path("in/bad.png").write_text("no picture")
     assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", scheduler, "--quiet", *options]) == 1
-    assert capsys.readouterr().err == "cvtimg: in/bad.png: is not a picture that Pillow can read\n"
+    assert capsys.readouterr().err == "cvtimg: in/bad.png: cannot be read: unknown image format\n"
     assert len(list(Path("out").iterdir())) == len(PICTURES)
 
 

@@ -318,7 +318,7 @@ def damage(path: Path, kind: str) -> None:
 BAD = {
     "missing": "no such file",
     "directory": "no picture in this folder",
-    "text": "is not a picture that Pillow can read",
+    "text": "cannot be read: unknown image format",
     "empty": "is empty",
     "truncated": "is truncated",
 }

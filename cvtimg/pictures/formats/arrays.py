@@ -55,9 +55,11 @@ def decode_npy(file: BinaryIO) -> NDArray[Any]:
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
 
-def npy_header(path: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array on disk."""
-    values = _checked(np.load(path, mmap_mode="r", allow_pickle=False))
+def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array, of which a file on disk is not read."""
+    name = getattr(file, "name", None)
+    whole = np.load(file, allow_pickle=False) if name is None else np.load(name, mmap_mode="r", allow_pickle=False)
+    values = _checked(whole)
     return values.shape, values.dtype
 
 

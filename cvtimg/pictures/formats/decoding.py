@@ -32,7 +32,7 @@ _UPRIGHT = {
 }
 
 
-def decode(file: BinaryIO) -> NDArray[Any]:
+def decode(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
     """Give the pixels in a file as `read_image` does."""
     magic = file.read(8)
     file.seek(0)
@@ -46,15 +46,15 @@ def decode(file: BinaryIO) -> NDArray[Any]:
         if not magic.startswith(TIFF_MAGICS):
             raise
         _check_alone(file)
-        return decode_tiff(file)
+        return decode_tiff(file, keep_profile=keep_profile)
     with image:
         if image.format == "TIFF":
             _check_alone(file)
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
-            return decode_tiff(file)
+            return decode_tiff(file, keep_profile=keep_profile)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
-            return decode_deep_png(file, image)
-        return decode_opened(image)
+            return decode_deep_png(file, image, keep_profile=keep_profile)
+        return decode_opened(image, keep_profile=keep_profile)
 
 
 def _check_alone(file: BinaryIO) -> None:
@@ -66,7 +66,7 @@ def _check_alone(file: BinaryIO) -> None:
         raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
 
 
-def decode_opened(image: ImageFile.ImageFile) -> NDArray[Any]:
+def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[Any]:
     """Give the pixels of the frame or page that Pillow is at."""
     bits = depth(image)  # asked first: load() forgets how the file is coded
     image.load()
@@ -75,7 +75,7 @@ def decode_opened(image: ImageFile.ImageFile) -> NDArray[Any]:
     upright = image if turn is None else image.transpose(turn)
     if image.mode.startswith(("I", "F")):
         return as_samples(np.array(upright))
-    return np.array(to_srgb(upright))
+    return np.array(to_srgb(upright, keep_profile=keep_profile))
 
 
 def depth(image: ImageFile.ImageFile) -> int:
@@ -98,14 +98,14 @@ def _scale_transparent_color(image: Image.Image, bits: int) -> None:
         image.info["transparency"] = color * 255 // (2**bits - 1)
 
 
-def to_srgb(image: Image.Image) -> Image.Image:
-    """Bring an 8-bit picture of any mode to L, RGB or RGBA in sRGB."""
+def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
+    """Bring an 8-bit image of any mode to L, RGB or RGBA, in sRGB or, if it is RGB, as its profile has it."""
     icc = image.info.get("icc_profile")
     grey = image.mode in ("1", "L", "LA")
     opaque = "L" if grey else "CMYK" if image.mode == "CMYK" else "RGB"
     mode = "RGBA" if image.has_transparency_data else opaque
     plain = image if image.mode == mode else image.convert(mode)
-    if icc:
+    if icc and not (keep_profile and opaque == "RGB"):
         from cvtimg.pictures.profiles import apply_profile
 
         plain = apply_profile(plain, icc, grey)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from io import BytesIO
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
@@ -56,6 +57,8 @@ _PNG = _Format("PNG", ("P", *_PLAIN), True, {"compress_level": 3}, _ALL)
 _TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
 # No chroma subsampling: overlays and flat segments have edges of pure colour.
 _JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
+# AVIF loses a little at any quality.
+_AVIF = _Format("AVIF", ("RGB", "RGBA"), False, {"quality": 90, "subsampling": "4:4:4"}, ("icc_profile", "exif"))
 _FORMATS = {
     ".png": _PNG,
     ".tif": _TIFF,
@@ -70,6 +73,7 @@ _FORMATS = {
     ".jpg": _JPEG,
     ".jpeg": _JPEG,
     ".npy": _Format("NPY", (*_PLAIN, _OTHER), True, {}),
+    **({".avif": _AVIF} if find_spec("PIL._avif") else {}),
 }
 _WIDER = {"1": "L", "L": "RGB"}
 _CONTENT = {
@@ -93,7 +97,7 @@ def encode_image(
     metadata: Metadata | None = None,
     optimize: bool = False,
 ) -> bytes:
-    """Give what `write_image` would write into a file of this suffix.
+    """Return the bytes of an image file, as `write_image` writes it.
 
     Parameters
     ----------
@@ -113,7 +117,7 @@ def encode_image(
 
     Examples
     --------
-    >>> from cvtimg.pictures.formats.encoding import encode_image
+    >>> from cvtimg.pictures import encode_image
     >>> encode_image(".png", np.zeros((2, 3), np.uint8))[1:4]
     b'PNG'
     """

@@ -76,7 +76,7 @@ def read_header(file: BinaryIO) -> ImageInfo:
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
-        shape, dtype = npy_header(file.name)
+        shape, dtype = npy_header(file)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
     if magic.startswith(FITS_MAGIC):
         values = decode_fits(file)

@@ -103,7 +103,7 @@ def _serves(icc: bytes | None, mode: str) -> bool:
     return profile_space(icc) == ("GRAY" if mode in ("1", "L", "I;16") else "RGB")
 
 
-def decode_metadata(file: BinaryIO) -> Metadata:
+def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
     """Tell what can be kept of a file, as `read_metadata` does."""
     try:
         image = open_picture(file)
@@ -116,9 +116,10 @@ def decode_metadata(file: BinaryIO) -> Metadata:
         if dpi and exif.get(0x0112, 1) >= 5:
             dpi = dpi[::-1]
         if icc:
-            from cvtimg.pictures.profiles import kept_profile
+            from cvtimg.pictures.profiles import kept_profile, profile_space
 
-            icc = kept_profile(icc, image.mode)
+            as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
+            icc = icc if as_it_is else kept_profile(icc, image.mode)
         return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata)
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import errno
 import logging
 import math
+import os
+import sys
 import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 
@@ -20,15 +23,19 @@ from cvtimg.files.whole import StrPath
 
 __all__ = [
     "PNG_MAGIC",
+    "Source",
     "UnfitContentError",
     "check_size",
     "limit_pixels",
+    "name_of",
     "open_picture",
     "orientation",
     "pixels_limited",
     "reading",
 ]
 
+#: A stream of more bytes for each pixel that an image may have is no image.
+_BYTES_PER_PIXEL = 16
 #: What every PNG begins with.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
@@ -73,19 +80,55 @@ class UnfitContentError(ValueError):
     """A file is not what it should be; the message says what it is, for people."""
 
 
+#: What an image is read from: a path, the bytes of a file, or a file that is open for reading bytes.
+Source: TypeAlias = StrPath | bytes | bytearray | memoryview | BinaryIO
+
+
 @contextmanager
-def reading(path: StrPath) -> Iterator[BinaryIO]:
-    """Open a file to read a picture from it; whatever fails in the block is the file's fault and says so."""
+def reading(source: Source) -> Iterator[BinaryIO]:
+    """Open a source to read an image from it; whatever fails in the block is the source's fault and says so."""
+    path = name_of(source)
     try:
-        if Path(path).is_dir():  # Windows would say "permission denied"
-            raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
-        with _QUIET, Path(path).open("rb") as file:
+        with _QUIET, _opened(source) as file:
             yield file
     # On damaged files Pillow and tifffile raise nearly every class there is: SyntaxError, struct.error,
     # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
     except Exception as error:
         known = isinstance(error, OSError) and error.errno is not None
-        raise (type(error) if known else OSError)(f"{path}: {_why_unread(path, error)}") from error
+        raise (type(error) if known else OSError)(f"{path}: {_why_unread(source, error)}") from error
+
+
+def name_of(source: Source) -> str:
+    """Name a source in messages."""
+    if isinstance(source, (str, os.PathLike)):
+        return os.fspath(source)
+    return "bytes" if isinstance(source, (bytes, bytearray, memoryview)) else str(getattr(source, "name", "stream"))
+
+
+@contextmanager
+def _opened(source: Source) -> Iterator[BinaryIO]:
+    """Open a path or bytes; a file that is open stays so. All can be sought in, as decoders do."""
+    if isinstance(source, (str, os.PathLike)):
+        if Path(source).is_dir():  # Windows would say "permission denied"
+            raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
+        with Path(source).open("rb") as file:
+            # Some decoders seek, which a pipe cannot.
+            yield file if file.seekable() else BytesIO(_all_of(file))
+    elif isinstance(source, (bytes, bytearray, memoryview)):
+        yield BytesIO(source)
+    else:
+        yield BytesIO(_all_of(source))
+
+
+def _all_of(file: BinaryIO) -> bytes:
+    """Read a stream to its end, if it holds bytes, and not more than an image can have."""
+    most = _most_pixels() * _BYTES_PER_PIXEL
+    content = file.read(int(min(most, sys.maxsize - 1)) + 1)
+    if not isinstance(content, bytes):
+        raise UnfitContentError("must be open for reading bytes, mode 'rb'")
+    if len(content) > most:
+        raise Image.DecompressionBombError
+    return content
 
 
 def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
@@ -139,12 +182,17 @@ def _most_pixels() -> float:
     return 2 * Image.MAX_IMAGE_PIXELS if Image.MAX_IMAGE_PIXELS is not None else math.inf
 
 
-def _why_unread(path: StrPath, error: Exception) -> str:
+def _is_empty(source: Source) -> bool:
+    if isinstance(source, (str, os.PathLike)):
+        return Path(source).is_file() and Path(source).stat().st_size == 0
+    return isinstance(source, (bytes, bytearray, memoryview)) and len(source) == 0
+
+
+def _why_unread(source: Source, error: Exception) -> str:
     if isinstance(error, FileNotFoundError):
         return "no such file"
     if isinstance(error, UnidentifiedImageError):
-        empty = Path(path).stat().st_size == 0
-        return "is empty" if empty else "is not a picture that Pillow can read"
+        return "is empty" if _is_empty(source) else "cannot be read: unknown image format"
     if isinstance(error, UnfitContentError) or (isinstance(error, OSError) and error.errno is not None):
         return one_line(error)
     if isinstance(error, Image.DecompressionBombError):

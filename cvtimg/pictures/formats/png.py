@@ -29,7 +29,7 @@ _FLAT = 1 / 8  # of the bytes are left by level 1
 _OPTIMIZATION = 4  # the least that sorts the palette
 
 
-def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.uint16]:
+def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[np.uint16]:
     """Read uint16 (H, W, 3), or (H, W, 4) with transparency; `image` is the same file, opened by Pillow."""
     import imagecodecs
 
@@ -41,7 +41,7 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.ui
     icc = image.info.get("icc_profile")
     # Pillow would decode all pixels to look for EXIF behind them.
     has_exif = "exif" in image.info or b"eXIf" in content
-    if icc:
+    if icc and not keep_profile:
         from cvtimg.pictures.profiles import convert_deep
 
         values = convert_deep(values, icc)

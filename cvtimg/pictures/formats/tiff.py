@@ -91,7 +91,7 @@ class Layout:
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
 
 
-def decode_tiff(file: BinaryIO) -> NDArray[Any]:
+def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
     """Read the first page: (H, W) for one sample a pixel, else (H, W, C), or with transparency (H, W, 4)."""
     import tifffile
 
@@ -99,7 +99,7 @@ def decode_tiff(file: BinaryIO) -> NDArray[Any]:
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
         values = _channels_last(page.asarray(maxworkers=n_threads()), page.axes)
-    return upright(finished(values, tags), _first(tags.get(_ORIENTATION, 1)))
+    return upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(_ORIENTATION, 1)))
 
 
 def is_plain(tags: Tags) -> bool:
@@ -108,7 +108,7 @@ def is_plain(tags: Tags) -> bool:
     return tags.get(_PHOTOMETRIC) in (1, _RGB) and Layout.of(tags).bits >= 8 and upright
 
 
-def finished(values: NDArray[Any], tags: Tags) -> NDArray[Any]:
+def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) -> NDArray[Any]:
     """Bring samples to the full range of their type, to straight alpha and, with 16 bits, to sRGB."""
     values = as_samples(values)
     layout = Layout.of(tags)
@@ -118,7 +118,7 @@ def finished(values: NDArray[Any], tags: Tags) -> NDArray[Any]:
         values = _divide_by_alpha(values)
     if layout.alpha and values.shape[2] == 2:
         values = values[..., [0, 0, 0, 1]]
-    icc = icc_profile(tags)
+    icc = None if keep_profile else icc_profile(tags)
     if icc and values.dtype == np.uint16 and values.ndim == 3 and values.shape[2] == 3 + layout.alpha:
         from cvtimg.pictures.profiles import convert_deep
 
