@@ -2,7 +2,7 @@ from .components import absorb_small, connected_pieces, join_regions
 from .contours import Contours, Polygon, find_contours
 from .edges import find_edges
 from .figures import region_means, region_table, run_lengths
-from .files import write_labels, write_table
+from .files import label_colors, read_labels, write_labels, write_table
 from .formats import CONTOUR_FORMATS, write_contours
 from .formats.coco import write_coco
 from .formats.drawing import Drawing
@@ -19,6 +19,8 @@ __all__ = [
     "find_contours",
     "find_edges",
     "join_regions",
+    "label_colors",
+    "read_labels",
     "region_means",
     "region_table",
     "run_lengths",

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from colorsys import hsv_to_rgb
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_labels
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.formats.numbers import shortest
-from cvtimg.pictures.files import Metadata, write_image
+from cvtimg.pictures.files import Metadata, read_indices, write_image
 
 #: Suffixes of files of labels.
 LABEL_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
@@ -27,7 +29,8 @@ def write_labels(
     ----------
     path : str or path-like
         Ends in .png, .tif, .tiff or .npy. A PNG or TIFF has 8 bits per pixel for labels up to 255 and 16 bits up to
-        65535; a TIFF has 32 bits beyond. A .npy file holds an int32 array.
+        65535; a TIFF has 32 bits beyond. A .npy file holds an int32 array. A PNG of up to 255 labels is indexed: its
+        indices are the labels, shown in distinct colors, with 0 in black.
     labels : (H, W) integer array
         0 or higher.
     metadata : Metadata, optional
@@ -57,7 +60,59 @@ def write_labels(
     if suffix == ".png" and n_bytes == 4:
         raise ValueError(f"{path}: has labels up to {numbers.max()}, and .png holds 65535; use .tif or .npy")
     stored = numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}")
-    write_image(path, stored, metadata=metadata, overwrite=overwrite)
+    palette = label_colors(int(numbers.max())) if suffix == ".png" and n_bytes == 1 else None
+    write_image(path, stored, palette=palette, metadata=metadata, overwrite=overwrite)
+
+
+def read_labels(path: StrPath) -> NDArray[np.int32]:
+    """Read labels that `write_labels` or another program wrote, whatever colors show them.
+
+    Parameters
+    ----------
+    path : str or path-like
+        An indexed or gray image of at most 32 bits, or a .npy array of whole numbers.
+
+    Returns
+    -------
+    (H, W) int32 array
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    TypeError, ValueError
+        If it does not hold labels.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_labels(f"{folder}/labels.png", [[0, 1, 200]])
+    ...     read_labels(f"{folder}/labels.png").tolist()
+    [[0, 1, 200]]
+    """
+    values = read_indices(path)
+    if values.dtype.kind == "f" and np.array_equal(values, np.rint(values)):
+        values = values.astype(np.int64)  # as integers of 32 bits are read
+    return check_labels("labels", values)
+
+
+def label_colors(n_labels: int) -> NDArray[np.uint8]:
+    """Return (n_labels + 1, 3) colors, black for label 0 and distinct ones for the others.
+
+    Hues follow the golden ratio, so that labels that are near each other look different, and brightness changes in
+    steps of its own.
+
+    Examples
+    --------
+    >>> label_colors(2).tolist()
+    [[0, 0, 0], [242, 48, 48], [60, 98, 189]]
+    """
+    golden, steps = (5**0.5 - 1) / 2, ((0.8, 0.95), (0.68, 0.74), (0.45, 1.0))
+    colors = [(0.0, 0.0, 0.0)]
+    for label in range(n_labels):
+        colors.append(hsv_to_rgb(label * golden % 1, *steps[label % len(steps)]))
+    return np.rint(np.array(colors) * 255).astype(np.uint8)
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:

@@ -1,4 +1,4 @@
-from .files import ImageInfo, Metadata, encode_image, image_info, read_image, read_metadata, write_image
+from .files import ImageInfo, Metadata, encode_image, image_info, read_image, read_indices, read_metadata, write_image
 from .frames import Frames, is_animated, read_frames, write_frames
 from .pages import Pages, count_pages, read_pages, write_pages
 from .tiles import Bands, Form, open_bands, write_bands
@@ -17,6 +17,7 @@ __all__ = [
     "open_bands",
     "read_frames",
     "read_image",
+    "read_indices",
     "read_metadata",
     "read_pages",
     "write_bands",

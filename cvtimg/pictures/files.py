@@ -30,6 +30,7 @@ __all__ = [
     "image_info",
     "lossless_suffixes",
     "read_image",
+    "read_indices",
     "read_metadata",
     "whole_file",
     "write_image",
@@ -86,6 +87,33 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
             return image
         file.seek(0)
         return with_mark(image, read_header(file).has_alpha)
+
+
+def read_indices(source: Source) -> NDArray[Any]:
+    """Read the samples of an image as numbers: the indices of one with a palette, and others as `read_image` does.
+
+    Parameters
+    ----------
+    source : path, bytes or binary file
+        As in `read_image`.
+
+    Returns
+    -------
+    (H, W) or (H, W, C) array
+
+    Raises
+    ------
+    OSError
+        As `read_image` does.
+
+    Examples
+    --------
+    >>> palette = np.array([[255, 0, 0], [0, 0, 255]], np.uint8)
+    >>> read_indices(encode_image(".png", np.array([[0, 1, 1]]), palette=palette)).tolist()
+    [[0, 1, 1]]
+    """
+    with reading(source) as file:
+        return decode(file, indices=True)
 
 
 def image_info(source: Source) -> ImageInfo:

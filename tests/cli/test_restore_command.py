@@ -12,6 +12,7 @@ from damaging import card, damage, psnr
 
 from cvtimg import read_image, restore, write_image
 from cvtimg.cli import app as cli
+from cvtimg.labels import read_labels
 from cvtimg.segmentation import Averaging
 
 Run = Callable[..., tuple[int, str, str]]
@@ -39,7 +40,7 @@ def test_it_writes_what_the_function_returns(run: Run) -> None:
     assert run("v_*.png", "-k", "4", "-o", "whole.png", "--labels", "labels.png")[0] == 0
     result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], 4)
     np.testing.assert_array_equal(read_image("whole.png"), result.image)
-    np.testing.assert_array_equal(read_image("labels.png"), result.labels)
+    np.testing.assert_array_equal(read_labels("labels.png"), result.labels)
     assert psnr(result.image / 255, CLEAN) > 28
 
 

@@ -18,7 +18,7 @@ from cvtimg import find_contours, find_edges, read_image, segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.elbow.curves import auto_count
-from cvtimg.labels import region_table
+from cvtimg.labels import read_labels, region_table
 from cvtimg.labels.figures import run_lengths
 from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
@@ -67,7 +67,7 @@ def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
     assert list(row) == KEYS
     assert (row["output"], row["k"], row["edge_weight"], row["left_out"]) == ("rgb-labels.png", 3, 0, 0)
     assert (row["width"], row["height"], row["channels"]) == (50, 40, 3)
-    labels = read_image("rgb-labels.png")
+    labels = read_labels("rgb-labels.png")
     assert np.unique(labels).tolist() == [1, 2, 3]
     brightness = [RGB[labels == label].mean() for label in (1, 2, 3)]
     assert brightness == sorted(brightness)

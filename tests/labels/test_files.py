@@ -16,12 +16,15 @@ import pytest
 import tifffile
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
+from PIL import Image
+from skimage.color import rgb2lab
 
-from cvtimg import find_contours, read_image
+from cvtimg import find_contours
 from cvtimg.labels import (
     CONTOUR_FORMATS,
     Drawing,
     Polygon,
+    read_labels,
     region_table,
     write_coco,
     write_contours,
@@ -30,6 +33,7 @@ from cvtimg.labels import (
     write_svg,
     write_table,
 )
+from cvtimg.pictures import read_indices
 
 RNG = np.random.default_rng(4)
 LABELS = np.kron(RNG.integers(0, 5, (5, 7)), np.ones((3, 2), int))
@@ -68,9 +72,24 @@ def test_labels_come_back_from_the_least_depth_that_holds_them(
     if name.endswith(".npy"):
         back = np.load(tmp_path / name)
     else:
-        back = tifffile.imread(tmp_path / name) if ".tif" in name else read_image(tmp_path / name)
+        back = tifffile.imread(tmp_path / name) if ".tif" in name else read_indices(tmp_path / name)
     assert back.dtype == dtype
     np.testing.assert_array_equal(back, labels)
+    np.testing.assert_array_equal(read_labels(tmp_path / name), labels)
+
+
+def test_labels_in_a_png_can_be_seen_apart(tmp_path: Path) -> None:
+    labels = np.arange(256).reshape(16, 16)
+    write_labels(tmp_path / "a.png", labels)
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.mode == "P"
+        np.testing.assert_array_equal(np.asarray(picture), labels)  # what other programs read
+        seen = rgb2lab(np.asarray(picture.convert("RGB")) / 255).reshape(256, 3)
+    assert seen[0].tolist() == [0, 0, 0]
+    assert seen[1:, 0].min() > 30  # of 100
+    for step in (1, 2, 3):
+        assert np.linalg.norm(seen[1 + step :] - seen[1:-step], axis=1).min() > 20
+    assert len(np.unique(seen, axis=0)) == 256
 
 
 def test_labels_that_a_file_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:

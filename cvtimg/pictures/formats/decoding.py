@@ -32,8 +32,8 @@ _UPRIGHT = {
 }
 
 
-def decode(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
-    """Give the pixels in a file as `read_image` does."""
+def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
+    """Give the pixels in a file as `read_image` does; with `indices` those of a palette in place of its colors."""
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
@@ -50,6 +50,8 @@ def decode(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
     with image:
         if image.format == "TIFF":
             _check_alone(file)
+        if indices and image.mode == "P" and orientation(image) == 1:
+            return np.array(image)
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
             return decode_tiff(file, keep_profile=keep_profile)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
