@@ -405,7 +405,8 @@ def _result(source: Path, image: NDArray[Any], how: QuantizeOptions, suffix: str
 
     def size(result: Quantized) -> int:
         pixels, palette = result.content
-        return len(encode_image(suffix, pixels, palette=palette, **file))
+        alpha = result.alpha if palette is None and pixels.ndim == 3 else None
+        return len(encode_image(suffix, pixels, palette=palette, alpha=alpha, **file))
 
     return quantize_to_size(image, how.max_bytes, size, **given)
 
@@ -428,7 +429,8 @@ def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool, file
     from cvtimg import write_image, write_palette
 
     pixels, palette = result.content
-    write_image(outputs["-o"], pixels, palette=palette, overwrite=overwrite, **file)
+    alpha = result.alpha if palette is None and pixels.ndim == 3 else None
+    write_image(outputs["-o"], pixels, palette=palette, alpha=alpha, overwrite=overwrite, **file)
     if "--save-palette" in outputs:
         import numpy as np
 

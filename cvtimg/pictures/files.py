@@ -204,8 +204,8 @@ def write_image(
         Writes an indexed image; a PNG of 1, 2, 4 or 8 bits per pixel, as K needs. Formats without palettes, or without
         transparency in them, get the same colors as RGB or RGBA. Lossy formats are refused.
     alpha : bool, optional
-        Whether the last band is transparency; by default that of four. Other bands than gray, RGB and alpha fit into
-        a .tif or a .npy.
+        Whether the last band is transparency. By default as `read_image` and `quantize` mark it; the last of four
+        unmarked bands is in .png and .webp, and is a band like others in .tif and .npy.
     metadata : Metadata, optional
         What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
         gets the first part of EXIF alone, and none with 16-bit color or bands.

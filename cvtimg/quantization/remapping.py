@@ -92,7 +92,8 @@ class Quantized:
         from cvtimg.pictures.files import write_image
 
         pixels, palette = self.content
-        write_image(path, pixels, palette=palette, overwrite=overwrite)
+        alpha = self.alpha if palette is None and pixels.ndim == 3 else None
+        write_image(path, pixels, palette=palette, alpha=alpha, overwrite=overwrite)
 
     @property
     def image(self) -> NDArray[Any]:

@@ -36,8 +36,8 @@ FLOATS = RNG.normal(size=(5, 7, 6)).astype(np.float32)
 @pytest.mark.parametrize("image", [GREY, RGB, RGBA], ids=["grey", "rgb", "rgba"])
 def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
     path = tmp_path / f"a{suffix}"
-    write_image(path, image)
-    np.testing.assert_array_equal(read_image(path), image, strict=True)
+    write_image(path, image, alpha=image is RGBA)
+    np.testing.assert_array_equal(np.asarray(read_image(path)), image, strict=True)
     info = image_info(path)
     assert (info.height, info.width, info.bits) == (5, 7, 16)
     assert info.has_alpha is (image is RGBA and suffix != ".npy")
@@ -46,7 +46,7 @@ def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: NDA
 @pytest.mark.parametrize("image", [RGB, RGBA], ids=["rgb", "rgba"])
 def test_other_programs_read_our_16_bit_color(tmp_path: Path, image: NDArray[Any]) -> None:
     write_image(tmp_path / "a.png", image)
-    write_image(tmp_path / "a.tif", image)
+    write_image(tmp_path / "a.tif", image, alpha=image is RGBA)
     np.testing.assert_array_equal(imagecodecs.png_decode((tmp_path / "a.png").read_bytes()), image)
     np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), image)
     for name in ("a.png", "a.tif"):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
 from cvtimg.pictures.formats.tiff import encode_tiff
@@ -142,7 +143,7 @@ def encoder(
     if palette is not None and not form.lossless:
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
-    picture = _direct(image, alpha) if palette is None else _indexed(image, palette, form)
+    picture = _direct(image, _has_alpha(image, alpha, form)) if palette is None else _indexed(image, palette, form)
     while isinstance(picture, Image.Image) and picture.mode not in form.modes and picture.mode in _WIDER:
         picture = picture.convert(_WIDER[picture.mode])
     mode = _mode(picture)
@@ -183,7 +184,16 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata)
         encode_tiff(file, picture.values, alpha=picture.alpha, **given, geo=metadata.geo, nodata=metadata.nodata)
 
 
-def _direct(image: NDArray[Any], alpha: bool | None) -> Image.Image | _Samples:
+def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
+    """Whether the last band is transparency: as is said, or as the image says, or as a format of four bands has it."""
+    if np.ndim(image) < 3 or np.shape(image)[2] < 2:
+        return False
+    if alpha is not None:
+        return alpha
+    return says_alpha(image) or (np.shape(image)[2] == 4 and _OTHER not in form.modes)
+
+
+def _direct(image: NDArray[Any], alpha: bool) -> Image.Image | _Samples:
     """Check an array, and return it as a Pillow image if there is such a kind."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
@@ -193,8 +203,7 @@ def _direct(image: NDArray[Any], alpha: bool | None) -> Image.Image | _Samples:
             "or float64, or (H, W) bool, and have pixels"
         )
     values = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
-    n_bands = values.shape[2] if values.ndim == 3 else 1
-    samples = _Samples(values, n_bands == 4 if alpha is None else alpha and n_bands > 1)
+    samples = _Samples(values, alpha)
     return samples if _mode(samples) in (*_DEEP, _OTHER) else Image.fromarray(values)
 
 
