@@ -109,20 +109,9 @@ INLINE void sort_owners(struct owners all)
     }
 }
 
-/* 1 / (2 (x_i - x_j)), for i > j; DBL_MAX where one lies above the other. */
-INLINE void invert_steps(struct owners sorted, double *inverse)
-{
-    for (ptrdiff_t i = 1; i < sorted.n; i++)
-        for (ptrdiff_t j = 0; j < i; j++) {
-            double step = sorted.x[i] - sorted.x[j];
-            inverse[i * MOST_SORTED + j] = step > 0 ? 0.5 / step : DBL_MAX;
-        }
-}
-
 /* The intervals of a row: the lower envelope of the owners' parabolas, kept as a stack. Returns how many there are.
  * `starts` gets one more entry, the end. */
-INLINE int cut_row(struct owners sorted, const double *inverse, double y, double from, double to, int *own,
-                   double *starts)
+INLINE int cut_row(struct owners sorted, double y, double from, double to, int *own, double *starts)
 {
     double height[MOST_SORTED];
     int top = 0;
@@ -134,8 +123,8 @@ INLINE int cut_row(struct owners sorted, const double *inverse, double y, double
     for (int i = 1; i < sorted.n; i++) {
         double start;
         for (;;) {
-            double step = inverse[i * MOST_SORTED + own[top]], rise = height[i] - height[own[top]];
-            start = step < DBL_MAX ? rise * step : rise < 0 ? -DBL_MAX : DBL_MAX;
+            double step = sorted.x[i] - sorted.x[own[top]], rise = height[i] - height[own[top]];
+            start = step > 0 ? 0.5 * rise / step : rise < 0 ? -DBL_MAX : DBL_MAX;
             if (start > starts[top])
                 break;
             if (--top < 0)

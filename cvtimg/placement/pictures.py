@@ -173,9 +173,12 @@ class _WhereMassIs:
     def __init__(self, moments: PixelMoments) -> None:
         self._density = moments.density
         self._scale = moments.scale
-        self._nearest: NearestPixel | None = None  # most pictures never need it
+        self._everywhere = bool(moments.density.min() > 0)
+        self._nearest: NearestPixel | None = None  # made when it is needed first
 
     def __call__(self, there: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._everywhere:
+            return there
         places = there * self._scale
         x, y = (
             np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(places.T, self._density.shape[::-1], strict=True)
