@@ -34,11 +34,12 @@ def exposures(clean: NDArray[np.float64], sigma: float, seed: int = 0) -> list[N
     return [one + sigma * rng.standard_normal(clean.shape) for one in (rays, dusty, hot, passed)]
 
 
-@pytest.mark.parametrize("options", [{}, {"detail": True}], ids=str)
+@pytest.mark.parametrize("options", [{}, pytest.param({"detail": True}, marks=pytest.mark.slow)], ids=str)
 def test_what_is_added_in_one_exposure_is_left_out(options: dict[str, Any]) -> None:
     clean = read_image(SAMPLES / "europe_night.png")[20:260, 100:400] / 255
     versions = exposures(clean, 0.08)
     median = psnr(np.median(versions, axis=0), clean)
+    options = {"effort": "fast", **options}
     result = restore(versions, 16, **options)
     assert psnr(result.image, clean) > median + 2
     assert psnr(restore(versions, 16, hidden=None, **options).image, clean) < psnr(result.image, clean) - 3
