@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_most, check_choice, check_in_unit_range
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
-from cvtimg.labels.components import connected_pieces
 from cvtimg.quantization import _dithering
 from cvtimg.quantization.nearest_grid import MAX_DIMS, Grid, nearest_grid
 from cvtimg.quantization.threshold_masks import bayer_mask, blue_noise_mask
@@ -164,6 +163,8 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
     Most borders of such a piece are small steps in a smooth transition. In large pieces these must be tiny: others are
     flat areas of text and drawings. What touches a flat area, as the smoothed rims of letters do, stays clean with it.
     """
+    from cvtimg.labels.components import connected_pieces
+
     pieces = connected_pieces(job.inverse + np.int32(1))
     sizes = np.bincount(pieces.ravel())
     tiny = min(job.step, float(job.places.max()) * _TINY_STEP)

@@ -25,7 +25,6 @@ from cvtimg.colors.spaces import peak
 from cvtimg.engine.methods import Method, Stopping
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
-from cvtimg.palettes.files import write_palette
 from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
 
 #: Colors shown in a notebook.
@@ -82,6 +81,8 @@ class Palette:
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write a palette file, as `cvtimg.write_palette` does; the suffix selects the format."""
+        from cvtimg.palettes.files import write_palette
+
         write_palette(path, self.colors, overwrite=overwrite)
 
 
