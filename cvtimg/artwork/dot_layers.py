@@ -18,6 +18,8 @@ Floats32 = NDArray[np.float32]
 DOTS = ("equal", "equal-mass", "sized")
 #: Moves of dots to the centers of their power cells, steps of Newton's method after the last, and how far each goes.
 _MOVES, _LAST_STEPS, _DAMPING = 8, 4, 0.8
+#: How often a step is halved that makes masses less equal, as between lines with paper around them.
+_HALVED = 4
 #: Ink between dots that have paper between them, as a part of their own, so that all dots hang together.
 _LEAST_INK = 0.1
 #: Steps of the solver, and the residual, as a part of the first, at which it ends.
@@ -123,6 +125,8 @@ def _share_equally(ink: Floats32, points: Floats) -> tuple[Floats, Floats, float
     for _ in range(_MOVES):
         exchange = _exchange(ink, points, share)
         weights = _balanced(moments, points, np.zeros(len(points)), share, exchange)
+        if not weights.any():
+            break
         points = moments(points, weights).centroids
     exchange, weights = _exchange(ink, points, share), np.zeros(len(points))
     for _ in range(_LAST_STEPS):
@@ -131,9 +135,15 @@ def _share_equally(ink: Floats32, points: Floats) -> tuple[Floats, Floats, float
 
 
 def _balanced(moments: PixelMoments, points: Floats, weights: Floats, share: float, exchange: Any) -> Floats:
-    """Step towards weights whose power cells have equal masses."""
+    """Step towards weights whose power cells have equal masses, or stay where no step leads there."""
     lack = share - moments(points, weights).masses
-    return weights + _DAMPING * _solve(exchange, lack)
+    step = _DAMPING * _solve(exchange, lack)
+    for _ in range(_HALVED):
+        there = weights + step
+        if np.square(share - moments(points, there).masses).sum() < np.square(lack).sum():
+            return there
+        step /= 2
+    return weights
 
 
 def _exchange(ink: Floats32, points: Floats, share: float) -> Any:

@@ -19,7 +19,7 @@ EXAMPLES = """Examples:
 
 \b
   cvtimg stipple portrait.jpg -n 20000 -o portrait.svg
-  cvtimg stipple portrait.jpg -n 30000 --dots equal-mass --marks lines -o a.svg
+  cvtimg stipple photo.jpg -n 30000 --dots equal-mass --marks lines -o a.svg
   cvtimg stipple photo.jpg -n 8000 --dots sized --radius-range 0.5 4 -o a.png
   cvtimg stipple photo.jpg -n 60000 --layers cmyk -o pens.svg
   cvtimg stipple logo.png -n 3000 --invert --cells cells.geojson -o dots.csv
