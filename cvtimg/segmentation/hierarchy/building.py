@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
-from cvtimg.colors.spaces import SPACES
+from cvtimg.colors.spaces import SPACES, peak
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
-from cvtimg.segmentation.hierarchy.merging import Merges, Weights, merge_regions
+from cvtimg.segmentation.hierarchy.scales import aligned
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MOST_LEAVES = 1 << 16
+#: Smaller images are not looked at from farther away.
+_ENOUGH_PIXELS = 1 << 12
 
 
 def segment_hierarchy(
@@ -86,18 +88,24 @@ def segment_hierarchy(
     check_choice("space", space, SPACES)
     check_count("n_leaves", n_leaves, _MOST_LEAVES, "the most leaves")
     array, inside = check_partial_image("image", image, mask)
+    if array.shape[2] not in (1, 3):
+        space = "rgb"
     factor = reduction(inside.size)
-    seen = reduced(array, inside, factor) if factor > 1 else (array, inside)
-    values = picture_values(seen[0], space if array.shape[2] in (1, 3) else "rgb", seen[1])
+    seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
+    values = picture_values(seen, space, seen_inside)
     leaves = find_leaves(values, find_channels(values), n_leaves)
+    if inside.size >= _ENOUGH_PIXELS:
+        smaller, smaller_inside = reduced(seen, seen_inside, 2)
+        half = picture_values(smaller, space, smaller_inside)
+        leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
-    merges = merge_regions(leaves.pairs, leaves.lengths, leaves.strengths, leaves.sizes, leaves.histograms, Weights())
-    return _measured(leaves, merges, values)
+    return _measured(leaves, values, peak(array.dtype) / peak(values.dtype))
 
 
-def _measured(leaves: Leaves, merges: Merges, values: PictureValues) -> RegionHierarchy:
-    """Measure the nodes of the tree."""
+def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHierarchy:
+    """Merge the leaves, and measure the nodes of the tree; white is that of the image over that of the values."""
+    merges = leaves.merged()
     moments = np.column_stack([leaves.sizes, leaves.moments])
     n_leaves = len(moments)
     nodes = np.concatenate([moments, np.zeros((len(merges.pairs), moments.shape[1]))])
@@ -110,7 +118,7 @@ def _measured(leaves: Leaves, merges: Merges, values: PictureValues) -> RegionHi
         merges=merges.pairs,
         altitudes=merges.altitudes,
         sizes=sizes.copy(),
-        colors=values.to_picture(means + values.center),
+        colors=values.to_picture(means + values.center) * white,
         means=means,
         energies=np.maximum(squares - np.einsum("nd,nd->n", sums, means), 0),
     )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.colors.spaces import peak
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.hierarchy.borders import find_borders
@@ -32,11 +33,12 @@ def reduction(n_pixels: int) -> int:
 def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some.
 
-    Blocks at the right and lower border may be smaller.
+    Blocks at the right and lower border may be smaller. Integers become floating point with white at 1: rounded means
+    would depend on the type.
     """
     height, width, n_bands = image.shape
     columns = np.arange(0, width, factor)
-    means = np.empty((-(-height // factor), len(columns), n_bands), image.dtype)
+    means = np.empty((-(-height // factor), len(columns), n_bands), np.result_type(image.dtype, np.float32))
     occupied = np.empty(means.shape[:2], np.bool_)
     for first in range(0, len(means), _ROWS):
         part = slice(first * factor, (first + _ROWS) * factor)
@@ -44,8 +46,7 @@ def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tupl
         counts = np.add.reduceat(np.add.reduceat(inside[part].astype(np.float64), rows), columns, axis=1)
         weighted = image[part] * inside[part, :, None].astype(np.float64)
         sums = np.add.reduceat(np.add.reduceat(weighted, rows), columns, axis=1)
-        mean = sums / np.maximum(counts, 1)[..., None]
-        means[first : first + _ROWS] = np.rint(mean) if image.dtype.kind == "u" else mean
+        means[first : first + _ROWS] = sums / (np.maximum(counts, 1)[..., None] * peak(image.dtype))
         occupied[first : first + _ROWS] = counts > 0
     return means, occupied
 
@@ -69,8 +70,7 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
         sizes=sizes,
         moments=leaves.moments[parents] * shares,
         histograms=[histogram[parents] * shares for histogram in leaves.histograms],
-        pairs=borders.pairs,
-        lengths=borders.lengths,
+        borders=borders,
         strengths=_known_strengths(leaves, parents[borders.pairs]),
     )
 
@@ -97,7 +97,7 @@ def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> ND
 def _known_strengths(leaves: Leaves, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
     """(B,) strengths of borders between leaves; 0 within one, and the mean where two have met only now."""
     n_leaves = len(leaves.sizes)
-    known = leaves.pairs[:, 0].astype(np.int64) * n_leaves + leaves.pairs[:, 1]
+    known = leaves.borders.pairs[:, 0].astype(np.int64) * n_leaves + leaves.borders.pairs[:, 1]
     wanted = pairs.min(axis=1) * n_leaves + pairs.max(axis=1)
     strengths = np.full(len(pairs), leaves.strengths.mean() if len(known) else 0.0)
     if len(known):

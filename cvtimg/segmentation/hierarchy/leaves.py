@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.hierarchy.borders import border_strengths, find_borders, smoothing_matrix
+from cvtimg.segmentation.hierarchy.borders import Borders, border_strengths, find_borders, smoothing_matrix
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.eigenvectors import global_strengths
+from cvtimg.segmentation.hierarchy.merging import Merges, Weights, merge_regions
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.values import PictureValues
@@ -37,10 +38,8 @@ class Leaves:
         Sums over the pixels of each leaf: of their values about the center, and of the squares of these.
     histograms : list of (N, bins) float64 arrays
         Of each channel, textons last.
-    pairs : (B, 2) int32 array
-        Leaves at the two sides of each border, the lower number first.
-    lengths : (B,) int32 array
-        Cracks of each border.
+    borders : Borders
+        Between the leaves.
     strengths : (B,) float64 array
         How strongly each border parts its sides.
     """
@@ -49,9 +48,20 @@ class Leaves:
     sizes: NDArray[np.float64]
     moments: NDArray[np.float64]
     histograms: list[NDArray[np.float64]]
-    pairs: NDArray[np.int32]
-    lengths: NDArray[np.int32]
+    borders: Borders
     strengths: NDArray[np.float64]
+
+    def boxes(self) -> NDArray[np.float64]:
+        """(N, 4) top, left, bottom and right of each leaf."""
+        from scipy.ndimage import find_objects
+
+        slices = find_objects(self.labels)
+        return np.array([(rows.start, columns.start, rows.stop, columns.stop) for rows, columns in slices], float)
+
+    def merged(self) -> Merges:
+        """Merge the leaves, those that differ least first."""
+        pairs, lengths = self.borders.pairs, self.borders.lengths
+        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, self.boxes(), Weights())
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
@@ -69,8 +79,7 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
         sizes=sizes,
         moments=np.stack([*(np.bincount(own, column) for column in rows.T), squares], axis=1),
         histograms=_histograms(own, len(sizes), channels),
-        pairs=borders.pairs,
-        lengths=borders.lengths,
+        borders=borders,
         # Eigenvectors have slopes even where there is nothing to see: they confirm what is there, and no more.
         strengths=strengths + np.minimum(_GLOBAL_WEIGHT * steps, strengths),
     )

@@ -15,6 +15,7 @@ from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.segmentation.hierarchy.borders import find_borders
+from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks, on_pixels
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
 
@@ -236,19 +237,9 @@ class RegionHierarchy:
         """
         check_choice("kind", kind, ("pixels", "cracks"))
         borders = find_borders(self.leaves)
-        strengths = np.repeat(self._altitudes_between(borders.pairs), borders.lengths).astype(np.float32)
-        rows, columns = borders.places.T
-        height, width = self.leaves.shape
-        if kind == "pixels":
-            strongest = np.zeros((height, width), np.float32)
-            np.maximum.at(strongest, (rows, columns), strengths)
-            return strongest
-        cracks = np.zeros((2 * height + 1, 2 * width + 1), np.float32)
-        cracks[2 * rows + 1 + borders.is_flat, 2 * columns + 1 + ~borders.is_flat] = strengths
-        corners = cracks[2:-1:2, 2:-1:2]
-        for step in ((1, 2), (3, 2), (2, 1), (2, 3)):
-            np.maximum(corners, cracks[step[0] :: 2, step[1] :: 2][: height - 1, : width - 1], out=corners)
-        return cracks
+        between = altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
+        draw = on_pixels if kind == "pixels" else on_cracks
+        return draw(borders, between, self.leaves.shape)
 
     def energy_curve(self, n_max: int = CHORD_ENDS) -> EnergyCurve:
         """Measure the energies of cuts into 1, 2, .. n_max regions, of which an elbow can be picked.
@@ -354,17 +345,6 @@ class RegionHierarchy:
         parents = np.arange(self.n_leaves + len(merges))
         parents[merges.ravel()] = np.repeat(np.arange(self.n_leaves, len(parents)), 2)
         return parents
-
-    def _altitudes_between(self, pairs: NDArray[np.int32]) -> NDArray[np.float64]:
-        """(B,) altitudes at which pairs of leaves merge."""
-        parents = self._parents()
-        low, high = pairs.min(axis=1), pairs.max(axis=1)
-        while (apart := low != high).any():
-            # The lower of two nodes is not above the other.
-            above = np.where(apart, parents[low], low)
-            low, high = np.minimum(above, high), np.maximum(above, high)
-        altitudes: NDArray[np.float64] = self.altitudes[low - self.n_leaves]
-        return altitudes
 
 
 def _checked(threshold: float) -> float:

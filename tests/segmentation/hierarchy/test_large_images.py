@@ -49,6 +49,7 @@ def test_borders_of_large_images_follow_their_edges() -> None:
     labels = hierarchy.cut(2)
     assert (labels != truth).mean() < 0.001
     assert hierarchy.sizes[-1] == image.size
+    np.testing.assert_allclose(hierarchy.colors[-1], image.mean(), rtol=0.02)  # the mean is taken in Lab
     np.testing.assert_array_equal(np.bincount(hierarchy.leaves.ravel())[1:], hierarchy.sizes[: hierarchy.n_leaves])
 
 
