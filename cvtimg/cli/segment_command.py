@@ -35,6 +35,7 @@ EXAMPLES = """Examples:
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k auto --edges edges.png
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
+  cvtimg segment photo.jpg -k auto --hierarchy --overlay regions.png --cuts cuts.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
@@ -147,6 +148,20 @@ NoData = Annotated[
 Volume = Annotated[
     bool, Option("--volume", help="Use the same segments in all pages of a file, not in each page its own.")
 ]
+Hierarchy = Annotated[
+    bool, Option("--hierarchy", help="Divide into N connected regions, as people see them; auto: by --threshold.")
+]
+Threshold = Annotated[
+    float | None,
+    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy -k auto: keep regions apart that differ by more."),
+]
+Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
+Strengths = Annotated[
+    Path | None, Option(metavar="FILE", help="With --hierarchy: write how strongly borders part, .png, .tif or .npy.")
+]
+Cuts = Annotated[
+    Path | None, Option(metavar="FILE", help="With --hierarchy: write a sheet of cuts into 5, 10, 20 and 50 regions.")
+]
 Superpixels = Annotated[
     bool, Option("--superpixels", help="Divide into about N connected superpixels of similar size.")
 ]
@@ -165,11 +180,17 @@ class SegmentOptions:
     mask: Path | None
     nodata: float | None
     volume: bool
+    hierarchy: bool = False
+    threshold: float | None = None
 
     def segments(self, image: NDArray[Any], known: NDArray[np.bool_]) -> Segmentation:
         """Divide an image."""
         import cvtimg
 
+        if self.hierarchy:
+            from cvtimg.cli.hierarchies import cut_regions
+
+            return cut_regions(image, known, self.number, self.threshold, self.keywords)
         divide: Any = cvtimg.superpixels if self.superpixels else cvtimg.segment
         result: Segmentation = divide(image, self.number, mask=known, **self.keywords)
         return result
@@ -182,7 +203,12 @@ class SegmentOptions:
     @property
     def unfit(self) -> dict[str, Any]:
         """Options given that need the whole image, by the names that people give them."""
-        given = {"--superpixels": self.superpixels, "-k auto": self.number == "auto", "--mask": self.mask}
+        given = {
+            "--superpixels": self.superpixels,
+            "--hierarchy": self.hierarchy,
+            "-k auto": self.number == "auto",
+            "--mask": self.mask,
+        }
         given |= {
             f"--{name.replace('_', '-')}": value for name, value in self.keywords.items() if name not in _IN_TILES
         }
@@ -219,6 +245,11 @@ def segment(
     background: Background = "largest",
     neck_depth: NeckDepth = 0.5,
     properties: Properties = "",
+    hierarchy: Hierarchy = False,
+    threshold: Threshold = None,
+    tree: Tree = None,
+    strengths: Strengths = None,
+    cuts: Cuts = None,
     superpixels: Superpixels = False,
     compactness: Compactness = None,
     mask: Mask = None,
@@ -248,14 +279,27 @@ def segment(
     if volume:
         if mask:
             raise WrongUsageError("--mask and --volume exclude each other")
-        _exclude("--volume", superpixels=superpixels, components=components, min_size=min_size, objects=objects)
+        _exclude(
+            "--volume",
+            hierarchy=hierarchy,
+            superpixels=superpixels,
+            components=components,
+            min_size=min_size,
+            objects=objects,
+        )
         _exclude("--volume", edge_weight=edge_weight, averaging=averaging != "none")
-    if superpixels:
+    if threshold is not None and not (hierarchy and number == "auto"):
+        raise WrongUsageError("--threshold needs --hierarchy and -k auto")
+    if hierarchy:
+        _exclude("--hierarchy", superpixels=superpixels, components=components, min_size=min_size, objects=objects)
+        _exclude("--hierarchy", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
+        keywords: dict[str, Any] = {}
+    elif superpixels:
         _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
         _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price, objects=objects)
         if number == "auto":
             raise WrongUsageError("-k auto and --superpixels exclude each other")
-        keywords: dict[str, Any] = {} if compactness is None else {"compactness": compactness}
+        keywords = {} if compactness is None else {"compactness": compactness}
     elif compactness is not None:
         raise WrongUsageError("--compactness needs --superpixels")
     elif border_price and not components:
@@ -268,7 +312,9 @@ def segment(
         keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
         keywords["averaging"] = _averaging(averaging, kernel, radius)
         keywords["objects"] = _objects(background, neck_depth) if objects else False
-    how = SegmentOptions(number, {**keywords, "space": space}, superpixels, mask, nodata, volume)
+    if not hierarchy or space != "rgb":  # a hierarchy has a space of its own by default
+        keywords["space"] = space
+    how = SegmentOptions(number, keywords, superpixels, mask, nodata, volume, hierarchy, threshold)
     style = Style(
         edge_mode=edge_mode,
         line_color=tuple(bytes.fromhex(line_color)[:3]),
@@ -279,9 +325,10 @@ def segment(
         properties=tuple(filter(None, (name.strip() for name in properties.split(",")))),
     )
     files = {"-o": output, "--mean": mean, "--edges": edges, "--overlay": overlay, "--contours": contours}
-    outputs = outputs_of(write, {**files, "--table": table, "--coco": coco})
+    files |= {"--table": table, "--coco": coco, "--tree": tree, "--strengths": strengths, "--cuts": cuts}
+    outputs = outputs_of(write, files, hierarchy=hierarchy)
     plan = plan_each(inputs, find_images, outputs, out_dir=out_dir, also_read=[mask])
-    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" else COLUMNS
+    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" and not hierarchy else COLUMNS
     work = partial(_segment, how=how, style=style, overwrite=common.overwrite, max_pixels=max_pixels)
     return run_plan(plan, work, columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
@@ -327,7 +374,8 @@ def _segment(
     stopwatch.lap("read")
     image, result = divide(image)
     stopwatch.lap("cluster")
-    Subject(task.source, image, result.labels, header, style, overwrite).write(task.outputs)
+    tree = getattr(result, "hierarchy", None)
+    Subject(task.source, image, result.labels, header, style, overwrite, tree).write(task.outputs)
     stopwatch.lap("write")
     return {
         "width": image.shape[1],

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from cvtimg.labels.contours import Contours
     from cvtimg.pictures import Metadata
     from cvtimg.pictures.files import ImageInfo
+    from cvtimg.segmentation import RegionHierarchy
 
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
 #: What can be written, and how its files may end; the first by default.
@@ -30,6 +31,12 @@ KINDS = {
     "coco": (".json",),
 }
 KIND_NAMES = ", ".join(KINDS)
+#: The same of --hierarchy alone.
+HIERARCHY_KINDS = {
+    "tree": (".npz",),
+    "strengths": (".png", ".tif", ".tiff", ".npy"),
+    "cuts": (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg"),
+}
 
 
 class Style(NamedTuple):
@@ -46,22 +53,26 @@ class Style(NamedTuple):
     properties: tuple[str, ...]
 
 
-def outputs_of(written: str, files: Mapping[str, Path | None]) -> dict[str, Path | str]:
+def outputs_of(written: str, files: Mapping[str, Path | None], *, hierarchy: bool) -> dict[str, Path | str]:
     """Name the outputs of each image, by option.
 
     `written` is the option ``--write``, `files` are the options that name one file.
     """
+    kinds = KINDS | HIERARCHY_KINDS if hierarchy else KINDS
     outputs: dict[str, Path | str] = {}
     for item in filter(None, (part.strip() for part in written.split(","))):
         kind, dot, end = item.partition(".")
-        if kind not in KINDS:
-            raise WrongUsageError(f"--write: {kind!r} must be one of {', '.join(KINDS)}")
-        suffix = dot + end.lower() if dot else KINDS[kind][0]
-        check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), KINDS[kind])
+        if kind not in kinds:
+            needs = " without --hierarchy" if kind in HIERARCHY_KINDS else ""
+            raise WrongUsageError(f"--write: {kind!r} must be one of {', '.join(kinds)}{needs}")
+        suffix = dot + end.lower() if dot else kinds[kind][0]
+        check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), kinds[kind])
         outputs[f"--write {kind}{suffix}"] = f"{{}}-{kind}{suffix}"
     for option, path in files.items():
         if path:
-            check_suffix(option, path, KINDS[kind_of(option)])
+            if kind_of(option) not in kinds:
+                raise WrongUsageError(f"{option} needs --hierarchy")
+            check_suffix(option, path, kinds[kind_of(option)])
             outputs[option] = path
     return outputs or {"-o": "{}-labels.png"}
 
@@ -81,6 +92,7 @@ class Subject:
     header: ImageInfo
     style: Style
     overwrite: bool
+    hierarchy: RegionHierarchy | None = None
 
     @cached_property
     def contours(self) -> Contours:
@@ -92,8 +104,13 @@ class Subject:
 
     def write(self, outputs: Mapping[str, Path]) -> None:
         """Write what was asked for, by option."""
+        from cvtimg.cli import hierarchies
+
         for option, path in outputs.items():
-            _WRITERS[kind_of(option)](self, path)
+            if self.hierarchy and kind_of(option) in HIERARCHY_KINDS:
+                hierarchies.WRITERS[kind_of(option)](self.hierarchy, self.image, path, self.overwrite)
+            else:
+                _WRITERS[kind_of(option)](self, path)
 
 
 def _write_labels(subject: Subject, path: Path) -> None:

@@ -14,7 +14,6 @@ ctypedef struct Graph:
     double *sizes      # (N,)
     double *perimeters
     double *histograms  # (N, H)
-    double *boxes       # (N, 4)
     const int32_t *blocks  # (C + 1,): where the histogram of each channel begins
     Py_ssize_t n_bins
     Py_ssize_t n_blocks
@@ -22,15 +21,7 @@ ctypedef struct Graph:
     double texture
     double shared
     double size_power
-    double fill
     double total
-
-
-cdef inline double box_of_both(const Graph *graph, int32_t a, int32_t b) noexcept nogil:
-    """Pixels of the box around two regions."""
-    cdef const double *one = graph.boxes + 4 * a
-    cdef const double *other = graph.boxes + 4 * b
-    return (max(one[2], other[2]) - min(one[0], other[0])) * (max(one[3], other[3]) - min(one[1], other[1]))
 
 
 cdef double cost(const Graph *graph, Py_ssize_t border) noexcept nogil:
@@ -50,7 +41,7 @@ cdef double cost(const Graph *graph, Py_ssize_t border) noexcept nogil:
             chi = chi + (u - v) * (u - v) / (u + v + 1e-300)
         result = result + chi / 2 * (graph.texture if block == graph.n_blocks - 1 else graph.color)
     result = result * (1 - graph.shared * graph.lengths[border] / min(graph.perimeters[a], graph.perimeters[b]))
-    return result * (1 + graph.fill * (0.5 - (na + nb) / box_of_both(graph, a, b))) * pow(na * nb / ((na + nb) * graph.total), graph.size_power)
+    return result * pow(na * nb / ((na + nb) * graph.total), graph.size_power)
 
 
 cdef inline bint comes_first(const double *costs, int32_t a, int32_t b) noexcept nogil:
@@ -101,13 +92,11 @@ def merge(
     double[::1] sizes,               # INOUT (N,): pixels of each region
     double[::1] perimeters,          # INOUT (N,)
     double[:, ::1] histograms,       # INOUT (N, H)
-    double[:, ::1] boxes,            # INOUT (N, 4): top, left, bottom and right of each region
     const int32_t[::1] blocks,       # IN (C + 1,): where the histogram of each channel begins; textons are the last
     double color,                    # IN: weight of a channel of color
     double texture,                  # IN: weight of textons
     double shared,                   # IN: how a shared border counts
     double size_power,               # IN
-    double fill,                     # IN: how much less regions cost that fill the box around them
     int32_t[::1] heads,              # INOUT (N,): first half border of each region, or -1; border b has 2 b, 2 b + 1
     int32_t[::1] following,          # INOUT (2 B,): the next half border of the same region, or -1
     int32_t[::1] heap,               # scratch (B,)
@@ -131,7 +120,6 @@ def merge(
     graph.sizes, graph.perimeters, graph.histograms = &sizes[0], &perimeters[0], &histograms[0, 0]
     graph.blocks, graph.n_bins, graph.n_blocks = &blocks[0], histograms.shape[1], blocks.shape[0] - 1
     graph.color, graph.texture, graph.shared, graph.size_power = color, texture, shared, size_power
-    graph.boxes, graph.fill = &boxes[0, 0], fill
     graph.total = 0
     with nogil:
         for b in range(n_regions):
@@ -160,9 +148,6 @@ def merge(
             perimeters[kept] += perimeters[gone] - 2 * lengths[border]
             for h in range(histograms.shape[1]):
                 histograms[kept, h] += histograms[gone, h]
-            for h in range(2):
-                boxes[kept, h] = min(boxes[kept, h], boxes[gone, h])
-                boxes[kept, h + 2] = max(boxes[kept, h + 2], boxes[gone, h + 2])
             # A list of the borders that remain: first those of the region that is kept, marked by what is beyond.
             last = -1
             degree = 0

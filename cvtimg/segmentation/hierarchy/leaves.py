@@ -51,17 +51,10 @@ class Leaves:
     borders: Borders
     strengths: NDArray[np.float64]
 
-    def boxes(self) -> NDArray[np.float64]:
-        """(N, 4) top, left, bottom and right of each leaf."""
-        from scipy.ndimage import find_objects
-
-        slices = find_objects(self.labels)
-        return np.array([(rows.start, columns.start, rows.stop, columns.stop) for rows, columns in slices], float)
-
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""
         pairs, lengths = self.borders.pairs, self.borders.lengths
-        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, self.boxes(), Weights())
+        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, Weights())
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:

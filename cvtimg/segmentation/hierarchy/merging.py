@@ -24,16 +24,12 @@ class Weights:
         Regions count as less different by this times the share of the border in the shorter of their perimeters.
     size_power : float
         Power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first.
-    fill : float
-        Regions count as less different by this times the share that they fill of the box around both, and as more
-        different by half of it.
     """
 
     color: float = 0.5
     texture: float = 0.8
     shared: float = 0.3
     size_power: float = 0.17
-    fill: float = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +54,6 @@ def merge_regions(
     strengths: NDArray[np.float64],
     sizes: NDArray[np.float64],
     histograms: list[NDArray[np.float64]],
-    boxes: NDArray[np.float64],
     weights: Weights,
 ) -> Merges:
     """Merge regions until no neighbors are left.
@@ -73,8 +68,6 @@ def merge_regions(
         Pixels of each region.
     histograms : list of (N, H) float64 arrays
         For each channel, textons last.
-    boxes : (N, 4) float64 array
-        Top, left, bottom and right of each region.
     weights : Weights
         How differences are weighed.
 
@@ -98,13 +91,11 @@ def merge_regions(
         sizes.copy(),
         perimeters,
         np.concatenate(histograms, axis=1),
-        boxes.copy(),
         np.cumsum([0, *(histogram.shape[1] for histogram in histograms)], dtype=np.int32),
         weights.color,
         weights.texture,
         weights.shared,
         weights.size_power,
-        weights.fill,
         heads,
         following,
         np.empty(n_borders, np.int32),

@@ -20,7 +20,7 @@ from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
 
 #: Where the default cut is: found on training pictures of the Berkeley Segmentation Data Set, against human regions.
-DEFAULT_THRESHOLD = 0.45
+DEFAULT_THRESHOLD = 0.5
 _FORMAT = "cvtimg region hierarchy 1"
 _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
 #: Objects differ by this part of the standard deviation of the image from their surroundings, and fill no more than
@@ -114,7 +114,7 @@ class RegionHierarchy:
         n_regions : int, optional
             How many, in `n_parts` .. `n_leaves`.
         threshold : float, optional
-            Keep regions apart that differ by more than this, >= 0. By default, and without `n_regions`, 0.45: the
+            Keep regions apart that differ by more than this, >= 0. By default, and without `n_regions`, 0.5: the
             best single threshold on photographs that people had divided into regions.
         min_regions : int
             With a threshold, the least number of regions.
@@ -232,7 +232,7 @@ class RegionHierarchy:
         >>> image = np.zeros((40, 60), np.uint8)
         >>> image[:, 30:] = 200
         >>> strengths = segment_hierarchy(image, n_leaves=24).contour_map()
-        >>> np.flatnonzero(strengths[20] > 0.45).tolist()
+        >>> np.flatnonzero(strengths[20] > 0.5).tolist()
         [29]
         """
         check_choice("kind", kind, ("pixels", "cracks"))

@@ -22,7 +22,6 @@ def merged_naively(
     strengths: NDArray[Any],
     sizes: NDArray[Any],
     histograms: list[NDArray[Any]],
-    boxes: NDArray[Any],
     weights: Weights,
 ) -> tuple[list[tuple[int, int]], list[float]]:
     """Compare all pairs of neighbors anew for each merge, from sets of leaves."""
@@ -49,9 +48,6 @@ def merged_naively(
         perimeter = min(border(regions[r], everything - regions[r])[0] for r in (a, b))
         result *= 1 - weights.shared * length / perimeter
         na, nb = sizes[one].sum(), sizes[other].sum()
-        both = boxes[one + other]
-        box = (both[:, 2].max() - both[:, 0].min()) * (both[:, 3].max() - both[:, 1].min())
-        result *= 1 + weights.fill * (0.5 - (na + nb) / box)
         return float(result * (na * nb / ((na + nb) * sizes.sum())) ** weights.size_power)
 
     while len(regions) > 1:
@@ -77,9 +73,7 @@ def test_merges_are_those_of_comparing_all_pairs(height: int, width: int, seed: 
     sizes = rng.integers(1, 50, cells.size).astype(float)
     histograms = [rng.dirichlet(np.ones(bins), cells.size) * sizes[:, None] for bins in (4, 5)]
     strengths = rng.random(len(pairs))
-    corners = rng.integers(0, 20, (cells.size, 2))
-    boxes = np.concatenate([corners, corners + rng.integers(7, 20, (cells.size, 2))], axis=1).astype(float)
-    arguments = (pairs, lengths, strengths, sizes, histograms, boxes, Weights(0.4, 0.7, 0.3, 0.17, 0.3))
+    arguments = (pairs, lengths, strengths, sizes, histograms, Weights(0.4, 0.7, 0.3, 0.17))
     found = merge_regions(*arguments)
     merges, altitudes = merged_naively(*arguments)
     assert [tuple(pair) for pair in found.pairs.tolist()] == merges

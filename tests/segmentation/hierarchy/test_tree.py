@@ -61,7 +61,7 @@ def test_a_threshold_keeps_apart_what_differs_by_more(hierarchy: RegionHierarchy
         n = 1 + np.count_nonzero(hierarchy.altitudes > threshold)
         assert hierarchy.n_regions(threshold) == n == hierarchy.cut(threshold=threshold).max()
     assert hierarchy.cut(threshold=99, min_regions=4).max() == 4
-    np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=0.45))
+    np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=0.5))
 
 
 def test_the_tree_is_a_linkage_that_scipy_cuts_alike(hierarchy: RegionHierarchy) -> None:

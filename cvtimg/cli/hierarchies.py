@@ -1,0 +1,92 @@
+"""Trees of regions on the command line: one cut as the segments of an image, and what else a tree has to show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cvtimg.segmentation.result import Segmentation
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cvtimg.segmentation import RegionHierarchy
+
+#: Numbers of regions on a sheet of cuts.
+SHOWN_CUTS = (5, 10, 20, 50)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Cut(Segmentation):
+    """Regions cut from a tree."""
+
+    hierarchy: RegionHierarchy | None = None
+
+
+def cut_regions(
+    image: NDArray[Any],
+    known: NDArray[np.bool_],
+    number: int | str,
+    threshold: float | None,
+    keywords: Mapping[str, Any],
+) -> Cut:
+    """Divide an image into a tree, and cut it into a number of regions, or "auto": at a threshold, or the default."""
+    import numpy as np
+
+    from cvtimg import segment_hierarchy
+    from cvtimg.labels import region_means
+
+    hierarchy = segment_hierarchy(image, mask=known, **keywords)
+    labels = hierarchy.cut(threshold=threshold) if number == "auto" else hierarchy.cut(int(number))
+    means = region_means(labels, image)[1:]
+    bands = image.reshape(*labels.shape, -1)
+    inside = labels > 0
+    rest = bands[inside] - means[labels[inside] - 1]
+    energy = float(np.einsum("nd,nd->", rest, rest))
+    masses = np.bincount(labels[inside])[1:].astype(np.float64)
+    return Cut(labels, means, masses, energy, (energy,), 0.0, True, hierarchy=hierarchy)
+
+
+def write_tree(hierarchy: RegionHierarchy, image: NDArray[Any], path: Path, overwrite: bool) -> None:
+    """Write the tree itself."""
+    hierarchy.save(path, overwrite=overwrite)
+
+
+def write_strengths(hierarchy: RegionHierarchy, image: NDArray[Any], path: Path, overwrite: bool) -> None:
+    """Write the strengths of borders: as they are, or as a picture in 8 bits with 1 and more in white."""
+    import numpy as np
+
+    from cvtimg import write_image
+
+    strengths = hierarchy.contour_map()
+    if path.suffix.lower() == ".png":
+        strengths = np.rint(255 * np.minimum(strengths, 1)).astype(np.uint8)
+    write_image(path, strengths, overwrite=overwrite)
+
+
+def write_cuts(hierarchy: RegionHierarchy, image: NDArray[Any], path: Path, overwrite: bool) -> None:
+    """Write a sheet of cuts: their borders over the image, and the regions in their mean colors."""
+    import numpy as np
+
+    from cvtimg import write_image
+    from cvtimg.labels import region_means
+    from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges, shown_colors
+
+    drawn, flat = [], []
+    for number in sorted({min(max(n, hierarchy.n_parts), hierarchy.n_leaves) for n in SHOWN_CUTS}):
+        labels = hierarchy.cut(number)
+        colors = shown_colors(np.nan_to_num(region_means(labels, image)), image, labels, ignore=0)
+        drawn.append(Panel(draw_edges(image, labels, ignore=0), (f"{number} regions",)))
+        flat.append(Panel(colors[labels]))
+    write_image(path, contact_sheet([drawn, flat]), overwrite=overwrite)
+
+
+#: The registry: outputs that only a hierarchy has, and who writes them.
+WRITERS: dict[str, Callable[[RegionHierarchy, NDArray[Any], Path, bool], None]] = {
+    "tree": write_tree,
+    "strengths": write_strengths,
+    "cuts": write_cuts,
+}

@@ -1,0 +1,66 @@
+"""Claims about ``cvtimg segment --hierarchy``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from cvtimg import read_image, segment_hierarchy, write_image
+from cvtimg.cli import app as cli
+from cvtimg.segmentation import RegionHierarchy
+
+
+@pytest.fixture
+def small(photograph: NDArray[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> NDArray[Any]:
+    monkeypatch.chdir(tmp_path)
+    image = np.asarray(Image.fromarray(photograph).resize((96, 80)))
+    write_image("photo.png", image)
+    return image
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    assert cli.main(["segment", "photo.png", "--hierarchy", *arguments, "--json"]) == 0
+    row: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return row
+
+
+def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    row = run(capsys, "-k", "7", "--write", "labels,table,tree,strengths,strengths.npy,cuts,overlay")
+    hierarchy = segment_hierarchy(small)
+    assert row["k"] == 7
+    np.testing.assert_array_equal(read_image("photo-labels.png"), hierarchy.cut(7))
+    np.testing.assert_array_equal(RegionHierarchy.load("photo-tree.npz").cut(30), hierarchy.cut(30))
+    strengths = np.load("photo-strengths.npy")
+    np.testing.assert_array_equal(strengths, hierarchy.contour_map())
+    np.testing.assert_array_equal(read_image("photo-strengths.png"), np.rint(255 * np.minimum(strengths, 1)))
+    assert read_image("photo-cuts.png").shape[1] > 4 * 96
+    assert Path("photo-table.csv").read_text().count("\n") == 8
+
+
+def test_auto_cuts_at_the_threshold(small: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    hierarchy = segment_hierarchy(small)
+    assert run(capsys, "-k", "auto", "-o", "a.png")["k"] == hierarchy.n_regions()
+    assert run(capsys, "-k", "auto", "--threshold", "0.6", "-o", "b.png")["k"] == hierarchy.n_regions(0.6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-k", "3", "--tree", "t.npz"], "--tree needs --hierarchy"),
+        (["-k", "3", "--write", "cuts"], "'cuts' must be one of"),
+        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold needs --hierarchy and -k auto"),
+        (["-k", "3", "--hierarchy", "--superpixels"], "--superpixels and --hierarchy exclude each other"),
+        (["-k", "3", "--hierarchy", "--edge-weight", "2"], "--edge-weight and --hierarchy exclude each other"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(
+    arguments: list[str], message: str, small: NDArray[Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["segment", "photo.png", *arguments]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
