@@ -95,6 +95,16 @@ def test_contours_above_a_threshold_are_the_borders_of_its_cut(hierarchy: Region
     assert not cracks[1::2, 1::2].any()
 
 
+def test_edges_are_thin_and_lie_on_the_borders_of_a_cut(hierarchy: RegionHierarchy) -> None:
+    edges, borders = hierarchy.find_edges(0.3), hierarchy.contour_map() > 0.3
+    assert (edges <= borders).all()
+    assert edges.sum() > 0.5 * borders.sum()
+    blocks = edges[1:, 1:] & edges[1:, :-1] & edges[:-1, 1:] & edges[:-1, :-1]
+    assert blocks.sum() < 0.02 * edges.sum()  # where four lines meet
+    # Few pixels of a border have no edge beside them: those of slivers.
+    assert (borders & ~ndimage.binary_dilation(edges, np.ones((3, 3)))).sum() < 0.03 * borders.sum()
+
+
 def test_the_energy_curve_is_that_of_the_cuts(photograph: NDArray[Any]) -> None:
     hierarchy = segment_hierarchy(photograph, n_leaves=60, space="rgb")
     curve = hierarchy.energy_curve(12)

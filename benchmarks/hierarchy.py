@@ -1,0 +1,322 @@
+"""Trees of regions beside other programs: regions and edges that people drew, objects, seconds.
+
+Every program is scored at every threshold of its own. "One threshold" is the best that serves all pictures (ODS),
+"its best" the best of each picture (OIS), "fixed" the default cut of cvtimg, which was found on the training pictures.
+Edges are compared within 0.75 % of the diagonal, without the one-to-one matching of the official benchmark, so they
+are comparable here and not with published figures.
+
+    python benchmarks/hierarchy.py [--quick] [--parts regions edges objects speed] [--set bsds bsds_train]
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from common import DATA, SAMPLES, parser, pin_threads, print_table, progress, read_rgb, write_results
+from numpy.typing import NDArray
+from PIL import Image
+from segmentation import metrics_of
+from skimage import __version__ as skimage_version
+
+from cvtimg import read_image, segment_hierarchy
+from cvtimg.segmentation.hierarchy.tree import DEFAULT_THRESHOLD
+
+PARTS = ("regions", "edges", "objects", "speed")
+SIZES = ((481, 321), (1224, 816), (4000, 3000))
+OURS = "cvtimg segment_hierarchy"
+
+Labels = NDArray[Any]
+Row = dict[str, Any]
+
+
+class Divided(NamedTuple):
+    """A picture, the segments that people see in it, and the borders of these."""
+
+    pixels: NDArray[np.uint8]
+    segments: NDArray[Any]
+    borders: NDArray[np.bool_]
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="what to measure (default: all)")
+    read.add_argument("--set", default="bsds", choices=("bsds", "bsds_train"), help="pictures (default: bsds)")
+    return read.parse_args()
+
+
+def main() -> None:
+    """Measure the parts for which there are pictures."""
+    asked = options()
+    pin_threads(asked.threads)
+    data = asked.data or DATA
+    pictures, metrics = divided(data / asked.set, asked.quick), metrics_of(data)
+    rows: list[Row] = []
+    if pictures and metrics:
+        rows += regions_part(pictures, metrics) if "regions" in asked.parts else []
+        rows += edges_part(pictures, metrics) if "edges" in asked.parts else []
+    else:
+        print("\nregions, edges: no pictures that people divided")
+    rows += objects_part(data) if "objects" in asked.parts else []
+    rows += speed_part(data, asked.quick) if "speed" in asked.parts else []
+    columns = dict.fromkeys(name for row in rows for name in row)
+    write_results(
+        "hierarchy", {"threads": asked.threads, "set": asked.set}, [{n: row.get(n) for n in columns} for row in rows]
+    )
+
+
+def divided(folder: Path, quick: bool) -> list[Divided]:
+    """Read the pictures of a folder of the Berkeley set."""
+    found = []
+    for path in sorted(folder.glob("*.jpg"))[:: 4 if quick else 1]:
+        with np.load(path.with_name(f"{path.stem}_gt.npz")) as file:
+            if "boundaries" in file:
+                borders = file["boundaries"]
+            else:
+                shape = file["shape"]
+                borders = np.unpackbits(file["boundaries_packed"])[: np.prod(shape)].reshape(shape).astype(bool)
+            found.append(Divided(read_rgb(path), file["segmentation"], borders))
+    return found
+
+
+# Regions
+
+
+def regions_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
+    """Score the regions of each program at all its thresholds."""
+    rows = []
+    for name, (thresholds, divide) in region_rivals().items():
+        scores, seconds = [], []
+        for number, picture in enumerate(pictures):
+            progress(f"{name}: {number + 1} of {len(pictures)}")
+            start = time.process_time()
+            cuts = divide(picture.pixels)
+            seconds.append(time.process_time() - start)
+            scores.append([agreement(labels, picture.segments, metrics) for labels in cuts])
+        rows.append({"part": "regions", "rival": name, **summary(np.array(scores), np.array(thresholds))})
+        rows[-1]["seconds"] = statistics.median(seconds) / (1 if name == OURS else len(thresholds))
+    kinds = {"ods": "one threshold", "ois": "its best", "fixed": "fixed"}
+    print_table(
+        f"Regions of {len(pictures)} pictures: PRI (high) / VOI (low) / covering (high); seconds of one call",
+        ["", *kinds.values(), "seconds"],
+        [[row["rival"], *(row[kind] or "" for kind in kinds), f"{row['seconds']:.2f}"] for row in rows],
+    )
+    return rows
+
+
+def agreement(labels: Labels, segments: NDArray[Any], metrics: ModuleType) -> tuple[float, float, float]:
+    """PRI, VOI and covering, means over the people."""
+    tables = [metrics.cont(labels, segment) for segment in segments]
+    kinds = (metrics.ri, metrics.vi, metrics.covering)
+    pri, voi, covering = (float(np.mean([kind(table) for table in tables])) for kind in kinds)
+    return pri, voi, covering
+
+
+def summary(scores: NDArray[np.float64], thresholds: NDArray[np.float64]) -> dict[str, str | None]:
+    """Sum up (pictures, thresholds, 3) scores."""
+
+    def text(values: NDArray[np.float64]) -> str:
+        return f"{values[0]:.3f} / {values[1]:.3f} / {values[2]:.3f}"
+
+    signs = np.array([1, -1, 1])
+    fixed = np.isclose(thresholds, DEFAULT_THRESHOLD) if thresholds.max() < 1 else np.zeros(len(thresholds), bool)
+    return {
+        "ods": text(signs * (signs * scores.mean(axis=0)).max(axis=0)),
+        "ois": text((signs * (signs * scores).max(axis=1)).mean(axis=0)),
+        "fixed": text(scores.mean(axis=0)[fixed][0]) if fixed.any() else None,
+    }
+
+
+def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]], Iterator[Labels] | list[Labels]]]]:
+    """Name the programs: their thresholds, and what gives the labels at each."""
+    from skimage.graph import merge_hierarchical, rag_mean_color
+    from skimage.segmentation import felzenszwalb, slic
+
+    levels = [float(level) for level in np.arange(2, 17) / 20]
+
+    def ours(image: NDArray[np.uint8]) -> list[Labels]:
+        tree = segment_hierarchy(image)
+        return [tree.cut(threshold=level) for level in levels]
+
+    scales = [100.0, 200, 400, 600, 900, 1300]
+
+    def graph_based(image: NDArray[np.uint8]) -> list[Labels]:
+        return [felzenszwalb(image, scale=scale, sigma=0.8, min_size=int(scale / 4)) + 1 for scale in scales]
+
+    distances = [15.0, 25, 35, 50, 70]
+
+    def merged(image: NDArray[np.uint8]) -> list[Labels]:
+        cells = slic(image, 400, compactness=10)
+
+        def mean_merge(graph: Any, one: int, other: int) -> None:
+            graph.nodes[other]["total color"] += graph.nodes[one]["total color"]
+            graph.nodes[other]["pixel count"] += graph.nodes[one]["pixel count"]
+            node = graph.nodes[other]
+            node["mean color"] = node["total color"] / node["pixel count"]
+
+        def weight(graph: Any, one: int, other: int, neighbor: int) -> dict[str, Any]:
+            difference = graph.nodes[other]["mean color"] - graph.nodes[neighbor]["mean color"]
+            return {"weight": np.linalg.norm(difference)}
+
+        return [
+            merge_hierarchical(
+                cells,
+                rag_mean_color(image, cells),
+                thresh=distance,
+                rag_copy=False,
+                in_place_merge=True,
+                merge_func=mean_merge,
+                weight_func=weight,
+            )
+            + 1
+            for distance in distances
+        ]
+
+    rivals: dict[str, Any] = {
+        OURS: (levels, ours),
+        f"scikit-image {skimage_version} felzenszwalb": (scales, graph_based),
+        f"scikit-image {skimage_version} slic and merge_hierarchical": (distances, merged),
+    }
+    try:
+        import higra
+    except ImportError:
+        print("\nhigra is not installed")
+        return rivals
+    from skimage.color import rgb2lab
+
+    steps = [float(step) for step in (4, 6, 8, 11, 15, 20, 26)]
+
+    def average_linkage(image: NDArray[np.uint8]) -> list[Labels]:
+        graph = higra.get_4_adjacency_graph(image.shape[:2])
+        weights = higra.weight_graph(graph, rgb2lab(image), higra.WeightFunction.L2)
+        tree, altitudes = higra.binary_partition_tree_average_linkage(graph, weights)
+        return [higra.labelisation_horizontal_cut_from_threshold(tree, altitudes, step) + 1 for step in steps]
+
+    rivals["higra average linkage of pixels, Lab"] = (steps, average_linkage)
+    return rivals
+
+
+# Edges
+
+
+def edges_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
+    """Score edges at all thresholds: the best F that one threshold has for all pictures, and each picture's best."""
+    rows = []
+    for name, find in edge_rivals().items():
+        scores = []
+        for number, picture in enumerate(pictures):
+            progress(f"{name}: {number + 1} of {len(pictures)}")
+            people = list(picture.borders)
+            scores.append([metrics.bprf(edges, people)[:2] for edges in find(picture.pixels)])
+        precision, recall = np.moveaxis(np.array(scores), 2, 0)
+        each = 2 * precision * recall / np.maximum(precision + recall, 1e-9)
+        p, r = precision.mean(axis=0), recall.mean(axis=0)
+        all_f = 2 * p * r / np.maximum(p + r, 1e-9)
+        best = int(all_f.argmax())
+        rows.append(
+            {"part": "edges", "rival": name, "f_ods": float(all_f[best]), "f_ois": float(each.max(axis=1).mean())}
+            | {"precision": float(p[best]), "recall": float(r[best])}
+        )
+    print_table(
+        f"Edges of {len(pictures)} pictures",
+        ["", "F, one threshold", "precision", "recall", "F, its best"],
+        [[row["rival"], *(f"{row[key]:.3f}" for key in ("f_ods", "precision", "recall", "f_ois"))] for row in rows],
+    )
+    return rows
+
+
+def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.bool_]]]]:
+    """Name the programs, and what gives the edges at each of their thresholds."""
+    from skimage.color import rgb2gray
+    from skimage.feature import canny
+    from skimage.filters import gaussian, sobel
+    from skimage.morphology import thin
+
+    def ours(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
+        tree = segment_hierarchy(image)
+        return [tree.find_edges(level) for level in np.arange(2, 15) / 20]
+
+    def canny_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
+        grey = rgb2gray(image)
+        return [canny(grey, 2, 0.4 * high, high) for high in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4)]
+
+    def sobel_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
+        steps = sobel(gaussian(rgb2gray(image), 2))
+        return [thin(steps > level) for level in (0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1)]
+
+    return {
+        f"{OURS}, find_edges": ours,
+        f"scikit-image {skimage_version} canny, sigma 2": canny_edges,
+        f"scikit-image {skimage_version} sobel, sigma 2, thinned": sobel_edges,
+    }
+
+
+# Objects
+
+
+def objects_part(data: Path) -> list[Row]:
+    """Find nuclei."""
+    path = data / "scenes" / "dsb2018_nuclei_img2d.png"
+    if not path.exists():
+        print("\nobjects: no picture")
+        return []
+    from segmentation_scenes import nuclei_rivals, score
+
+    image, truth = read_image(path), np.load(path.with_name("dsb2018_nuclei_mask2d.npz"))["labels"]
+    tree = segment_hierarchy(image)
+    ours = {"bright objects": tree.find_objects(polarity="bright"), "all objects": tree.find_objects()}
+    found = {f"{OURS}, {name}": labels for name, labels in ours.items()}
+    found |= {name: find() for name, find in nuclei_rivals(image)}
+    rows = [{"part": "objects", "rival": name, **score(labels, truth)} for name, labels in found.items()]
+    print_table(
+        f"Nuclei: {len(np.unique(truth)) - 1} true objects",
+        ["", "objects", "of them true", "F1", "foreground IoU"],
+        [
+            [row["rival"], str(row["objects"]), str(row["matched"]), f"{row['f1']:.3f}", f"{row['iou']:.3f}"]
+            for row in rows
+        ],
+    )
+    return rows
+
+
+# Speed
+
+
+def speed_part(data: Path, quick: bool) -> list[Row]:
+    """Measure seconds of the processor by size of the picture, and of a cut."""
+    large = data / "large" / "Futuristic.jpg"
+    source = Image.fromarray(read_rgb(large if large.exists() else SAMPLES / "coffee.png"))
+    rows = []
+    for width, height in SIZES[: 2 if quick else 3]:
+        progress(f"speed: {width} x {height}")
+        image = np.asarray(source.resize((width, height), Image.Resampling.BICUBIC))
+        repeats = [_seconds(lambda image=image: segment_hierarchy(image)) for _ in range(3 if width < 2000 else 1)]
+        tree = segment_hierarchy(image)
+        cuts = [_seconds(lambda tree=tree, n=n: tree.cut(n)) for n in range(2, 30)]
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        rows.append({"part": "speed", "rival": f"{width} x {height}", "seconds": min(repeats)})
+        rows[-1] |= {"cut_ms": 1e3 * statistics.median(cuts), "peak_mib": peak}
+    print_table(
+        "Seconds of the processor, one thread",
+        ["", "tree, seconds", "a cut, ms", "memory of the process so far, MiB"],
+        [[row["rival"], f"{row['seconds']:.2f}", f"{row['cut_ms']:.2f}", f"{row['peak_mib']:.0f}"] for row in rows],
+    )
+    return rows
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
+if __name__ == "__main__":
+    main()

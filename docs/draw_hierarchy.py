@@ -1,0 +1,33 @@
+"""Draw trees of regions of the sample images: ``python docs/draw_hierarchy.py``."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cvtimg
+from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
+
+ROOT = Path(__file__).parent.parent
+
+
+def main() -> None:
+    """Write docs/hierarchy.png."""
+    names = ("coffee.png", "chelsea.png", "rocket.jpg")
+    rows = [panels(cvtimg.read_image(ROOT / "sample_images" / name)) for name in names]
+    sheet = cvtimg.quantize(contact_sheet(rows, panel_width=260), 256)
+    cvtimg.write_image(ROOT / "docs" / "hierarchy.png", sheet.indices, palette=sheet.palette, overwrite=True)
+
+
+def panels(image: NDArray[Any]) -> list[Panel]:
+    """Show cuts of an image, and how strong its borders are."""
+    tree = cvtimg.segment_hierarchy(image)
+    shown = [Panel(draw_edges(image, tree.cut(n), thickness=3), (f"{n} regions",)) for n in (5, 20, 50)]
+    shown.append(Panel(draw_edges(image, tree.cut(), thickness=3), (f"default cut: {tree.n_regions()} regions",)))
+    strengths = np.rint(255 * (1 - np.minimum(tree.contour_map() / 0.8, 1))).astype(np.uint8)
+    return [*shown, Panel(strengths, ("strengths of borders",))]
+
+
+if __name__ == "__main__":
+    main()
