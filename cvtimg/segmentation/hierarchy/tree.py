@@ -265,7 +265,7 @@ class RegionHierarchy:
         """
         from skimage.morphology import thin
 
-        edges: NDArray[np.bool_] = thin(self.contour_map() > _checked(threshold))
+        edges: NDArray[np.bool_] = thin(self.contour_map() > _checked(threshold))  # type: ignore[no-untyped-call]
         return edges
 
     def energy_curve(self, n_max: int = CHORD_ENDS) -> EnergyCurve:
