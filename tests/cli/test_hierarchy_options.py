@@ -31,10 +31,10 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
 
 
 def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
-    row = run(capsys, "-k", "7", "--write", "labels,table,tree,strengths,strengths.npy,cuts,overlay")
+    row = run(capsys, "-k", "7", "--write", "labels.npy,table,tree,strengths,strengths.npy,cuts,overlay")
     hierarchy = segment_hierarchy(small)
     assert row["k"] == 7
-    np.testing.assert_array_equal(read_image("photo-labels.png"), hierarchy.cut(7))
+    np.testing.assert_array_equal(np.load("photo-labels.npy"), hierarchy.cut(7))
     np.testing.assert_array_equal(RegionHierarchy.load("photo-tree.npz").cut(30), hierarchy.cut(30))
     strengths = np.load("photo-strengths.npy")
     np.testing.assert_array_equal(strengths, hierarchy.contour_map())
