@@ -1,4 +1,4 @@
-"""``cvtimg elbow``: energy curves of pictures and tables, and the number of generators that they suggest."""
+"""``cvtimg elbow``: energy curves of images and tables, and the number of generators that they suggest."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def _measure(
 
 
 def _read(source: Path, space: str, missing: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    """Read the samples, and the picture if it is one."""
+    """Read the samples, and the image if the file is one."""
     from cvtimg.tables.files import read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:

@@ -1,4 +1,4 @@
-"""``cvtimg info``: what is in pictures."""
+"""``cvtimg info``: what image files hold."""
 
 from __future__ import annotations
 

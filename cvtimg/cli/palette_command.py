@@ -1,4 +1,4 @@
-"""``cvtimg palette``: the colors of pictures, and how much of each there is."""
+"""``cvtimg palette``: the colors of images and their shares."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
 
 
 class _Palettes(Report):
-    """Prints the colors of each picture as it comes, as blocks of color on a terminal."""
+    """Prints the colors of each image as it is done, as blocks of color on a terminal."""
 
     def show(self, row: Row) -> None:
-        """Tell people of a picture."""
+        """Show the colors of an image."""
         print(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
         if sys.stdout.isatty():
             _print_blocks(row["colors"])

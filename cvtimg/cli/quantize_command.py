@@ -40,7 +40,7 @@ EXAMPLES = """Examples:
   cvtimg quantize sprite.png --palette game.gpl --dither blue-noise
   cvtimg quantize film.gif -k 64 -o smaller.gif
   cvtimg quantize icons/*.png --psnr 40 --in-place --skip-if-larger
-  curl -s https://example.org/photo.jpg | cvtimg quantize - -k 32 > small.png
+  curl -s example.org/photo.jpg | cvtimg quantize - -k 32 > small.png
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
@@ -295,14 +295,14 @@ def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> ND
 
 
 def _read_weights(path: Path) -> NDArray[Any]:
-    """Read a grey picture, one channel or the same in all."""
+    """Read a gray image: one channel, or the same in all."""
     from cvtimg import read_image
 
     weights = read_image(path)
     if weights.ndim == 2:
         return weights
     if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
-        raise ValueError("must be a grey picture")
+        raise ValueError("must be a gray image")
     return weights[..., 0]
 
 

@@ -45,7 +45,11 @@ Lock = Annotated[
 ]
 Dither = Annotated[
     Literal["none", "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"],
-    Option(help="Mix colors to show those between them."),
+    Option(
+        metavar="NAME",
+        help="Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, or bayer-2, -4, -8 "
+        "or -16.",
+    ),
 ]
 DitherStrength = Annotated[
     float | None, Option(metavar="S", parser=options.number(0, 1), help="Strength of dithering, 0 to 1.")

@@ -1,4 +1,4 @@
-"""``cvtimg restore``: one good picture from several bad ones."""
+"""``cvtimg restore``: one good image from several bad ones."""
 
 from __future__ import annotations
 

@@ -411,7 +411,7 @@ def _needs_tiles(task: Task) -> bool:
 
 
 def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Split a picture into the bands to segment and where they are known: not NaN, not transparent, and not nodata."""
+    """Return the bands to segment and the pixels known: not NaN, not transparent and not nodata."""
     import numpy as np
 
     known = np.ones(image.shape[:2], np.bool_)

@@ -157,7 +157,7 @@ def test_weight_maps_that_do_not_fit_are_refused(run: Run, picture: NDArray[Any]
     write_image("w.png", np.ones((3, 5), np.uint8))
     assert "weights of shape (3, 5) must be (64, 64)" in run("in.png", "-k", "8", "--weight-map", "w.png")["error"]
     error = run("in.png", "-k", "8", "--weight-map", "in.png")
-    assert "--weight-map: in.png: must be a grey picture" in error["error"]
+    assert "--weight-map: in.png: must be a gray image" in error["error"]
     assert error["status"] == 2
 
 
