@@ -240,7 +240,7 @@ def test_the_report_has_a_row_for_every_input(here: Path, capsys: pytest.Capture
     assert {name: row["status"] for name, row in lines.items()} == status
     assert float(table["a/2.png"]["energy"]) == lines["a/2.png"]["energy"]
     assert float(table["a/2.png"]["seconds_read"]) > 0
-    assert "not a picture" in table["a/bad.png"]["error"]
+    assert "unknown image format" in table["a/bad.png"]["error"]
 
 
 def test_a_report_replaces_no_file_unasked_and_says_so_before_any_work(here: Path) -> None:
