@@ -21,12 +21,14 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
+from numpy.typing import NDArray
 from PIL import Image, ImageCms, features
 
 #: Seconds that a command may take for one file.
@@ -62,6 +64,48 @@ def seeds() -> Iterator[File]:
             except Exception:  # this format does not hold this mode
                 continue
     yield from special()
+    yield from measured()
+
+
+def measured() -> Iterator[File]:
+    """Give whole files of measurements: stacks of pages, odd numbers of bands, byte orders and types, FITS."""
+    values = np.asarray(RGB)
+    types = ("u1", "i1", "<u2", ">u2", "<i2", ">i2", "<u4", ">i4", "<f2", "<f4", ">f4", "<f8", ">f8")
+    for name in types:
+        for n_bands in (1, 2, 3, 4, 5, 7):
+            image = np.dstack([values] * 3)[..., :n_bands].astype(name)
+            yield (
+                f"bands-{name[-2:]}-{'big' if name[0] == '>' else 'little'}-{n_bands}.tif",
+                tifffile_bytes(
+                    image if n_bands > 1 else image[..., 0],
+                    byteorder=name[0] if name[0] in "<>" else "<",
+                    photometric="rgb" if n_bands == 3 else "minisblack",
+                    planarconfig="contig" if n_bands > 1 else None,
+                ),
+            )
+        npy = io.BytesIO()
+        np.save(npy, values.astype(name))
+        yield f"order-{name[-2:]}-{'big' if name[0] == '>' else 'little'}.npy", npy.getvalue()
+    stack = np.stack([values[..., 0], values[..., 1], values[..., 2]])
+    for kind in ({}, {"imagej": True}, {"ome": True}, {"bigtiff": True}, {"metadata": None}):
+        label = next(iter(kind), "plain")
+        yield f"stack-{label}.tif", tifffile_bytes(stack, photometric="minisblack", **kind)
+        yield f"deep-stack-{label}.tif", tifffile_bytes(stack.astype(np.uint16), photometric="minisblack", **kind)
+    with suppress(ImportError):
+        from astropy.io import fits
+
+        for name in ("u1", "i2", "u2", "i4", "f4"):
+            for image in (values[..., 0], stack):
+                file = io.BytesIO()
+                fits.PrimaryHDU(image.astype(name)).writeto(file)
+                yield f"sky-{name}-{image.ndim}.fits", file.getvalue()
+
+
+def tifffile_bytes(image: NDArray[Any], **options: Any) -> bytes:
+    """Encode an array as tifffile does."""
+    file = io.BytesIO()
+    tifffile.imwrite(file, image, **options)
+    return file.getvalue()
 
 
 def suffix_of(form: str) -> str:
@@ -298,7 +342,7 @@ def main() -> None:
     options.add_argument("--quick", action="store_true", help="fewer damages of each file")
     options.add_argument("--keep", type=Path, metavar="DIR", help="keep the files that went wrong here")
     arguments = options.parse_args()
-    n_cuts, n_flips = (1, 1) if arguments.quick else (8, 12)
+    n_cuts, n_flips = (1, 1) if arguments.quick else (8, 14)
     counts: Counter[str] = Counter()
     slowest = (0.0, "")
     with tempfile.TemporaryDirectory() as folder:

@@ -45,11 +45,11 @@ for _library in ("PIL", "tifffile"):
 
 
 class _Quiet:
-    """Hold Pillow's warnings back while at least one picture is open.
+    """Hold the warnings of Pillow and astropy back while at least one picture is open.
 
     Two `warnings.catch_warnings` that overlap in two threads restore each other's filters and can
     leave a filter behind for good. Here the first to enter sets it and the last to leave takes it
-    away, without making the decoders wait for one another. Only warnings raised inside PIL are
+    away, without making the decoders wait for one another. Only warnings raised inside these are
     held back, so that another thread's own warnings still show.
     """
 
@@ -63,7 +63,7 @@ class _Quiet:
             if self._depth == 0:
                 self._saved = warnings.catch_warnings()
                 self._saved.__enter__()
-                warnings.filterwarnings("ignore", module=r"PIL\.")
+                warnings.filterwarnings("ignore", module=r"(PIL|astropy)\.")
             self._depth += 1
 
     def __exit__(self, *_: object) -> None:
