@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -120,3 +121,19 @@ def test_what_does_not_fit_is_refused_before_a_file_appears(tmp_path: Path) -> N
     with pytest.raises(ValueError, match=r"axes='TZ' of shape \(2, 2\) must hold 5 images"):
         Pages(tuple(STACK), "TZ", (2, 2))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("n_pages", [1, 3])
+def test_a_chain_of_pages_that_leads_in_a_circle_is_named_at_once(tmp_path: Path, n_pages: int) -> None:
+    path = tmp_path / "circle.tif"
+    tifffile.imwrite(path, np.zeros((n_pages, 8, 8), np.uint8), photometric="minisblack", metadata=None)
+    with tifffile.TiffFile(path) as tiff:
+        first, last = tiff.pages[0].offset, tiff.pages[-1].offset
+    content = bytearray(path.read_bytes())
+    (n_tags,) = struct.unpack_from("<H", content, last)
+    struct.pack_into("<I", content, last + 2 + 12 * n_tags, first)
+    path.write_bytes(content)
+    for read in (read_pages, read_image, image_info):
+        with pytest.raises(OSError, match=r"circle\.tif: its pages lead in a circle"):
+            read(path)

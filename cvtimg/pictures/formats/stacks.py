@@ -21,6 +21,7 @@ from cvtimg.pictures.formats.tiff import (
     icc_profile,
     is_plain,
     is_subordinate,
+    main_pages,
     sample_options,
     tiff_tags,
 )
@@ -62,7 +63,7 @@ def decode_stack(file: BinaryIO) -> Stack:
         layout = Layout.of(tags)
         kind = "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
         scale = _scale(tiff)
-        numbers = [number for number, page in enumerate(tiff.pages) if not is_subordinate(page)]
+        numbers = main_pages(file)
         check_size(size * tiff.pages.first.imagelength * tiff.pages.first.imagewidth)
         if not is_plain(tags):
             axes, shape, images = "Q", (size,), None

@@ -32,6 +32,7 @@ __all__ = [
     "is_plain",
     "is_subordinate",
     "is_turned",
+    "main_pages",
     "sample_options",
     "tiff_tags",
 ]
@@ -136,41 +137,55 @@ def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
 
 
 def count_pages(file: BinaryIO) -> int:
-    """Count the pages of a file: 1 for other formats than TIFF, and those that are there of a damaged chain."""
-    file.seek(0)
-    magic = file.read(4)
-    file.seek(0)
-    if not magic.startswith(TIFF_MAGICS) or not _may_have_pages(file):
-        return 1
-    import tifffile
+    """Count the pages of a file: 1 for formats other than TIFF, and those that are there of a chain that is cut off.
 
+    Raises
+    ------
+    UnfitContentError
+        If the chain of pages leads back to one before.
+    """
+    file.seek(0)
+    start = file.read(_START)
     size = 1
-    with suppress(Exception), tifffile.TiffFile(file) as tiff:  # the reader will say what is wrong with it
-        # Of large stacks ImageJ describes the first page alone.
-        in_imagej = int((tiff.imagej_metadata or {}).get("images", 1)) if tiff.is_imagej else 1
-        size = max(in_imagej, sum(not is_subordinate(page) for page in tiff.pages))
+    if start.startswith(TIFF_MAGICS):
+        size = max(size, len(main_pages(file)))
+        if b"ImageJ=" in start:  # which describes only the first page of large stacks
+            import tifffile
+
+            with suppress(Exception), tifffile.TiffFile(file) as tiff:  # the reader will say what is wrong with it
+                size = max(size, int((tiff.imagej_metadata or {}).get("images", 1)))
     file.seek(0)
     return size
 
 
-def _may_have_pages(file: BinaryIO) -> bool:
-    """Whether a directory of tags follows the first one, or ImageJ wrote the file: a look that needs no library."""
+def main_pages(file: BinaryIO) -> list[int]:
+    """List the numbers of the pages of a TIFF that are neither smaller copies of others nor their masks.
+
+    The chain is followed here and not by tifffile, which never ends where it leads in a circle.
+    """
     file.seek(0)
-    start = file.read(_START)
+    start = file.read(16)
     order = "<" if start[:2] == b"II" else ">"
-    if start[2:4] in (b"+\0", b"\0+"):  # BigTIFF
-        at, n_entries, size_of, pointer = 8, "Q", 20, "Q"
-    else:
-        at, n_entries, size_of, pointer = 4, "H", 12, "I"
-    following = 1
-    with suppress(struct.error, OverflowError, OSError):  # cut off: the reader will say so
-        first = struct.unpack_from(order + pointer, start, at)[0]
-        file.seek(first)
-        (n,) = struct.unpack(order + n_entries, file.read(struct.calcsize(n_entries)))
-        file.seek(n * size_of, 1)
-        (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
-    file.seek(0)
-    return bool(following) or b"ImageJ=" in start
+    big = start[2:4] in (b"+\0", b"\0+")
+    count, size_of, pointer = ("Q", 20, "Q") if big else ("H", 12, "I")
+    found: list[int] = []
+    seen: set[int] = set()
+    with suppress(struct.error, OverflowError, OSError):  # cut off
+        (at,) = struct.unpack_from(order + pointer, start, 8 if big else 4)
+        while at:
+            if at in seen:
+                raise UnfitContentError("its pages lead in a circle")
+            file.seek(at)
+            (n_entries,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
+            # Tags are in rising order, and none that is in use comes before this one.
+            tag, _, _, kind = struct.unpack_from(f"{order}HH{pointer}I", file.read(size_of))
+            file.seek((n_entries - 1) * size_of, 1)
+            (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
+            if not (tag == _SUBFILE and kind & (_REDUCED | _MASK)):
+                found.append(len(seen))
+            seen.add(at)
+            at = following
+    return found
 
 
 def is_subordinate(page: Any) -> bool:
