@@ -174,6 +174,8 @@ def main_pages(file: BinaryIO) -> list[int]:
         (at,) = struct.unpack_from(order + pointer, start, 8 if big else 4)
         while at:
             if at in seen:
+                if len(seen) == 1:  # one page that names itself as the next
+                    break
                 raise UnfitContentError("its pages lead in a circle")
             file.seek(at)
             (n_entries,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
