@@ -120,7 +120,10 @@ METHODS = {"nearest color": None, "floyd-steinberg": "floyd-steinberg", "blue-no
 def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[Panel]:
     """Show an image, and the same in few colors with each method."""
     image = draw()
-    results = {how: cvtimg.quantize(image, n_colors, dither=method) for how, method in METHODS.items()}
+    results = {
+        how: cvtimg.quantize(image, n_colors, dither=method, alpha=image.shape[2:] == (4,))
+        for how, method in METHODS.items()
+    }
     shown = [Panel(result.image, (f"{n_colors} colors, {how}",), result.palette) for how, result in results.items()]
     return [Panel(image, (name,)), *shown]
 

@@ -12,6 +12,7 @@ import pytest
 
 from cvtimg import read_image, segment, write_image
 from cvtimg.cli import app as cli
+from cvtimg.labels import read_labels
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def test_objects_are_split_and_the_background_is_in_no_table(
     outputs = ["-o", "l.png", "--table", "t.csv", "--coco", "c.json", "--overlay", "o.png", "--contours", "c.svg"]
     assert cli.main(["segment", *how, *outputs, "--json"]) == 0
     row = json.loads(capsys.readouterr().out)
-    labels = read_image("l.png")
+    labels = read_labels("l.png")
     assert row["k"] == labels.max() == 3
     assert row["left_out"] == (labels == 0).sum() > labels.size / 2
     with Path("t.csv").open() as file:
@@ -65,4 +66,4 @@ def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], capsys: pyte
     assert expected.curve is not None
     assert row["k"] == expected.n_segments
     assert row["elbow"] == expected.curve.elbows()
-    np.testing.assert_array_equal(read_image("cells-labels.png"), expected.labels)
+    np.testing.assert_array_equal(read_labels("cells-labels.png"), expected.labels)

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from cvtimg import read_image, segment, tessellate
 from cvtimg.colors import color_samples
+from cvtimg.labels import read_labels
 from cvtimg.segmentation import Averaging
 from cvtimg.segmentation.averaging import average_segments, averaged
 
@@ -234,7 +235,7 @@ def test_a_result_shows_and_saves_itself(photograph: NDArray[Any], bands: int, t
     assert len(repr(result)) < 200
     assert "7 segments of 80 x 60 pixels" in repr(result)
     result.save(tmp_path / "a.png")
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), result.labels)
+    np.testing.assert_array_equal(read_labels(tmp_path / "a.png"), result.labels)
     (tmp_path / "b.png").write_bytes(result._repr_png_())
     drawn = read_image(tmp_path / "b.png")
     np.testing.assert_array_equal(drawn, result.draw())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.labels.components import absorb_small
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
@@ -20,6 +21,8 @@ from cvtimg.segmentation.values import PictureValues
 
 #: Least penalty for each pair of near pixels in different leaves, in squared values; noise raises it.
 COMPACTNESS = 5.0
+#: Leaves smaller than the mean size divided by this join a neighbor.
+_SPECK = 12
 #: What steps of eigenvectors across a border add to its strength.
 _GLOBAL_WEIGHT = 0.6
 
@@ -82,7 +85,9 @@ def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
     """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
     cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
     weight = max(COMPACTNESS, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
-    return without_gaps(descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels)
+    found = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
+    # Few pixels have no histogram that could be compared: they would stay regions of their own to the top.
+    return without_gaps(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // _SPECK))
 
 
 def without_gaps(labels: NDArray[np.int32]) -> NDArray[np.int32]:
