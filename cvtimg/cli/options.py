@@ -179,6 +179,12 @@ VolumePower = Annotated[
 ]
 Averaging = Annotated[AveragingName, Option(help="Smooth noise, before or after pixels are assigned to segments.")]
 
+Mask = Annotated[Path | None, Option(metavar="FILE", help="Image of the same size: leave out pixels that are black.")]
+NoData = Annotated[
+    float | None,
+    Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),
+]
+
 Missing = Annotated[Literal["error", "drop"], Option(help="What to do with rows of tables that lack a value.")]
 
 

@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,10 @@ from cvtimg.cli import options
 from cvtimg.cli import quantize_options as own
 from cvtimg.cli.animations import quantize_animation, stays_animated
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.known_pixels import known_pixels
 from cvtimg.cli.pages import has_pages, quantize_pages
-from cvtimg.cli.sharing import share
+from cvtimg.cli.quantize_options import QuantizeOptions
+from cvtimg.cli.sharing import count_known, share
 from cvtimg.cli.tiled import check_fit, needs_tiles, quantize_in_tiles
 
 if TYPE_CHECKING:
@@ -46,65 +48,6 @@ EXAMPLES = """Examples:
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
 
-@dataclass(frozen=True, slots=True)
-class QuantizeOptions:
-    """What is done to each image.
-
-    Attributes
-    ----------
-    mapping : dict
-        How pixels are mapped to a palette: options of `map_to_palette`.
-    search : dict
-        How a palette is found: options of `find_palette`; none where it is given.
-    target : dict
-        Options of `quantize` that neither is: a PSNR to reach, weights of the pixels.
-    colors : dict
-        Arguments that are 8-bit colors, to be brought to the depth of the image: "palette" or "locked".
-    depth : {"8", "16"} or None
-        Bits per channel to work with.
-    max_bytes : int or None
-        Largest size of the file.
-    keep_metadata, optimize, per_frame : bool
-        As the options of these names.
-    """
-
-    mapping: Mapping[str, Any]
-    search: Mapping[str, Any]
-    target: Mapping[str, Any]
-    colors: Mapping[str, Any]
-    depth: str | None
-    max_bytes: int | None
-    keep_metadata: bool
-    optimize: bool
-    per_frame: bool
-
-    @property
-    def of_palette(self) -> dict[str, Any]:
-        """Options for a palette alone, without the pixels."""
-        return {**self.search, "space": self.mapping["space"]}
-
-    def colors_of(self, dtype: np.dtype[Any]) -> dict[str, Any]:
-        """Bring given colors to the depth of an image."""
-        from cvtimg.colors.spaces import to_depth
-
-        return {name: to_depth(colors, dtype) for name, colors in self.colors.items()}
-
-    def unfit(self, *names: str) -> dict[str, Any]:
-        """Return the options given among those that some inputs cannot have, by the names that people give them."""
-        known = {
-            "--psnr": self.target.get("psnr"),
-            "--weight-map": self.target.get("weights"),
-            "--max-bytes": self.max_bytes,
-            "-k auto": True if self.search.get("n_colors") == "auto" else None,
-            "--dither": self.mapping.get("dither"),
-            "--depth": self.depth,
-            "--depth 16": True if self.depth == "16" else None,
-            "--keep-metadata": self.keep_metadata or None,
-            "--optimize": self.optimize or None,
-        }
-        return {name: known[name] for name in names if known[name] is not None}
-
-
 def quantize(
     inputs: options.Images,
     colors: own.Colors = None,
@@ -116,6 +59,8 @@ def quantize(
     dither: own.Dither = "none",
     dither_strength: own.DitherStrength = None,
     weight_map: own.WeightMap = None,
+    mask: options.Mask = None,
+    nodata: options.NoData = None,
     depth: own.Depth = None,
     shared_palette: own.SharedPalette = False,
     output: options.Output = None,
@@ -173,7 +118,7 @@ def quantize(
         },
         out_dir=out_dir,
         beside=in_place or ext is not None,
-        also_read=[palette, weight_map, *(one for one in lock or [] if isinstance(one, Path))],
+        also_read=[palette, weight_map, mask, *(one for one in lock or [] if isinstance(one, Path))],
         joint=saved if shared_palette else None,
     )
     given: dict[str, Any] = {"palette": _read("--palette", palette, read_palette)} if palette else {}
@@ -189,11 +134,14 @@ def quantize(
         keep_metadata=keep_metadata,
         optimize=optimize,
         per_frame=per_frame,
+        mask=mask,
+        nodata=nodata,
     )
     if shared_palette:
         running = common.running(skip_existing=skip_existing, in_place=in_place)
         find = partial(_palette_of_all, how=how)
-        shared = share(plan, find, depth=depth, max_pixels=max_pixels, running=running)
+        count = partial(count_known, depth=depth, mask=mask, nodata=nodata, max_pixels=max_pixels)
+        shared = share(plan, find, count, running=running)
         how = replace(how, search={}, colors={"palette": shared})
         if save_palette and shared is not None:
             write_palette(save_palette, shared, overwrite=running.overwrite or skip_existing)
@@ -310,24 +258,30 @@ def _quantize(
     task: Task, stopwatch: Stopwatch, *, how: QuantizeOptions, overwrite: bool, max_pixels: int | None
 ) -> Row:
     from cvtimg import read_image
-    from cvtimg.pictures import open_bands
+    from cvtimg.pictures import image_info, open_bands
 
     if stays_animated(task):
         return _quantize_animation(task, stopwatch, how, overwrite)
     if has_pages(task.source):
         return _quantize_pages(task, stopwatch, how, overwrite)
     if needs_tiles(task.source, task.output):
-        unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes")
+        unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes", "--mask", "--nodata")
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
-        colors = how.colors_of(open_bands(task.source).form.dtype)
-        return quantize_in_tiles(task, stopwatch, {**how.of_palette, **colors}, overwrite=overwrite)
+        form = open_bands(task.source).form
+        given = {**how.of_palette, **how.colors_of(form.dtype)}
+        row = quantize_in_tiles(task, stopwatch, given, overwrite=overwrite)
+        return row | _counted(form.nodata, "tiles")
     keep_profile = how.keep_metadata and not how.colors  # colors that are given are in sRGB
     image = read_image(task.source, keep_profile=keep_profile)
-    file = {"metadata": _metadata(task, how.keep_metadata, keep_profile), "optimize": how.optimize}
+    header = image_info(task.source)
+    known = known_pixels(image, header, how.mask, how.nodata)
+    mask = None if known.all() else known
+    nodata = None if mask is None or how.nodata is not None or how.depth else header.nodata
+    file = {"metadata": _metadata(task, how.keep_metadata, keep_profile, nodata), "optimize": how.optimize}
     stopwatch.lap("read")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        result = _result(task.source, image, how, task.output.suffix, file)
+        result = _result(task, image, mask, how, file)
     stopwatch.lap("cluster")
     _write(task.outputs, result, overwrite, file)
     stopwatch.lap("write")
@@ -336,6 +290,7 @@ def _quantize(
         "width": image.shape[1],
         "height": image.shape[0],
         "channels": result.palette.shape[1],
+        "left_out": 0 if mask is None else int((~mask).sum()),
         "distinct_colors": result.n_distinct,
         "k": len(result.palette),
         "elbow": result.curve.elbows() if result.curve else None,
@@ -348,30 +303,39 @@ def _quantize(
     }
 
 
-def _metadata(task: Task, keep_all: bool, keep_profile: bool) -> Metadata | None:
-    """Return what to keep of a file; its georeference is kept in any case, as it tells what the pixels are."""
+def _counted(nodata: float | None, where: str) -> Row:
+    """Warn that the nodata value of a file is not left out."""
+    return {} if nodata is None else {"warning": f"pixels of the nodata value {nodata:g} count in {where}"}
+
+
+def _metadata(task: Task, keep_all: bool, keep_profile: bool, nodata: float | None) -> Metadata | None:
+    """Return what to keep of a file: in any case its georeference and nodata, which tell what the pixels are."""
     from cvtimg.pictures import Metadata, read_metadata
 
-    if keep_all:
-        return replace(read_metadata(task.source, keep_profile=keep_profile), nodata=None)
     tiffs = {path.suffix.lower() for path in (task.source, task.output)} <= {".tif", ".tiff"}
-    return Metadata(geo=read_metadata(task.source).geo) if tiffs else None
+    if keep_all:
+        kept = read_metadata(task.source, keep_profile=keep_profile)
+        return replace(kept, nodata=nodata if tiffs else None)
+    return Metadata(geo=read_metadata(task.source).geo, nodata=nodata) if tiffs else None
 
 
 def _quantize_pages(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
     """Quantize all pages, if what is asked for can be done to them."""
-    from cvtimg.pictures import read_pages
+    from cvtimg.pictures import image_info, read_pages
 
-    for option in how.unfit("--psnr", "--max-bytes", "--weight-map", "-k auto", "--depth", "--optimize"):
+    for option in how.unfit(
+        "--psnr", "--max-bytes", "--weight-map", "-k auto", "--depth", "--optimize", "--mask", "--nodata"
+    ):
         raise ValueError(f"has several pages, which {option} cannot be used for")
     given = how.colors_of(read_pages(task.source).images[0].dtype) if how.colors else {}
     options = {**how.search, **how.mapping, **given}
-    return quantize_pages(task, stopwatch, options, per_page=how.per_frame, overwrite=overwrite)
+    row = quantize_pages(task, stopwatch, options, per_page=how.per_frame, overwrite=overwrite)
+    return row | _counted(image_info(task.source).nodata, "files of several pages")
 
 
 def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
     """Quantize all frames, if what is asked for can be done to them."""
-    for option in how.unfit("--weight-map", "-k auto", "--depth 16", "--optimize"):
+    for option in how.unfit("--weight-map", "-k auto", "--depth 16", "--optimize", "--mask", "--nodata"):
         raise ValueError(f"is an animation, which {option} cannot be used for")
     return quantize_animation(
         task,
@@ -385,7 +349,9 @@ def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, 
     )
 
 
-def _result(source: Path, image: NDArray[Any], how: QuantizeOptions, suffix: str, file: Mapping[str, Any]) -> Quantized:
+def _result(
+    task: Task, image: NDArray[Any], mask: NDArray[np.bool_] | None, how: QuantizeOptions, file: Mapping[str, Any]
+) -> Quantized:
     """Quantize an image as its file and its depth need."""
     import numpy as np
 
@@ -396,17 +362,16 @@ def _result(source: Path, image: NDArray[Any], how: QuantizeOptions, suffix: str
 
     if how.depth:
         image = to_depth(image, np.dtype(f"uint{how.depth}"))
-    given = {**how.target, **how.search, **how.mapping, **how.colors_of(image.dtype)}
+    given = {"mask": mask, **how.target, **how.search, **how.mapping, **how.colors_of(image.dtype)}
     given = {name: value for name, value in given.items() if value is not None}
     if how.max_bytes is None:
         result = quantize(image, **given)
-        own = _own_palette(source, result, how)
-        return result if own is None else quantize(image, palette=own, **how.mapping)
+        own = _own_palette(task.source, result, how)
+        return result if own is None else quantize(image, palette=own, mask=mask, **how.mapping)
 
     def size(result: Quantized) -> int:
-        pixels, palette = result.content
-        alpha = result.alpha if palette is None and pixels.ndim == 3 else None
-        return len(encode_image(suffix, pixels, palette=palette, alpha=alpha, **file))
+        pixels, how_stored = _content(result, file)
+        return len(encode_image(task.output.suffix, pixels, **how_stored))
 
     return quantize_to_size(image, how.max_bytes, size, **given)
 
@@ -425,12 +390,26 @@ def _own_palette(source: Path, result: Quantized, how: QuantizeOptions) -> NDArr
     return own if len(own) <= n_colors and own.shape[1] == result.palette.shape[1] else None
 
 
+def _content(result: Quantized, file: Mapping[str, Any]) -> tuple[NDArray[Any], dict[str, Any]]:
+    """Return the pixels of a file, and how they are stored; where nodata is kept, they are not indexed."""
+    pixels, palette = result.content
+    metadata: Metadata | None = file["metadata"]
+    if metadata and metadata.nodata is not None:
+        if (result.palette == metadata.nodata).all(axis=1).any():  # a color would become nodata
+            metadata = replace(metadata, nodata=None)
+        else:
+            n_channels = result.palette.shape[1]
+            pixels, palette = result.image, None
+            pixels = pixels[..., 0] if pixels.ndim == 3 and n_channels == 1 else pixels
+    alpha = result.alpha if palette is None and pixels.ndim == 3 else None
+    return pixels, {**file, "metadata": metadata, "palette": palette, "alpha": alpha}
+
+
 def _write(outputs: Mapping[str, Path], result: Quantized, overwrite: bool, file: Mapping[str, Any]) -> None:
     from cvtimg import write_image, write_palette
 
-    pixels, palette = result.content
-    alpha = result.alpha if palette is None and pixels.ndim == 3 else None
-    write_image(outputs["-o"], pixels, palette=palette, alpha=alpha, overwrite=overwrite, **file)
+    pixels, how_stored = _content(result, file)
+    write_image(outputs["-o"], pixels, **how_stored, overwrite=overwrite)
     if "--save-palette" in outputs:
         import numpy as np
 

@@ -13,6 +13,7 @@ from typer import Option
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.known_pixels import known_pixels
 from cvtimg.cli.pages import has_pages, segment_pages
 from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
@@ -140,11 +141,6 @@ Properties = Annotated[
     str,
     Option(metavar="NAME,...", help="More columns for --table, by their names in scikit-image, such as eccentricity."),
 ]
-Mask = Annotated[Path | None, Option(metavar="FILE", help="Image of the same size: leave out pixels that are black.")]
-NoData = Annotated[
-    float | None,
-    Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),
-]
 Volume = Annotated[
     bool, Option("--volume", help="Use the same segments in all pages of a file, not in each page its own.")
 ]
@@ -252,8 +248,8 @@ def segment(
     cuts: Cuts = None,
     superpixels: Superpixels = False,
     compactness: Compactness = None,
-    mask: Mask = None,
-    nodata: NoData = None,
+    mask: options.Mask = None,
+    nodata: options.NoData = None,
     volume: Volume = False,
     volume_power: options.VolumePower = 0,
     effort: options.Effort = "balanced",
@@ -393,9 +389,9 @@ def _segment(
 
 def _divide(image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo) -> tuple[NDArray[Any], Segmentation]:
     """Segment an image; return the bands that count, and the result."""
-    image, known = _known(image, header, how.nodata)
-    if how.mask:
-        known = known & _read_mask(how.mask, known.shape)
+    known = known_pixels(image, header, how.mask, how.nodata)
+    if header.has_alpha and image.shape[2:] == (4,):
+        image, known = image[:, :, :3], known & (image[:, :, 3] > 0)
     return image, how.segments(image, known)
 
 
@@ -408,31 +404,3 @@ def _needs_tiles(task: Task) -> bool:
             raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
         return False
     return needs_tiles(task.source, targets[0])
-
-
-def _known(image: NDArray[Any], header: ImageInfo, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return the bands to segment and the pixels known: not NaN, not transparent and not nodata."""
-    import numpy as np
-
-    known = np.ones(image.shape[:2], np.bool_)
-    if header.has_alpha and image.shape[2:] == (4,):
-        image, known = image[:, :, :3], image[:, :, 3] > 0
-    bands = image.reshape(*known.shape, -1)
-    if bands.dtype.kind == "f":
-        known &= np.isfinite(bands).min(axis=2)
-    missing = header.nodata if nodata is None else nodata
-    if missing is not None:
-        known &= (bands != missing).max(axis=2)
-    return image, known
-
-
-def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Read which pixels are not black."""
-    from cvtimg import read_image
-
-    picture = read_image(path)
-    if picture.shape[:2] != shape:
-        height, width = picture.shape[:2]
-        raise ValueError(f"has {shape[1]} x {shape[0]} pixels, but the mask {path} has {width} x {height}")
-    kept: NDArray[np.bool_] = picture.reshape(*shape, -1)[:, :, :3].max(axis=2) > 0
-    return kept

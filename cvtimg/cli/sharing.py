@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold, is_pipe
+from cvtimg.cli.known_pixels import known_pixels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cvtimg.colors.samples import ColorSamples
 
-__all__ = ["share"]
+__all__ = ["count_known", "share"]
 
 
 def share(
     plan: Plan,
     find: Callable[[ColorSamples], NDArray[Any]],
+    count: Callable[[Task], ColorSamples],
     *,
-    depth: str | None,
-    max_pixels: int | None,
     running: Running,
 ) -> NDArray[Any] | None:
     """Find the palette of all images together, and move those that cannot be read to the missing of the plan.
@@ -29,7 +30,7 @@ def share(
     Returns
     -------
     array or None
-        What `find` makes of the sum of the densities; None if no image is left.
+        What `find` makes of the sum of what `count` returns for each image; None if no image is left.
     """
     from cvtimg.quantization.sharing import add_samples, in_fixed_order
 
@@ -38,7 +39,7 @@ def share(
         raise WrongUsageError("--shared-palette reads each input twice: standard input and pipes cannot be used")
     palette = None
     try:
-        total, failed = fold(plan.tasks, partial(_count, depth=depth, max_pixels=max_pixels), add_samples, running)
+        total, failed = fold(plan.tasks, count, add_samples, running)
         if total is not None:
             palette = find(in_fixed_order(total))
     except ValueError as error:
@@ -48,11 +49,16 @@ def share(
     return palette
 
 
-def _count(task: Task, *, depth: str | None, max_pixels: int | None) -> ColorSamples:
+def count_known(
+    task: Task, *, depth: str | None, mask: Path | None, nodata: float | None, max_pixels: int | None
+) -> ColorSamples:
+    """Count the colors of the pixels of an image that are not left out."""
+    from cvtimg import read_image
+    from cvtimg.pictures import image_info
     from cvtimg.pictures.formats.opening import pixels_limited
     from cvtimg.quantization.sharing import count_picture
 
-    if max_pixels is None:
-        return count_picture(task.source, depth)
-    with pixels_limited(max_pixels):
-        return count_picture(task.source, depth)
+    with nullcontext() if max_pixels is None else pixels_limited(max_pixels):
+        image = read_image(task.source)
+        known = known_pixels(image, image_info(task.source), mask, nodata)
+    return count_picture(image, depth, mask=None if known.all() else known)

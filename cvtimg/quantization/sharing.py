@@ -70,7 +70,9 @@ def shared_palette(
     return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
 
 
-def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> ColorSamples:
+def count_picture(
+    picture: StrPath | ArrayLike, depth: str | None = None, *, mask: ArrayLike | None = None
+) -> ColorSamples:
     """Count the colors of an image, at this many bits per sample, without `inverse`.
 
     This is what workers exchange: a few megabytes for a photograph of any size.
@@ -82,7 +84,7 @@ def count_picture(picture: StrPath | ArrayLike, depth: str | None = None) -> Col
     if alpha:
         seen = without_idle_alpha(np.asarray(image))
         image, alpha = seen, seen.shape[2] in (2, 4)
-    samples = color_samples(image, alpha=alpha)
+    samples = color_samples(image, alpha=alpha, mask=mask)
     return replace(samples, inverse=np.empty((0, 0), np.int32), inside=None)
 
 

@@ -47,7 +47,7 @@ DEEP = RNG.integers(0, 65536, (24, 32), np.uint16)
 #: Seven colors, fewer than are asked for below.
 FEW = RGB.reshape(-1, 3)[RNG.integers(0, 7, (24, 32))]
 
-KEYS = ["input", "output", "width", "height", "channels", "distinct_colors", "k", "elbow"]
+KEYS = ["input", "output", "width", "height", "channels", "left_out", "distinct_colors", "k", "elbow"]
 KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "input_bytes", "output_bytes", "seconds"]
 
 
