@@ -45,7 +45,7 @@ class KeyFrames:
 def key_frames(
     film: Any, n_frames: int | Literal["auto"], *, passes: int = 4, rng: int | np.random.Generator = 0
 ) -> KeyFrames:
-    """Choose the frames of a film that stand best for all of them: medoids of a tessellation of the frames.
+    """Choose the frames that represent a film with the least error: the medoids of a tessellation of its frames.
 
     Parameters
     ----------

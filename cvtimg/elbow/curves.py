@@ -36,7 +36,7 @@ from cvtimg.engine.search import EFFORTS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnergyCurve:
-    """Energies of 1, 2, .. n_max generators, none of them above the one before.
+    """Energies of tessellations with 1 to n_max generators, which never increase.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def energy_curve(
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> EnergyCurve:
-    """Compute the energies of 1, 2, .. n_max generators.
+    """Compute the energy of tessellations with 1 to n_max generators, for choosing their number.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Rules that find the elbow of a curve of energies.
 
-A rule takes E(k) for k = 1, 2, .. and their scale, and returns k. `chord` is the default.
+A rule takes E(k) for k = 1, 2, ... and their scale, and returns k. `chord` is the default.
 """
 
 from __future__ import annotations

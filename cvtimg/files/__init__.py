@@ -1,4 +1,4 @@
-"""Files of any kind: outputs that appear whole or not at all, and inputs as people name them."""
+"""Find input files, and write output files atomically."""
 
 import lazy_loader
 

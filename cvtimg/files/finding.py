@@ -1,4 +1,4 @@
-"""Input files as people name them: files, folders and patterns."""
+"""Find image files by path, folder or glob pattern."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from pathlib import Path
 
 from cvtimg.files.whole import StrPath
 
-# Pillow names these but has no pixels for them, or runs another program to draw them: PostScript
-# from a stranger would go through Ghostscript.
+# Formats that Pillow identifies but cannot decode, or renders with an external program: Ghostscript should not run on
+# untrusted PostScript.
 NOT_RASTER = frozenset({"BUFR", "EPS", "GRIB", "HDF5", "MPEG", "WMF"})
 
 
 def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
-    """List the pictures that files, folders and patterns name.
+    """List image files given by paths, folders and glob patterns.
 
     Parameters
     ----------
     paths : path or iterable of paths
-        A file stays, whatever its suffix. A folder stands for all files in it and below whose
-        suffix Pillow reads, hidden ones left out. A pattern with ``*``, ``?`` or ``[`` stands for
-        what it matches (``**`` for any depth), as if a shell had expanded it.
+        Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow
+        reads; hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for
+        any depth.
 
     Returns
     -------
     list of Path
-        In the order given, sorted within a folder or pattern, each path once.
+        In the given order, sorted within each folder or pattern, without duplicates.
 
     Raises
     ------
     FileNotFoundError
-        If a path does not exist, a pattern matches nothing or a folder has no picture.
+        If a path does not exist, a pattern matches nothing or a folder contains no image.
 
     Examples
     --------
@@ -60,13 +60,13 @@ def _expand(path: StrPath) -> list[Path]:
             and file.is_file()
         )
         if not inside:
-            raise FileNotFoundError(f"{path}: no picture in this folder")
+            raise FileNotFoundError(f"{path}: no images in this folder")
         return inside
     if given.exists():
         return [given]
     if not glob.has_magic(str(path)):
         raise FileNotFoundError(f"{path}: no such file")
-    # Path.glob takes no absolute pattern and, unlike a shell, matches hidden files.
+    # Path.glob rejects absolute patterns and, unlike a shell, matches hidden files.
     matches = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207
     if not matches:
         raise FileNotFoundError(f"{path}: no file matches")
@@ -75,7 +75,7 @@ def _expand(path: StrPath) -> list[Path]:
 
 @lru_cache(maxsize=1)
 def _picture_suffixes() -> frozenset[str]:
-    from PIL import Image  # late: who writes a table needs no Pillow
+    from PIL import Image  # imported late: writing a table does not need Pillow
 
     formats = Image.registered_extensions()
     return frozenset(suffix for suffix, name in formats.items() if name in Image.OPEN and name not in NOT_RASTER)

@@ -1,4 +1,4 @@
-"""Tables as text: comma-separated values with a line of column names."""
+"""Write tables as comma-separated values with a header line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     Parameters
     ----------
     names : iterable of str
-        Names of the columns.
+        Column names.
     rows : iterable of iterables
         Values of each row; None gives an empty field.
 
@@ -39,7 +39,7 @@ def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def write_csv(path: StrPath, names: Iterable[str], rows: Iterable[Iterable[Any]], *, overwrite: bool = False) -> None:
-    """Write a table as comma-separated values in UTF-8; the file appears whole or not at all.
+    """Write a table as comma-separated values in UTF-8, atomically.
 
     Parameters
     ----------

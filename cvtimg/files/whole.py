@@ -1,4 +1,4 @@
-"""Output files that appear whole or not at all."""
+"""Write files and folders atomically: complete, or not at all."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from cvtimg._shared.messages import one_line
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
-#: What names of unfinished files begin with.
+#: Prefix of unfinished files.
 _PART = ".cvtimg-"
 
 
 @contextmanager
 def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
-    """Open a file that appears whole when the block ends, or not at all if it fails.
+    """Open a file that appears under its name when the block succeeds, and not at all if it fails.
 
     Parameters
     ----------
     path : str or path-like
-        Where the file shall appear. An existing file keeps its permissions, a link stays a link.
+        File to write. An existing file keeps its permissions; a symbolic link is followed, not replaced.
     overwrite : bool
         Replace an existing file.
 
     Yields
     ------
     binary file
-        Open for writing and reading, under another name in the same folder.
+        Open for writing and reading, under a temporary name in the same folder.
 
     Raises
     ------
     FileExistsError
-        If the file exists and `overwrite` is false, even if it appears meanwhile.
+        If the file exists and `overwrite` is false, even if it was created in the meantime.
     OSError
         If the file cannot be written.
 
     Notes
     -----
-    This guards against programs that fail or are killed. It does not wait for the disk (fsync), so it
-    does not guard against a power cut: a batch of small pictures would take several times as long.
-    A killed program leaves the unfinished file behind, hidden, for `remove_leftovers`.
+    This protects against programs that fail or are killed, but not against power failures: the file is not synced to
+    disk (fsync), which would make batches of small images several times slower. A killed program leaves a hidden
+    unfinished file, which `remove_leftovers` deletes.
 
     Examples
     --------
@@ -59,14 +59,14 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     _check_target(path, target, overwrite)
     part = _hidden(target)
     try:
-        # Opened by hand, for tempfile would give 0600 in place of what the umask allows.
+        # Not with tempfile, which would set permissions 0600 instead of those that the umask allows.
         part.open("xb").close()
         with _held(part):
             with part.open("w+b") as file:
                 yield file
             _publish(path, part, target, overwrite)
     except OSError as error:
-        # One without errno is worded already; one that names another file is not ours.
+        # Errors without errno already have our message; those that name another file come from the caller.
         if error.errno is None or error.filename not in (None, str(part)):
             raise
         raise type(error)(f"{path}: cannot be written ({one_line(error)})") from error
@@ -77,15 +77,15 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 @contextmanager
 def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
-    """Give an empty folder that appears under its name when the block ends, or not at all if it fails.
+    """Make an empty folder that appears under its name when the block succeeds, and not at all if it fails.
 
-    Parameters and errors are those of `whole_file`; an old folder goes only when the new one is whole.
+    Parameters and errors are those of `whole_file`. An existing folder is removed only after the new one is complete.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not overwrite:
         raise _exists(path)
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {target.parent}")
+        raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
     with scratch_folder(target) as part:
         yield part
         if not target.exists():
@@ -103,7 +103,7 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder(path: StrPath) -> Iterator[Path]:
-    """Give an empty hidden folder beside a file, for work on it, that is gone when the block ends."""
+    """Make an empty hidden folder next to a file, and remove it when the block ends."""
     part = _hidden(Path(os.path.realpath(path)))
     try:
         part.mkdir()
@@ -118,7 +118,7 @@ def _hidden(target: Path) -> Path:
 
 
 def remove_leftovers(folder: StrPath) -> None:
-    """Take unfinished files and folders of killed programs out of a folder; those that are being written stay."""
+    """Delete unfinished files and folders of killed programs from a folder, except those still being written."""
     for part in Path(folder).glob(f"{_PART}*.part"):
         with suppress(OSError), _held(part, at_once=True):
             if part.is_dir():
@@ -129,14 +129,14 @@ def remove_leftovers(folder: StrPath) -> None:
 
 @contextmanager
 def _held(part: Path, *, at_once: bool = False) -> Iterator[None]:
-    """Mark a file or folder as being written, which ends with the program; `at_once`: fail if it is by another."""
+    """Lock a file or folder while it is written; the lock ends with the program. `at_once`: fail if already locked."""
     is_folder = part.is_dir()
     try:
         import fcntl
     except ImportError:
         if at_once and is_folder:
             raise OSError(f"{part}: may be in use") from None
-        yield  # Windows takes no file away that is open
+        yield  # Windows does not delete open files
         return
     held = os.open(part, os.O_RDONLY if is_folder else os.O_RDWR)
     try:
@@ -154,13 +154,12 @@ def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:
     if target.is_dir():
         raise IsADirectoryError(f"{path}: is a directory, not a file")
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {target.parent}")
+        raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
     if not target.exists():
         return
     if not overwrite:
         raise _exists(path)
-    # Moving a file into place would put it where a device or a pipe was, and does not ask
-    # whether the old file may be written.
+    # Moving a file into place would replace a device or pipe, and ignores the write permission of the old file.
     if not target.is_file():
         raise OSError(f"{path}: is not a regular file")
     if not os.access(target, os.W_OK):
@@ -174,7 +173,7 @@ def _publish(path: StrPath, part: Path, target: Path, overwrite: bool) -> None:
         part.replace(target)
         return
     try:
-        target.hardlink_to(part)  # unlike a rename, fails if the name is taken meanwhile
+        target.hardlink_to(part)  # unlike a rename, fails if the name has been taken in the meantime
     except FileExistsError as error:
         raise _exists(path) from error
     except OSError as error:  # a file system without hard links

@@ -1,4 +1,4 @@
-"""Palettes as files that other programs write and read."""
+"""Read and write palette files of other programs."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""Palettes as files that other programs write and read.
+"""Read and write palette files of other programs.
 
-A format is a module of `cvtimg.palettes`, registered here by its suffix. A picture serves as a palette, too.
+Each format is a module of `cvtimg.palettes.formats`, registered here by suffix. Images can be read as palettes, too.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ __all__ = ["PALETTE_FORMATS", "read_palette", "write_palette"]
 
 @dataclass(frozen=True, slots=True)
 class PaletteFormat:
-    """A palette format: a module of `cvtimg.palettes.formats`, imported when it is first used."""
+    """A palette format: a module of `cvtimg.palettes.formats`, imported on first use."""
 
     module: str
 
     def read(self, content: bytes) -> NDArray[np.uint8]:
-        """Return the colors in the bytes of a file."""
+        """Return the colors of a file, given its bytes."""
         colors: NDArray[np.uint8] = self._functions.read(content)
         return colors
 
@@ -42,7 +42,7 @@ class PaletteFormat:
         return import_module(f"cvtimg.palettes.formats.{self.module}")
 
 
-#: By suffix.
+#: Formats by suffix.
 PALETTE_FORMATS = {
     ".gpl": PaletteFormat("gpl"),
     ".json": PaletteFormat("jsonlist"),
@@ -58,7 +58,7 @@ PALETTE_FORMATS = {
 
 
 def read_palette(path: StrPath) -> NDArray[np.uint8]:
-    r"""Read the colors of a palette file or of a picture.
+    r"""Read the colors of a palette file or of an image.
 
     Parameters
     ----------
@@ -69,18 +69,18 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     Returns
     -------
     (K, 3) or (K, 4) uint8 array
-        RGB, or RGBA where the file tells of transparency, in sRGB and in the order of the file. Of an indexed picture
-        its palette, of another one its distinct colors in the order in which they come.
+        RGB, or RGBA if the file has transparency, in sRGB and in file order. For an indexed image, its palette; for
+        other images, the distinct colors in order of first appearance.
 
     Raises
     ------
     OSError
-        If the file cannot be read, or is not what its suffix says; or if a picture without a palette has more than
-        65536 colors.
+        If the file cannot be read or does not match its suffix, or if an image without a palette has more than 65536
+        colors.
 
     Notes
     -----
-    CMYK in an .ase is converted without a profile, where what it looks like depends on the print.
+    CMYK colors in an .ase file are converted without a profile, so they only approximate the printed colors.
 
     Examples
     --------
@@ -99,35 +99,35 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
 def write_palette(
     path: StrPath, palette: ArrayLike, *, density: ArrayLike | None = None, overwrite: bool = False
 ) -> None:
-    """Write the colors of a palette whole or not at all, in the format that the suffix names.
+    """Write the colors of a palette atomically, in the format given by the suffix.
 
     Parameters
     ----------
     path : str or path-like
         Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
-        properties), .pal (JASC), .txt (paint.net), .aseprite or .png (an image with a field for each color). The
+        properties), .pal (JASC), .txt (paint.net), .aseprite or .png (an image with one square per color). The
         palette is named after the file.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
-        Grey, RGB or RGBA, in sRGB. uint8 is written as it is; uint16 and floating point in 0..1 are rounded to
-        8 bits, which is what these formats hold.
+        Gray, RGB or RGBA, in sRGB. uint8 is written unchanged; uint16, and floating point in 0..1, are rounded to the
+        8 bits that these formats store.
     density : (K,) array, optional
-        How many pixels have each color. A .json tells it as the share of all.
+        Number of pixels of each color; a .json file stores it as a fraction of all pixels.
     overwrite : bool
         Replace an existing file.
 
     Raises
     ------
     TypeError, ValueError
-        If the suffix is unknown, or the palette or density is not what is said here.
+        If the suffix is unknown, or the palette or density is invalid.
     FileExistsError
         If the file exists and `overwrite` is false.
     OSError
-        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+        If the file cannot be written. No partial file remains, and an existing file is unchanged.
 
     Notes
     -----
-    A .gpl and an .ase have no transparency: there the alpha of a color is in its name alone, ``#rrggbbaa``, where
-    `read_palette` finds it. An .act holds at most 256 colors, of which one can be clear.
+    The .gpl and .ase formats have no transparency: alpha is stored in the name of the color, ``#rrggbbaa``, where
+    `read_palette` finds it. An .act file holds at most 256 colors, one of which can be fully transparent.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def write_palette(
     if density is not None:
         weights = check_density(density, len(colors))
         shares = (weights / weights.sum()).tolist()
-    # A file name need not be text; replacing what is not is better than refusing the palette.
+    # File names need not be valid text; invalid characters are replaced.
     name = " ".join(target.stem.encode("utf-8", "replace").decode().split())
     content = form.write(Swatches(name, colors, shares))
     with whole_file(path, overwrite=overwrite) as file:
@@ -155,10 +155,10 @@ def write_palette(
 
 
 def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
-    """(K, 3) or (K, 4) uint8 of any palette."""
+    """Convert any palette to (K, 3) or (K, 4) uint8."""
     rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
     if rows.ndim != 2 or len(rows) == 0 or rows.shape[1] not in (1, 3, 4):
-        raise ValueError(f"palette of shape {palette.shape} must be (K,), (K, 1), (K, 3) or (K, 4), and have colors")
+        raise ValueError(f"palette of shape {palette.shape} must be (K,), (K, 1), (K, 3) or (K, 4) with K >= 1")
     if rows.dtype == np.uint16:
         rows = np.rint(rows / 257)
     elif rows.dtype.kind == "f":

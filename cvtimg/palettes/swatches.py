@@ -1,4 +1,4 @@
-"""What a palette file is written from, and colors as text."""
+"""Contents of palette files, and parsing of colors given as text."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ __all__ = ["Swatches", "as_palette", "css_color", "hex_color", "lines_of", "with
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swatches:
-    """(K, 3) or (K, 4) uint8 colors, and for each its share of the pixels where that is known."""
+    """(K, 3) or (K, 4) uint8 colors, with the fraction of pixels of each where it is known."""
 
     name: str
     colors: NDArray[np.uint8]
     shares: list[float] | None
 
     def hexes(self) -> list[str]:
-        """Each color as ``#rrggbb``, or as ``#rrggbbaa`` where the palette has transparency."""
+        """Return each color as ``#rrggbb``, or as ``#rrggbbaa`` if the palette has transparency."""
         return [f"#{color.tobytes().hex()}" for color in self.colors]
 
 
 def as_palette(rows: Iterable[Iterable[int]]) -> NDArray[np.uint8]:
-    """(K, 3) uint8, or (K, 4) if a color has alpha; colors without are opaque then."""
+    """Return (K, 3) uint8, or (K, 4) if any color has alpha; colors without alpha are then opaque."""
     colors = [tuple(row) for row in rows]
     if not colors:
         raise UnfitContentError("has no colors")
@@ -40,7 +40,7 @@ def as_palette(rows: Iterable[Iterable[int]]) -> NDArray[np.uint8]:
 
 
 def hex_color(text: str) -> tuple[int, ...]:
-    """Read ``rrggbb``, ``rrggbbaa``, ``rgb`` or ``rgba``, with or without a ``#`` before it."""
+    """Parse ``rrggbb``, ``rrggbbaa``, ``rgb`` or ``rgba``, with or without a leading ``#``."""
     digits = text.strip().removeprefix("#")
     if len(digits) in (3, 4):
         digits = "".join(2 * digit for digit in digits)
@@ -50,7 +50,7 @@ def hex_color(text: str) -> tuple[int, ...]:
 
 
 def css_color(text: str) -> tuple[int, ...]:
-    """Read a color as style sheets have it: in hexadecimal digits, or by its name, such as ``rebeccapurple``."""
+    """Parse a CSS color: hexadecimal digits, or a name such as ``rebeccapurple``."""
     from PIL import ImageColor
 
     name = ImageColor.colormap.get(text.strip().lower())
@@ -58,12 +58,12 @@ def css_color(text: str) -> tuple[int, ...]:
 
 
 def lines_of(content: bytes) -> list[str]:
-    """Give the lines of a text that are not empty; a name in it need not be text in UTF-8."""
+    """Return the nonempty lines of a text file; invalid UTF-8 is replaced."""
     return [line for line in content.decode("utf-8-sig", "replace").splitlines() if line.strip()]
 
 
 def with_named_alpha(colors: list[tuple[int, ...]], names: Iterable[str]) -> list[tuple[int, ...]]:
-    """Take the alpha of colors that are called ``#rrggbbaa``, as in files of ours that have no other place for it."""
+    """Read alpha from color names ``#rrggbbaa``, where `write_palette` stores it in formats without transparency."""
     codes = [name.strip().lower() for name in names]
     ours = [
         len(code) == 9 and code[:7] == f"#{bytes(color[:3]).hex()}" for color, code in zip(colors, codes, strict=True)

@@ -1,4 +1,4 @@
-"""Pictures on disk: image files, animations, and images larger than memory."""
+"""Read and write image files, animations, multi-page files and images larger than memory."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""Image files of one image: read as an upright sRGB array, and written whole or not at all.
+"""Read image files as upright sRGB arrays, and write them atomically.
 
-A file that cannot be read or written ends in an `OSError` that says ``"{path}: {reason}"`` in one line. Animations are
-in `frames`, files of several pages in `pages`, images larger than memory in `tiles`.
+A file that cannot be read or written raises an `OSError` with the one-line message ``"{path}: {reason}"``. See `frames`
+for animations, `pages` for multi-page files and `tiles` for images larger than memory.
 """
 
 from __future__ import annotations
@@ -43,35 +43,35 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
     Parameters
     ----------
     source : path, bytes or binary file
-        Any raster format that Pillow reads (PNG, JPEG, TIFF, WebP, GIF, BMP, AVIF and others), TIFF of any samples and
-        bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Of an animation the first frame is
-        read; of files with several pages, `read_pages` reads all.
+        Any raster format that Pillow reads (PNG, JPEG, TIFF, WebP, GIF, BMP, AVIF and others), TIFF with any sample
+        type and number of bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Only the first
+        frame of an animation is read. Use `read_frames` for animations and `read_pages` for multi-page files.
     keep_profile : bool
-        Leave colors as they are under an RGB profile, such as Display P3, in place of converting them to sRGB; to be
-        written with ``read_metadata(source, keep_profile=True)``.
+        Do not convert colors with an RGB profile, such as Display P3, to sRGB. Write the result with the metadata from
+        ``read_metadata(source, keep_profile=True)``.
 
     Returns
     -------
     ndarray, (H, W) or (H, W, C), C-contiguous
         uint8 (H, W) for 1-bit and gray; uint8 (H, W, 3) for RGB, palette, CMYK, YCbCr and LAB; uint8 (H, W, 4) for
         images with transparency; uint16 of the same shapes for 16-bit gray or RGB in PNG and TIFF. Floating point
-        stays float32 or float64; integers of other types become uint16 if they are in 0..65535, else floating point.
-        Bands that are not colors give (H, W, C) with all of them, C >= 2.
+        stays float32 or float64. Other integer types become uint16 if all values are in 0..65535, and floating point
+        otherwise. Images whose bands are not colors are (H, W, C) with all bands, C >= 2.
 
     Raises
     ------
     OSError
-        If the file cannot be read, or has several pages; `FileNotFoundError`, `IsADirectoryError` and
+        If the file cannot be read or has several pages; `FileNotFoundError`, `IsADirectoryError` or
         `PermissionError` where they apply.
 
     Notes
     -----
-    The orientation in EXIF is applied. Colors are converted to sRGB by the ICC profile of the file, if it has one, and
-    16-bit RGB at its full depth; CMYK is converted by its profile, or without one by plain complement. Gray beyond
-    8 bits, floating point and bands that are not colors are taken for measurements: their values stay as they are.
+    The EXIF orientation is applied. Colors are converted to sRGB with the embedded ICC profile, if any; 16-bit RGB is
+    converted at full depth. CMYK without a profile is converted by complement. Gray with more than 8 bits, floating
+    point samples and bands that are not colors are treated as measurements and returned unchanged.
 
-    The last band is transparency only where the file says so; `image_info` tells. A TIFF with three colors and one
-    more band without a meaning gives all four bands.
+    The last band is treated as transparency only if the file declares it as alpha; see `ImageInfo.has_alpha`. A TIFF
+    with three colors and one unspecified band gives all four bands.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
 
 
 def read_indices(source: Source) -> NDArray[Any]:
-    """Read the samples of an image as numbers: the indices of one with a palette, and others as `read_image` does.
+    """Read the indices of an indexed image; read other images as `read_image` does.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def read_indices(source: Source) -> NDArray[Any]:
 
 
 def image_info(source: Source) -> ImageInfo:
-    """Read the header of an image file, and no pixels.
+    """Read the header of an image file without decoding its pixels.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def image_info(source: Source) -> ImageInfo:
     Raises
     ------
     OSError
-        As `read_image` does, as far as the header tells.
+        As `read_image` does, for errors that the header reveals.
 
     Examples
     --------
@@ -147,25 +147,25 @@ def image_info(source: Source) -> ImageInfo:
 
 
 def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
-    """Read what can be kept of an image file beside the pixels, for `write_image`.
+    """Read the metadata of an image file that `write_image` can write.
 
     Parameters
     ----------
     source : path, bytes or binary file
         As in `read_image`.
     keep_profile : bool
-        Whether `read_image` keeps the profile, too.
+        As passed to `read_image`.
 
     Returns
     -------
     Metadata
-        Color profile, pixels per inch, EXIF without orientation, and where a GeoTIFF lies; for a TIFF of bands, the
-        last alone.
+        Color profile, pixels per inch, EXIF without orientation, and the georeferencing of a GeoTIFF. For a TIFF whose
+        bands are not colors, only the georeferencing.
 
     Raises
     ------
     OSError
-        As `read_image` does, as far as the header tells.
+        As `read_image` does, for errors that the header reveals.
 
     Examples
     --------
@@ -190,40 +190,41 @@ def write_image(
     optimize: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write an image whole or not at all, in the format that the suffix names.
+    """Write an image atomically, in the format given by the suffix.
 
     Parameters
     ----------
     path : str or path-like
-        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .npy, .jpg or .jpeg,
-        or .avif where Pillow has it.
+        Ends in .png, .tif, .tiff, .webp (lossless), .gif, .bmp, .ppm, .pgm, .npy, .jpg, .jpeg,
+        or .avif if Pillow supports it.
     image : ndarray
         (H, W) bool, uint8 or uint16, or (H, W, 3) or (H, W, 4) uint8 or uint16 (in .png and .tif), in sRGB. A .tif or
-        .npy takes any bands of integers, float32 or float64. With a palette (H, W) integers in 0..K-1.
+        .npy file takes any number of bands of integers, float32 or float64. With a palette, (H, W) integers in 0..K-1.
     palette : ndarray, (K, 3) or (K, 4) uint8, 1 <= K <= 256, optional
-        Writes an indexed image; a PNG of 1, 2, 4 or 8 bits per pixel, as K needs. Formats without palettes, or without
-        transparency in them, get the same colors as RGB or RGBA. Lossy formats are refused.
+        Write an indexed image. A PNG uses 1, 2, 4 or 8 bits per pixel, the fewest that K allows. Formats without
+        palettes, or without transparent palette entries, store the same colors as RGB or RGBA. Lossy formats are not
+        allowed.
     alpha : bool, optional
-        Whether the last band is transparency. By default as `read_image` and `quantize` mark it; the last of four
-        unmarked bands is in .png and .webp, and is a band like others in .tif and .npy.
+        Whether the last band is transparency. By default, arrays returned by `read_image` and `quantize` remember it.
+        For other arrays, the fourth band is transparency in .png and .webp, and an ordinary band in .tif and .npy.
     metadata : Metadata, optional
-        What to write beside the pixels, such as `read_metadata` gives: as much of it as the format has room for. A TIFF
-        gets the first part of EXIF alone, and none with 16-bit color or bands.
+        Metadata to write, for example from `read_metadata`; what the format cannot store is dropped. A TIFF stores only
+        the main EXIF directory, and no EXIF with 16-bit color or with bands that are not colors.
     optimize : bool
-        Make a .png smaller with oxipng (``pip install 'cvtimg[oxipng]'``), which takes longer and loses nothing.
+        Recompress a .png losslessly with oxipng (``pip install 'cvtimg[oxipng]'``): smaller, but slower.
     overwrite : bool
         Replace an existing file.
 
     Raises
     ------
     ModuleNotFoundError
-        If oxipng is wanted and not there.
+        If `optimize` is set and oxipng is not installed.
     ValueError
         If the suffix is unknown, or the array or palette does not fit the format.
     FileExistsError
         If the file exists and `overwrite` is false.
     OSError
-        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+        If the file cannot be written. No partial file remains, and an existing file is unchanged.
 
     Examples
     --------
@@ -245,7 +246,7 @@ def write_image(
 
 
 def _cause(file: BinaryIO, error: Exception) -> Exception:
-    """Return why writing failed: encoders hide what the system said, which says it again."""
+    """Return why writing failed; encoders hide the system's error, so provoke it again."""
     try:
         file.write(bytes(1 << 16))
         file.flush()

@@ -1,4 +1,4 @@
-"""Animations on disk: GIF, APNG and WebP, frame by frame with their timing."""
+"""Read and write animations (GIF, APNG and WebP) with the duration of each frame."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from cvtimg.pictures.formats.opening import check_size, open_picture, orientatio
 
 __all__ = ["Frames", "is_animated", "read_frames", "write_frames"]
 
-#: Pages of other formats are no frames.
+#: Formats with frames; those of other formats are pages.
 _ANIMATED = ("GIF", "PNG", "WEBP")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """The frames of an animation, each a whole picture as it is seen.
+    """The frames of an animation, each composited to the full image.
 
     Attributes
     ----------
     images : tuple of (H, W), (H, W, 3) or (H, W, 4) arrays
-        All of one shape and type, upright and in sRGB.
+        Frames of the same shape and type, upright and in sRGB.
     durations : tuple of float
-        Milliseconds that each is shown.
+        Duration of each frame in milliseconds.
     plays : int
-        How often all are shown, 0 for ever.
+        Number of times the animation plays; 0 loops forever.
     """
 
     images: tuple[NDArray[Any], ...]
@@ -48,10 +48,11 @@ class Frames:
 
     def __post_init__(self) -> None:
         if not self.images or len(self.images) != len(self.durations):
-            raise ValueError(f"{len(self.images)} images and {len(self.durations)} durations must be as many, not 0")
+            counts = f"{len(self.images)} images and {len(self.durations)} durations"
+            raise ValueError(f"{counts} must be equally many, at least one")
         shapes = {image.shape for image in self.images}
         if len(shapes) > 1:
-            raise ValueError(f"images of shapes {sorted(shapes)} must have one")
+            raise ValueError(f"images of shapes {sorted(shapes)} must have the same shape")
         if not all(0 <= duration < math.inf for duration in self.durations):
             raise ValueError(f"durations {self.durations} must be finite milliseconds >= 0")
         if self.plays < 0:
@@ -61,28 +62,28 @@ class Frames:
 
 
 def is_animated(path: StrPath) -> bool:
-    """Tell whether a file has several frames; pages of a document are none."""
+    """Return whether a file has several frames. Pages of a document do not count as frames."""
     with reading(path) as file:
         try:
             image = open_picture(file)
-        except OSError:  # of those that only `read_image` reads
+        except OSError:  # a format that Pillow does not read
             return False
         with image:
             return image.format in _ANIMATED and bool(getattr(image, "is_animated", False))
 
 
 def read_frames(path: StrPath) -> Frames:
-    """Read all frames of an animation as they are seen, one over the other.
+    """Read all frames of an animation, each composited over the previous ones.
 
     Parameters
     ----------
     path : str or path-like
-        GIF, APNG or WebP; any other picture is one frame.
+        GIF, APNG or WebP; any other image is read as one frame.
 
     Returns
     -------
     Frames
-        With uint8 images. A picture that an APNG has for programs that do not know animations is left out.
+        With uint8 images. The default image of an APNG is omitted if it is not part of the animation.
 
     Raises
     ------
@@ -116,18 +117,19 @@ def write_frames(
     metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write an animation whole or not at all, in the format that the suffix names.
+    """Write an animation atomically, in the format given by the suffix.
 
     Parameters
     ----------
     path : str or path-like
         Ends in .gif, .png (APNG) or .webp (lossless).
     frames : Frames
-        With uint8 images, or with integer (H, W) indices where there are palettes.
+        With uint8 images, or (H, W) integer indices if there are palettes.
     palettes : (K, 3) or (K, 4) uint8 array, or one for each frame, 1 <= K <= 256, optional
-        A .gif needs them, each color opaque or clear. A .png with one for all frames is indexed.
+        Required for .gif, with each color either opaque or fully transparent. A .png is indexed if all frames share one
+        palette.
     metadata : Metadata, optional
-        As in `write_image`; a .gif has no room for it.
+        As in `write_image`; a .gif stores none.
     overwrite : bool
         Replace an existing file.
 
@@ -138,13 +140,13 @@ def write_frames(
     FileExistsError
         If the file exists and `overwrite` is false.
     OSError
-        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+        If the file cannot be written. No partial file remains, and an existing file is unchanged.
 
     Notes
     -----
-    A .gif counts hundredths of a second and a .webp thousandths: each duration is rounded so that none of the frames
-    begins more than half of that early or late. The longest that these formats can tell are 655 s in a .gif, 4.6 h in
-    a .webp and 18 h in a .png.
+    Durations are rounded to 1/100 s in a .gif and to 1/1000 s in a .webp. Rounding errors do not accumulate: each frame
+    starts within half a unit of its exact time. Longer durations are cut to the maximum of the format: 655 s in a
+    .gif, 4.6 h in a .webp and 18 h in a .png.
     """
     write = FRAME_WRITERS[check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)]
     cels = _cels(frames.images, palettes, indexed_png=Path(path).suffix.lower() == ".png")
@@ -161,7 +163,7 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
     check_size(image.width * image.height)
     plays = image.info.get("loop", 1)
     if image.format == "GIF" and "loop" in image.info:
-        plays = plays + 1 if plays else 0  # it counts repetitions
+        plays = plays + 1 if plays else 0  # GIF counts repetitions
     first = int(getattr(image, "default_image", False))
     images: list[NDArray[Any]] = []
     durations: list[float] = []
@@ -176,7 +178,7 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
 
 
 def _alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Bring all to the channels that one of them needs; none needs an alpha of nothing but opaque pixels."""
+    """Convert all images to the same channels; alpha is dropped if every pixel is opaque."""
     if all(image.ndim == 2 for image in images):
         return images
     clear = any(image.ndim == 3 and image.shape[2] == 4 and (image[..., 3] < 255).any() for image in images)
@@ -197,7 +199,7 @@ def _cels(
     *,
     indexed_png: bool,
 ) -> list[Cel]:
-    """Check images and palettes, and give each frame what it needs."""
+    """Check images and palettes, and pair each frame with its palette."""
     if palettes is None:
         if any(image.dtype != np.uint8 or image.shape[2:] not in ((), (3,), (4,)) for image in images):
             raise ValueError("images without palettes must be (H, W), (H, W, 3) or (H, W, 4) uint8")
@@ -206,18 +208,18 @@ def _cels(
     shared = isinstance(palettes, np.ndarray)
     each = _alike_palettes(each)
     if shared:
-        each *= len(images)  # one object, by which a writer knows that it is shared
+        each *= len(images)  # the same object, which tells a writer that it is shared
     if len(each) != len(images):
-        raise ValueError(f"{len(each)} palettes must be as many as the frames, {len(images)}, or one array")
+        raise ValueError(f"{len(each)} palettes must be one for each of the {len(images)} frames, or one array")
     for image, palette in zip(images, each, strict=True):
         check_indexed(image, palette)
-    if indexed_png and not shared:  # it has room for one palette
+    if indexed_png and not shared:  # a PNG holds only one palette
         return [Cel(palette[image], None) for image, palette in zip(images, each, strict=True)]
     return [Cel(image, palette) for image, palette in zip(images, each, strict=True)]
 
 
 def _alike_palettes(palettes: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-    """RGBA for all, or RGB if all colors are opaque."""
+    """Convert all palettes to RGBA, or to RGB if all colors are opaque."""
     if any(palette.ndim != 2 or palette.shape[1] not in (3, 4) for palette in palettes):
-        return palettes  # to be refused
+        return palettes  # `check_indexed` rejects them
     return [palette[0] for palette in _alike([palette[np.newaxis] for palette in palettes])]

@@ -1,4 +1,4 @@
-"""Stacks of pages on disk: TIFF of several pages, as ImageJ, OME and scanners write them."""
+"""Read and write multi-page TIFF files, such as those of ImageJ, OME and scanners."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cvtimg.pictures.formats.tiff import count_pages as _count
 
 __all__ = ["PAGE_SUFFIXES", "Pages", "count_pages", "read_pages", "write_pages"]
 
-#: Files that hold several pages.
+#: Suffixes of files that can hold several pages.
 PAGE_SUFFIXES = (".tif", ".tiff")
 
 
@@ -32,17 +32,17 @@ class Pages:
     Attributes
     ----------
     images : tuple of (H, W) or (H, W, C) arrays
-        All of one shape and type, in the order of the file: the last of `axes` varies fastest.
+        Pages of the same shape and type, in file order: the last of `axes` varies fastest.
     axes : str
-        A letter for each axis that pages lie along: Z for depth, T for time, C for channels, another where the file
-        does not say.
+        One letter for each axis of the stack: Z for depth, T for time, C for channels, other letters (such as Q) for
+        unknown axes.
     shape : tuple of int
         Number of pages along each axis.
     kind : {"", "imagej", "ome"}
-        Whose conventions the file follows.
+        Convention that the file follows; "" for a plain TIFF.
     scale : mapping of str
-        What the file says of physical sizes, in the words of tifffile, such as ``{"spacing": 0.5, "unit": "um"}`` or
-        ``{"PhysicalSizeX": 0.1}``; "resolution" and "resolutionunit" are those of a TIFF.
+        Physical sizes under the names that tifffile uses, such as ``{"spacing": 0.5, "unit": "um"}`` or
+        ``{"PhysicalSizeX": 0.1}``; "resolution" and "resolutionunit" are the TIFF tags.
     has_alpha : bool
         Whether the last channel is transparency.
     """
@@ -56,7 +56,7 @@ class Pages:
 
     def __post_init__(self) -> None:
         if not self.images:
-            raise ValueError("images must be at least one")
+            raise ValueError("images must contain at least one page")
         forms = {(image.shape, image.dtype) for image in self.images}
         if len(forms) > 1:
             raise ValueError(f"images of shapes {sorted(shape for shape, _ in forms)} must have one shape and type")
@@ -73,7 +73,7 @@ class Pages:
 
 
 def count_pages(path: StrPath) -> int:
-    """Count the pages of a file, without masks and reduced copies; 1 for other formats than TIFF.
+    """Count the pages of a file, excluding masks and reduced-size copies; 1 for formats other than TIFF.
 
     Examples
     --------
@@ -96,12 +96,12 @@ def read_pages(path: StrPath) -> Pages:
     Parameters
     ----------
     path : str or path-like
-        A TIFF of several pages: plain, or of ImageJ or OME. Any other image is one page.
+        A multi-page TIFF: plain, ImageJ or OME. Any other image is read as one page.
 
     Returns
     -------
     Pages
-        Each page is as `read_image` returns an image.
+        Each page has the form in which `read_image` returns an image.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def write_pages(
     palette: NDArray[np.uint8] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write pages whole or not at all, arranged and scaled as they were read.
+    """Write a multi-page TIFF atomically; axes and physical sizes are preserved.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def write_pages(
     pages : Pages, or (P, H, W) or (P, H, W, C) array
         Integers, float32 or float64.
     palette : (K, 3) uint8 array, 1 <= K <= 256, optional
-        The pages are indices into it. Files of ImageJ and OME get the colors in its place.
+        Palette that the pages index. ImageJ and OME files store the colors instead of indices.
     overwrite : bool
         Replace an existing file.
 
@@ -150,7 +150,7 @@ def write_pages(
     FileExistsError
         If the file exists and `overwrite` is false.
     OSError
-        If the file cannot be written. Nothing is left behind, an old file stays as it was.
+        If the file cannot be written. No partial file remains, and an existing file is unchanged.
     """
     check_choice(f"{path}: suffix", Path(path).suffix.lower(), PAGE_SUFFIXES)
     given = pages if isinstance(pages, Pages) else Pages(tuple(np.array(page) for page in np.asarray(pages)))

@@ -317,7 +317,7 @@ def damage(path: Path, kind: str) -> None:
 
 BAD = {
     "missing": "no such file",
-    "directory": "no picture in this folder",
+    "directory": "no images in this folder",
     "text": "cannot be read: unknown image format",
     "empty": "is empty",
     "truncated": "is truncated",

@@ -698,7 +698,7 @@ def test_an_output_that_is_a_folder_or_in_none_is_refused(tmp_path: Path) -> Non
     (tmp_path / "folder.png").mkdir()
     with pytest.raises(IsADirectoryError, match=r"folder\.png: is a directory, not a file"):
         write_image(tmp_path / "folder.png", RGB, overwrite=True)
-    with pytest.raises(FileNotFoundError, match=r"a\.png: there is no folder .*missing"):
+    with pytest.raises(FileNotFoundError, match=r"a\.png: folder .*missing does not exist"):
         write_image(tmp_path / "missing" / "a.png", RGB)
 
 
@@ -803,7 +803,7 @@ def test_a_file_whose_name_looks_like_a_pattern_is_itself(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("none.png", "no such file"), ("*.gif", "no file matches"), ("trap.png", "no picture in")],
+    [("none.png", "no such file"), ("*.gif", "no file matches"), ("trap.png", "no images in")],
 )
 def test_what_stands_for_nothing_is_named(folder: Path, name: str, reason: str) -> None:
     with pytest.raises(FileNotFoundError, match="^" + re.escape(f"{folder / name}: {reason}")):

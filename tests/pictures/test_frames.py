@@ -264,9 +264,9 @@ def test_a_truncated_animation_is_named_with_the_reason(tmp_path: Path, suffix: 
 @pytest.mark.parametrize(
     ("images", "durations", "plays", "reason"),
     [
-        ((), (), 0, "0 images and 0 durations must be as many, not 0"),
+        ((), (), 0, "0 images and 0 durations must be equally many, at least one"),
         ((PALETTE,), (1, 2), 0, "1 images and 2 durations"),
-        ((PALETTE, PALETTE[1:]), (1, 2), 0, r"images of shapes \[\(15, 3\), \(16, 3\)\] must have one"),
+        ((PALETTE, PALETTE[1:]), (1, 2), 0, r"images of shapes \[\(15, 3\), \(16, 3\)\] must have the same shape"),
         ((PALETTE,), (-1,), 0, r"durations \(-1,\) must be finite milliseconds"),
         ((PALETTE,), (float("nan"),), 0, "must be finite milliseconds"),
         ((PALETTE,), (1,), -1, "plays=-1 must be >= 0"),
@@ -284,7 +284,7 @@ def test_frames_that_make_no_sense_are_refused(images: Any, durations: Any, play
         ("a.gif", PALETTE[scene()], None, r"\.gif holds frames of at most 256 colors"),
         ("a.gif", scene(), np.full((16, 4), 128, np.uint8), r"\.gif cannot hold half transparency; use one of \.png"),
         ("a.png", scene(), PALETTE[:9], r"indices 0\.\.\d+ must be in 0\.\.8"),
-        ("a.png", scene(), [PALETTE] * 4, "4 palettes must be as many as the frames, 5"),
+        ("a.png", scene(), [PALETTE] * 4, "4 palettes must be one for each of the 5 frames"),
         ("a.png", scene(), PALETTE[:, :2], r"palette with shape=\(16, 2\)"),
         ("a.png", PALETTE[scene()].astype(np.uint16), None, "images without palettes must be"),
     ],
