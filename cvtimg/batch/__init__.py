@@ -1,6 +1,6 @@
-"""Many inputs: which they are, where their outputs go, and a run in which one that fails stops no other.
+"""Batches: find the inputs, name the outputs, and run a command on all of them; a failed input stops no other.
 
-A command hands over the work, and the columns of its table.
+A command supplies the work for one task and the columns of its table.
 """
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard

@@ -1,4 +1,4 @@
-"""Tasks on a Dask cluster: its scheduler moves them, and tries those of lost workers again."""
+"""Run tasks on a Dask cluster, whose scheduler distributes them and retries those of lost workers."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
 
 __all__ = ["LOCAL", "on_dask", "sum_on_dask"]
 
-# Dask has no types that a checker could use.
+# Dask is not typed.
 Client: TypeAlias = Any
 Future: TypeAlias = Any
 
-#: The address that stands for a cluster on this machine, for this run.
+#: Address of a temporary cluster on this machine.
 LOCAL = "local"
-#: What suits workers that end with the run. Nobody looks at their profile, which takes a tenth of the time; and what
-#: Dask puts into their environment gives memory back after every picture, to be asked for again.
+#: Settings of temporary workers. Profiling takes a tenth of the time, and Dask's default environment makes workers
+#: return memory to the system after every image, only to request it again.
 _FOR_SHORT = {
     "distributed.worker.profile.enabled": False,
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(
         ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
     ),
 }
-#: Seconds to wait for a scheduler.
+#: Seconds to wait for the scheduler.
 _PATIENCE = 10
 
 
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
-    """Give the place of each task and its outcome, as they are done.
+    """Yield the index and the outcome of each task as it completes.
 
     Parameters
     ----------
     attempt : callable
-        Does a task and raises nothing; picklable.
+        Does one task and never raises; picklable.
     tasks : sequence of Task
-        What is to be done. Workers find inputs and outputs under the same names as this process.
+        Tasks to do. Workers need the same paths of inputs and outputs as this process.
     address : str
-        Of a scheduler, "tcp://HOST:PORT", or "local".
+        Address of the scheduler, "tcp://HOST:PORT", or "local".
     n_workers : int
-        Processes of a local cluster, one thread each.
+        Number of processes of a local cluster, each with one thread.
     """
     with _client(address, n_workers) as client:
         places = _submitted(client, attempt, tasks)
@@ -58,12 +58,12 @@ def sum_on_dask(
     address: str,
     n_workers: int,
 ) -> tuple[Any, dict[int, str]]:
-    """Add the results of tasks two by two where they are; return the sum, None of none, and why tasks failed."""
+    """Add the results of tasks in pairs on the workers; return the sum (None if there is none) and the failures."""
     with _client(address, n_workers) as client:
         places = _submitted(client, attempt, tasks)
         why: dict[int, str] = {}
         for future in _as_completed(places):
-            # Only this comes here: results stay where they are.
+            # Only the reason is transferred; results stay on the workers.
             failed = client.submit(_why, future).result() if future.status == "finished" else ""
             if failed or future.status != "finished":
                 why[places[future]] = failed or _outcome(future, tasks[places[future]]).why
@@ -81,7 +81,7 @@ def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[
 
 
 def _alone(task: Task, *, attempt: Attempt) -> Outcome:
-    """Do a task with one thread: the cluster gives each of its threads a task."""
+    """Do a task with one thread, because the cluster runs a task on each of its own threads."""
     from cvtimg._shared.threads import limit_threads, n_threads
 
     if n_threads() != 1:
@@ -112,7 +112,7 @@ def _outcome(future: Future, task: Task) -> Outcome:
         outcome: Outcome = future.result()
     except KilledWorker as error:
         return Outcome.failed(task, f"{error.allowed_failures + 1} workers were lost while they worked on it")
-    except Exception as error:  # what cannot be sent, or a worker that has another cvtimg
+    except Exception as error:  # results that cannot be pickled, or a worker with another version of cvtimg
         return Outcome.failed(task, reason(task.name, error))
     return outcome
 

@@ -1,4 +1,4 @@
-"""Standard input and output, and other pipes, as files: work on an image needs to read its file more than once."""
+"""Copy pipes, such as standard input and output, to and from files, because images may be read more than once."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from cvtimg.batch.tasks import Task, WrongUsageError
 
 __all__ = ["STANDARD", "as_files", "deliver", "is_pipe", "is_standard", "read_all", "stem_of"]
 
-#: The name of standard input and output. As an output it has the suffix of its format, such as ``-.png``.
+#: Name of standard input and output. As an output it carries the suffix of its format, as in ``-.png``.
 STANDARD = "-"
 _NPY = b"\x93NUMPY"
 
 
 def is_standard(path: Path) -> bool:
-    """Whether a path stands for standard input or output."""
+    """Return whether a path means standard input or output."""
     return path.stem == STANDARD and path.parent == Path()
 
 
 def is_pipe(path: Path) -> bool:
-    """Whether a path can be read only once: standard input, a named pipe, a terminal."""
+    """Return whether a path can be read only once: standard input, a named pipe or a terminal."""
     if is_standard(path):
         return True
     try:
@@ -37,13 +37,13 @@ def is_pipe(path: Path) -> bool:
 
 
 def stem_of(source: Path) -> str:
-    """Return what outputs are named after."""
+    """Return the name from which those of the outputs are made."""
     return "stdin" if is_pipe(source) else source.stem
 
 
 @contextmanager
 def as_files(tasks: list[Task]) -> Iterator[list[Task]]:
-    """Give tasks whose pipes are files, in a folder that is gone when the block ends; others stay as they are."""
+    """Replace the pipes of tasks by files in a temporary folder, which is removed when the block ends."""
     if not any(map(_has_pipes, tasks)):
         yield tasks
         return
@@ -88,7 +88,7 @@ def _as_files(task: Task, folder: Path) -> Task:
 
 
 def read_all(path: Path) -> bytes:
-    """Read a file, or standard input, to its end."""
+    """Read all of a file, or of standard input."""
     if not is_standard(path):
         return path.read_bytes()
     stream: Any = sys.stdin
@@ -99,7 +99,7 @@ def read_all(path: Path) -> bytes:
 
 
 def deliver(task: Task) -> None:
-    """Send what a task wrote for standard output there."""
+    """Copy the outputs meant for standard output to it."""
     for path in task.outputs.values():
         if task.shown.get(path) == STANDARD and path.exists():
             sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""What a command is going to do: inputs as people name them, where their outputs go, and what is refused beforehand."""
+"""Plan a run: find the inputs that arguments name, name the outputs, and refuse conflicts before any work is done."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from cvtimg.batch.tasks import Missing, Task, WrongUsageError
 
 __all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
 
-#: How an output is named after its input: a pattern such as ``"{}-labels.png"``, which takes the name of the input
-#: without its suffix, or a function that gives the pattern for an input.
+#: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
+#: suffix, or a function that returns the pattern for an input.
 Pattern: TypeAlias = str | Callable[[Path], str]
-#: Files to write, by the option that names each: a path as given, a pattern, or None where an option is not given. The
-#: main output is ``"-o"``.
+#: Files to write, by option: a path, a pattern, or None for an option that is not given. The main output is ``"-o"``.
 Outputs: TypeAlias = Mapping[str, Path | Pattern | None]
 
 
@@ -34,13 +33,13 @@ class Plan:
     tasks : list of Task
         Inputs with their outputs.
     missing : list of (str, OSError)
-        Arguments that name no input, and why.
+        Arguments that name no readable input, with the error.
     out_dir : Path, optional
-        Folder of outputs, made if it is missing.
+        Folder for outputs, created if missing.
     also_read : sequence of Path
-        Other files that are read, such as masks: no output replaces them.
+        Other files that are read, such as masks. No output may replace them.
     joint : mapping of str to Path
-        Files that are written of all inputs together, by option.
+        Files written once for all inputs together, by option.
     """
 
     tasks: list[Task]
@@ -62,8 +61,8 @@ def plan_each(
 ) -> Plan:
     """Plan a task for each input.
 
-    The output of standard input, and of other pipes, goes to standard output if it is not named. Of two inputs in one
-    folder that differ in their suffix alone, such as a.png and a.webp, the outputs keep it: a.png and a.webp.png.
+    The output of a pipe, such as standard input, goes to standard output unless it is named. If inputs in one folder
+    differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png.
 
     Parameters
     ----------
@@ -74,14 +73,14 @@ def plan_each(
     also_read : iterable of paths or None
         Other files that are read.
     joint : mapping of str to path or None
-        Files that are written of all inputs together.
+        Files written once for all inputs together.
     beside : bool
-        Let the outputs of several inputs go beside them.
+        Allow outputs of several inputs without `out_dir`, beside the inputs.
 
     Raises
     ------
     WrongUsageError
-        If options that name one file are given for several inputs, or several inputs have no folder for outputs.
+        If an option names one file for several inputs, or if several inputs have no folder for outputs.
     """
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     sources, missing = find(inputs, expand, out_dir)
@@ -104,7 +103,7 @@ def plan_one(
     *,
     also_read: Iterable[Path | None] = (),
 ) -> Plan:
-    """Plan one task of all inputs together, which may be none; parameters are those of `plan_each`."""
+    """Plan a single task for all inputs, of which there may be none; the parameters are those of `plan_each`."""
     sources, missing = find(inputs, expand)
     return Plan([] if missing else [Task(tuple(sources), _given(outputs))], missing, None, [p for p in also_read if p])
 
@@ -121,7 +120,7 @@ def _output(path: Path | Pattern, source: Path, folder: Path) -> Path:
 
 
 def _keep_suffixes(tasks: list[Task], wanted: Mapping[str, Path | Pattern]) -> None:
-    """Rename outputs of inputs that differ in their suffix alone: a.webp gives a.webp.png where there is a.png."""
+    """Rename outputs of inputs that differ only in their suffixes: a.webp becomes a.webp.png beside a.png."""
     stems = Counter((task.source.parent, stem_of(task.source)) for task in tasks)
     for number, task in enumerate(tasks):
         source = task.source
@@ -138,25 +137,25 @@ def _keep_suffixes(tasks: list[Task], wanted: Mapping[str, Path | Pattern]) -> N
 def find(
     inputs: Iterable[str], expand: Callable[[str], list[Path]], out_dir: Path | None = None
 ) -> tuple[dict[Path, Path], Missing]:
-    """List the files that the arguments name, each once, and the arguments that name none.
+    """Find the files that arguments name, each once, and the arguments that name none.
 
     Parameters
     ----------
     inputs : iterable of str
-        Files, folders and patterns. "-" is standard input. "@FILE" stands for a list in a file, a name per line or
-        with a zero byte between names, and "@-" for one on standard input.
+        Files, folders and patterns. "-" is standard input. "@FILE" is a file that lists names, one per line or
+        separated by zero bytes, and "@-" is such a list on standard input.
     expand : callable
-        From an argument to the files that it names.
+        Returns the files that an argument names.
     out_dir : Path, optional
-        Folder of outputs. What lies in it inside an input folder came from an earlier run, and is no input.
+        Folder for outputs. If it is inside an input folder, its files come from an earlier run and are not inputs.
 
     Returns
     -------
     dict of Path to Path
-        For each file the folder that its outputs go to: its own, or, in `out_dir`, the one that it has below the
-        folder or pattern that named it. Files of a list keep the folders that they have below the working folder.
+        The folder for the outputs of each file: its own folder, or the folder in `out_dir` that mirrors its place below
+        the folder or pattern that named it. Files from a list are placed relative to the working folder.
     list of (str, OSError)
-        Arguments that name no file, and why.
+        Arguments that name no file, with the error.
     """
     sources: dict[Path, Path] = {}
     missing: Missing = []
@@ -175,7 +174,7 @@ def find(
 
 
 def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path]]:
-    """Give each argument, and those on lists, with the folder below which it keeps its folders."""
+    """Yield each argument, those from lists included, with the folder to which its outputs are relative."""
     for text in inputs:
         if not text.startswith("@") or Path(text).exists():
             yield text, _root(text)
@@ -190,7 +189,7 @@ def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path
 
 
 def _root(text: str) -> Path:
-    """Return the folder that an argument is, or is in; of a pattern, that before the first wildcard."""
+    """Return the folder that an argument names or is in; for a pattern, the folder before the first wildcard."""
     path = Path(text)
     if path.is_dir():
         return path
@@ -202,19 +201,19 @@ def _root(text: str) -> Path:
 def _below(path: Path, root: Path) -> Path:
     with suppress(ValueError):
         below = path.relative_to(root).parent
-        if ".." not in below.parts:  # outputs stay in their folder, whatever a list names
+        if ".." not in below.parts:  # outputs never leave their folder, whatever a list names
             return below
     return Path()
 
 
 def check_suffix(option: str, path: Path | None, allowed: Iterable[str]) -> None:
-    """Refuse a file whose name ends in none of the suffixes allowed."""
+    """Raise WrongUsageError unless the suffix of a file is allowed."""
     if path and path.suffix.lower() not in (suffixes := list(allowed)):
         raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}")
 
 
 def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Path | Pattern], beside: bool) -> None:
-    """Refuse outputs that cannot be: one file of several inputs, or several that have no folder to go to."""
+    """Refuse one output file for several inputs, and several inputs without a folder for their outputs."""
     named = [option for option, path in outputs.items() if isinstance(path, Path)]
     if "-o" in named and out_dir:
         raise WrongUsageError("-o and --out-dir exclude each other")
@@ -226,9 +225,9 @@ def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Pa
 
 
 def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = False) -> None:
-    """Refuse outputs that would replace a file that is read, or each other, before any work.
+    """Refuse outputs that would replace a file that is read, or each other.
 
-    With `in_place` an output may replace the input that it is of.
+    With `in_place` an output may replace its own input.
     """
     inputs = {_identity(path) for task in plan.tasks for path in task.sources}
     inputs |= {_identity(path) for path in plan.also_read}
@@ -255,9 +254,9 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Tell files apart whatever links and names lead to them; None where there is none."""
+    """Return the device and inode, which are the same for all names and links of a file, or None if there is none."""
     try:
         status = path.stat()
-    except OSError:  # its own task will say why
+    except OSError:  # its own task reports the error
         return None
     return status.st_dev, status.st_ino

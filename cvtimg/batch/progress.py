@@ -1,4 +1,4 @@
-"""How far a run is, for those who watch it."""
+"""Show the progress of a run."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Step = Callable[[Row | None], None]
 
 @contextmanager
 def progress(n_tasks: int, report: Report) -> Iterator[Step]:
-    """Show a bar on stderr where a person watches it, and where it does not mix with JSON on the same terminal.
+    """Show a progress bar on stderr, if that is a terminal that does not also show JSON.
 
-    What is yielded is called with the row of each input that is done, or None for one that failed.
+    Yields a function to call with the row of each completed input, or None for one that failed.
     """
     if n_tasks < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
         yield lambda row: None
@@ -36,7 +36,7 @@ def progress(n_tasks: int, report: Report) -> Iterator[Step]:
 
     columns = BarColumn(), TaskProgressColumn(), MofNCompleteColumn(), TextColumn("{task.fields[speed]}")
     start, n_pixels = perf_counter(), 0
-    # Rich would send what is printed meanwhile to its own console, but JSON must go to stdout.
+    # Rich would redirect printed text to its own console, but JSON must go to stdout.
     console = Console(stderr=True)
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True, redirect_stdout=False) as bar:
         shown = bar.add_task("cvtimg", total=n_tasks, speed="")

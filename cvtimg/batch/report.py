@@ -1,4 +1,4 @@
-"""What people and programs read of a run: a table or JSON lines, a file with a row an input, errors in one line."""
+"""Report a run: a table or JSON lines, a file with a row per input, and errors of one line each."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from cvtimg.batch.tasks import Row, WrongUsageError
 
 __all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
-#: Columns that are set flush left.
+#: Left-aligned columns.
 TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
-#: Heads of columns that read otherwise than in JSON.
+#: Headings that differ from the names in JSON.
 _HEADS = {"distinct_colors": "colors", "input_bytes": "before", "output_bytes": "after"}
-#: What a file of rows can end in.
+#: Suffixes of report files.
 FILE_SUFFIXES = (".csv", ".jsonl")
 
 
 class Report:
-    """Hears of each input, prints what is asked for, and keeps count.
+    """Collects the result of each input, prints it, and counts.
 
-    On stdout goes a JSON object a line as inputs are done, or a table at the end; errors and the summary of many
-    inputs go to stderr.
+    Prints one JSON object per line to stdout as inputs complete, or a table at the end. Errors, and the summary of
+    several inputs, go to stderr.
 
     Parameters
     ----------
     columns : sequence of str
-        What the table shows of each row.
+        Columns of the table.
     as_json : bool
-        Print JSON.
+        Print JSON instead of a table.
     quiet : bool
-        Print nothing but errors.
+        Print only errors.
     """
 
     def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False) -> None:
@@ -45,7 +45,7 @@ class Report:
         self._counts = {"done": 0, "skipped": 0, "failed": 0}
 
     def done(self, row: Row) -> None:
-        """Tell of an input that is done."""
+        """Record a completed input."""
         self._hear("done", row)
         if "warning" in row and not (self.as_json or self.quiet):
             complain(f"{row['input']}: {row['warning']}")
@@ -53,14 +53,14 @@ class Report:
             self.show(row)
 
     def show(self, row: Row) -> None:
-        """Tell people of an input at once, in place of a table at the end, if a kind of report does so."""
+        """Print a completed input at once; a hook for subclasses that print no table at the end."""
 
     def skipped(self, row: Row) -> None:
-        """Tell of an input that was left out."""
+        """Record a skipped input."""
         self._hear("skipped", {**row, "skipped": row.get("skipped", True)})
 
     def failed(self, path: str | Path, why: str) -> None:
-        """Name an input that failed, and why."""
+        """Record a failed input, and print the reason."""
         complain(f"{path}: {why}")
         self._hear("failed", {"input": str(path), "error": why})
 
@@ -80,17 +80,17 @@ class Report:
         return 1 if self._counts["failed"] else 0
 
     def interrupted(self, n_inputs: int) -> None:
-        """Say what was done before the run was interrupted."""
+        """Print what was completed before the run was interrupted."""
         complain(f"interrupted: {self._summary()}, {n_inputs - len(self._rows)} of {n_inputs} inputs left")
 
     def _summary(self) -> str:
         return ", ".join(f"{n} {status}" for status, n in self._counts.items())
 
     def write(self, path: Path, *, overwrite: bool, append: bool = False) -> None:
-        """Write a row for each input so far, whatever became of it, as .csv or .jsonl.
+        """Write a row for each input so far, whether done, skipped or failed, as .csv or .jsonl.
 
-        With `append` the rows of the file that is there come first, but those of inputs that were tried again; an
-        input that was skipped because it was done keeps its old row.
+        With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
+        inputs keep their old ones.
         """
         from cvtimg.files.whole import whole_file
 
@@ -100,13 +100,13 @@ class Report:
             rows = _merged(_read_lines(path) if is_json else _read_csv(path), rows)
         text = _lines(rows) if is_json else _csv(rows)
         with whole_file(path, overwrite=overwrite) as file:
-            file.write(text.encode(errors="surrogateescape"))  # names of files need not be text
+            file.write(text.encode(errors="surrogateescape"))  # file names need not be valid text
 
     def _print_table(self, rows: Sequence[Row]) -> None:
         from rich.console import Console
         from rich.table import Table
 
-        # A pipe is as wide as need be. Markup is off, for names of files may have brackets in them.
+        # In a pipe, lines are never wrapped. Markup is off because file names may contain brackets.
         narrow = sys.stdout.isatty()
         console = Console(markup=False, highlight=False, emoji=False, width=None if narrow else 10_000)
         table = Table(box=None, pad_edge=False)
@@ -146,7 +146,7 @@ def _lines(rows: Sequence[Row]) -> str:
 
 
 def _csv(rows: Sequence[Row]) -> str:
-    """Lay flat rows of unequal columns side by side."""
+    """Format flat rows, whose columns may differ, as one table."""
     from cvtimg.files.text_tables import csv_text
 
     columns = dict.fromkeys(["status", "input", "output", *(column for row in rows for column in row), "error"])
@@ -155,7 +155,7 @@ def _csv(rows: Sequence[Row]) -> str:
 
 
 def _flat(row: Row) -> Row:
-    """Make a column of each of several values."""
+    """Give each part of a dict its own column, and join lists with spaces."""
     flat: Row = {}
     for column, value in row.items():
         if isinstance(value, dict):
@@ -166,7 +166,7 @@ def _flat(row: Row) -> Row:
 
 
 def _cell(column: str, value: Any) -> str:
-    """Word a value of a row for people."""
+    """Format a value of a row for the table."""
     if column == "psnr":
         return "exact" if value is None else f"{value:.2f}"
     if column.endswith("_bytes"):
@@ -182,11 +182,11 @@ def _cell(column: str, value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {part}" for name, part in value.items())
     text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
-    return text.encode(errors="replace").decode()  # names of files need not be text
+    return text.encode(errors="replace").decode()  # file names need not be valid text
 
 
 def _size(n_bytes: int) -> str:
-    """Round a size to three digits, in units of 1024 bytes."""
+    """Format a size to three digits, in powers of 1024 bytes."""
     value, units = float(n_bytes), "BKMGT"
     while value >= 1000 and len(units) > 1:
         value, units = value / 1024, units[1:]
@@ -194,7 +194,7 @@ def _size(n_bytes: int) -> str:
 
 
 def reason(path: str | Path, error: Exception) -> str:
-    """Say why in one line, without the path; what is worded for users goes without the name of its type."""
+    """Return an error message in one line, without the path, and without the type if the message is meant for users."""
     from cvtimg._shared.messages import one_line
 
     if isinstance(error, MemoryError):
@@ -205,5 +205,5 @@ def reason(path: str | Path, error: Exception) -> str:
 
 
 def complain(text: str) -> None:
-    """Print an error, in one line, on stderr."""
+    """Print an error to stderr in one line."""
     print(f"cvtimg: {' '.join(text.splitlines())}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""A run over many inputs, here or in worker processes, in which one that fails stops no other."""
+"""Run a plan in this process, in workers or on Dask; a failed input does not stop the others."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwat
 
 __all__ = ["Running", "check_plan", "fold", "run"]
 
-#: The exit status of a run that Ctrl-C ended.
+#: Exit status of an interrupted run.
 INTERRUPTED = 130
-#: Bytes of inputs, about 13 photographs of 768 x 512, below which starting workers takes longer than it saves.
+#: Bytes of inputs below which starting workers takes longer than it saves: about 13 photographs of 768 x 512.
 _WORTH_WORKERS = 8 << 20
-#: What an input costs however small it is, in these bytes.
+#: Fixed cost of an input, in the same bytes.
 _LEAST_BYTES = 1 << 17
 
 
@@ -34,20 +34,20 @@ class Running:
     Attributes
     ----------
     jobs : int, optional
-        Inputs at a time, each in a process of its own; with 1 all in this one. By default as many as threads,
-        where there is work for them.
+        Number of worker processes; with 1, all inputs are processed in this process. By default the number of threads,
+        if the inputs are worth it.
     skip_existing : bool
-        Leave out inputs all of whose outputs exist: they are whole, for a file appears whole or not at all.
+        Skip inputs whose outputs all exist. These are complete, because files appear complete or not at all.
     overwrite : bool
-        Let outputs replace files.
+        Allow outputs to replace existing files.
     report_file : Path, optional
-        A .csv or .jsonl file that gets a row for each input.
+        Report with a row for each input, .csv or .jsonl.
     dask : str, optional
-        Address of the scheduler of a Dask cluster that does the work, or "local" for one of `jobs` processes here.
+        Address of the scheduler of a Dask cluster, or "local" for a cluster of `jobs` processes on this machine.
     in_place : bool
-        Let outputs replace the inputs that they are of, once they are whole.
+        Allow outputs to replace their own inputs, once they are complete.
     skip_if_larger : bool
-        Keep the main output only if it has fewer bytes than the input.
+        Keep the main output only if it is smaller than the input.
     """
 
     jobs: int | None = 1
@@ -60,30 +60,30 @@ class Running:
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
-    """Do all that can be done and name what fails.
+    """Run all tasks of a plan and report each of them.
 
     Parameters
     ----------
     plan : Plan
-        What is to be done.
+        Tasks to do.
     work : callable
-        From a task and its stopwatch to the columns of its row; whatever it raises is the failure of this task alone.
+        Does a task, given with its stopwatch, and returns the columns of its row. An exception fails this task alone.
     report : Report
-        Hears of each input, in the order of the tasks.
+        Receives the results, in the order of the tasks.
     running : Running
-        How many at a time, and what is left out.
+        How to run the plan.
 
     Returns
     -------
     int
-        The exit status: 0 if all inputs are done, 1 if some failed, 130 if the run was interrupted.
+        Exit status: 0 if all inputs are done, 1 if some failed, 130 if the run was interrupted.
 
     Raises
     ------
     WrongUsageError
-        If an output would replace an input or another output; nothing is done then.
+        If an output would replace an input or another output. Nothing has been done then.
     OSError
-        If a file of all inputs together cannot be written; nothing is done then.
+        If a joint output cannot be written. Nothing has been done then.
     """
     check_plan(plan, running)
     skips = [running.skip_existing and _is_done(task) for task in plan.tasks]
@@ -107,7 +107,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
 
 
 def _tell(report: Report, task: Task, outcome: Outcome) -> None:
-    """Tell the report of a task that was tried, and send on what it wrote for standard output."""
+    """Report a task that was tried, and copy its output to standard output if it belongs there."""
     for name, why in outcome.failures:
         report.failed(name, why)
     if not outcome.failures:
@@ -119,7 +119,7 @@ def _tell(report: Report, task: Task, outcome: Outcome) -> None:
 
 
 def check_plan(plan: Plan, running: Running) -> None:
-    """Refuse, before any work, outputs that would replace inputs or each other, and joint ones that cannot be."""
+    """Refuse outputs that would replace inputs or each other, and joint outputs that cannot be written."""
     check_suffix("--report", running.report_file, FILE_SUFFIXES)
     check_no_clash(plan, running.report_file, in_place=running.in_place)
     for path in plan.joint.values():
@@ -132,22 +132,21 @@ def fold(
     add: Callable[[Any, Any], Any],
     running: Running,
 ) -> tuple[Any, dict[Path, str]]:
-    """Add what `work` returns for each task, two by two as they are done.
+    """Add up what `work` returns for each task, in pairs, as the tasks complete.
 
     Parameters
     ----------
     tasks : sequence of Task
-        Inputs; outputs play no part.
+        Tasks; their outputs are ignored.
     work, add : callable
-        From a task to anything that can be pickled, and from two of these to one, in whatever order; themselves
-        picklable.
+        `work` returns a picklable value for a task, and `add` the sum of two values, in any order. Both are picklable.
     running : Running
-        How many at a time, and where.
+        How to run the tasks.
 
     Returns
     -------
     total, dict of Path to str
-        The sum of the inputs that did not fail, None of none; and why others failed.
+        The sum over all inputs that did not fail, or None, and the reasons why the others failed.
     """
     attempt = partial(_call, work=work)
     if running.dask:
@@ -169,7 +168,7 @@ def fold(
 
 
 def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
-    """Do one task and catch what fails: one bad input, whatever is wrong with it, must not stop the others."""
+    """Do one task and catch all errors, because a bad input must not stop the others."""
     try:
         return Outcome(work(task))
     except InputsFailedError as error:
@@ -180,7 +179,7 @@ def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
 
 
 def _n_bytes(column: str, files: Sequence[Path]) -> Row:
-    """Return the size of the first of some files, if it is one."""
+    """Return the size of the first file, if it is a regular file."""
     return {column: files[0].stat().st_size} if files and files[0].is_file() else {}
 
 
@@ -189,12 +188,12 @@ def _is_done(task: Task) -> bool:
 
 
 def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
-    """Do one task that has outputs, and make its row."""
+    """Do one task with outputs and return its row."""
 
     def checked(task: Task) -> Row:
         for path in task.outputs.values():
             if running.skip_existing and not running.overwrite:
-                _remove(path)  # a run was stopped between the outputs of this task
+                _remove(path)  # an earlier run stopped between the outputs of this task
             check_can_be_written(path, running.overwrite or running.in_place)
         stopwatch = Stopwatch()
         before = _n_bytes("input_bytes", task.sources)
@@ -207,7 +206,7 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
 
 
 def _worked(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
-    """Do the work; where the main output may turn out to be unwanted, beside it first."""
+    """Do the work, in a scratch folder first if the main output may be discarded or replaces its input."""
     if not (running.skip_if_larger or running.in_place) or not task.outputs:
         return work(task, stopwatch)
     from cvtimg.files.whole import scratch_folder, whole_file
@@ -233,7 +232,7 @@ def _remove(path: Path) -> None:
 
 
 def _perform(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Generator[tuple[int, Outcome]]:
-    """Give the place of each task and its outcome, as they are done."""
+    """Yield the index and the outcome of each task as it completes."""
     if running.dask:
         from cvtimg.batch.on_dask import on_dask
 
@@ -247,7 +246,7 @@ def _perform(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gener
 
 
 def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
-    """Return how many workers to start if nobody says."""
+    """Return the default number of workers."""
     n_bytes = 0
     for task in tasks:
         n_bytes += _LEAST_BYTES
@@ -260,7 +259,7 @@ def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
 
 
 def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[Outcome]:
-    """Hold outcomes back until those before them are known; `step` hears of each at once."""
+    """Yield outcomes in the order of the tasks, and call `step` for each as soon as it is known."""
     known: dict[int, Outcome] = {}
     place = 0
     with closing(results):
@@ -273,7 +272,7 @@ def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[O
 
 
 def check_can_be_written(path: Path, overwrite: bool) -> None:
-    """Fail now rather than after the work: begin to write, and do not go through with it."""
+    """Fail now rather than after the work: begin to write the file, and abandon it."""
     from cvtimg.files.whole import whole_file, whole_folder
 
     class EndOfTrialError(Exception):
@@ -286,7 +285,7 @@ def check_can_be_written(path: Path, overwrite: bool) -> None:
 
 @contextmanager
 def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
-    """Make folders for outputs, and take away those into which nothing came; clear what a killed run left there."""
+    """Create folders for outputs, clear what killed runs left there, and at the end remove folders that are empty."""
     from cvtimg.files.whole import remove_leftovers
 
     wanted = dict.fromkeys(path.parent for task in tasks for path in task.outputs.values())
@@ -307,7 +306,7 @@ def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
 
 @contextmanager
 def _rows_written(report: Report, running: Running) -> Iterator[None]:
-    """Write the file of rows at the end, whatever ends the run."""
+    """Write the report file at the end of the run, however it ends."""
     if running.report_file is None:
         yield
         return

@@ -1,4 +1,4 @@
-"""One task of a batch: its inputs and outputs, the time that its stages take, and what became of it."""
+"""One task of a batch: its inputs and outputs, the times of its stages, and its outcome."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any, TypeAlias
 
 __all__ = ["Attempt", "InputsFailedError", "Missing", "Outcome", "Row", "Stopwatch", "Task", "Work", "WrongUsageError"]
 
-#: What the report tells of an input, by column.
+#: Row of a report: values by column.
 Row: TypeAlias = dict[str, Any]
-#: Arguments or files that cannot be read, and why.
+#: Arguments or files that cannot be read, with the error.
 Missing: TypeAlias = list[tuple[str, OSError]]
 
 
 class WrongUsageError(Exception):
-    """The arguments make no sense, whatever the inputs hold."""
+    """The arguments are wrong, whatever the inputs contain."""
 
 
 class InputsFailedError(Exception):
-    """Some of the several inputs of one task cannot be read."""
+    """Some inputs of a task with several inputs cannot be read."""
 
     def __init__(self, failed: Missing) -> None:
         super().__init__("some inputs cannot be read")
@@ -30,10 +30,10 @@ class InputsFailedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Inputs that are worked on together, nearly always one, and the files to write, by the option that names each.
+    """Inputs that are processed together, nearly always one, and the files to write, by option.
 
-    A task without inputs makes its outputs from options alone. `shown` names files that people know otherwise: those
-    that stand for standard input and output.
+    A task without inputs makes its outputs from options alone. `shown` has the names to show for temporary files that
+    stand for standard input and output.
     """
 
     sources: tuple[Path, ...]
@@ -52,11 +52,11 @@ class Task:
 
     @property
     def name(self) -> str:
-        """What people know the task by: its input, or its output if it has no input."""
+        """The name to show for the task: its input, or its output if it has no input."""
         return self.shown_name(self.source if self.sources else self.output)
 
     def shown_name(self, path: Path) -> str:
-        """Return what people know a file by."""
+        """Return the name to show for a file."""
         return self.shown.get(path, str(path))
 
     @property
@@ -66,47 +66,47 @@ class Task:
         return {**row, "output": self.shown_name(self.output)} if self.outputs else row
 
     def wording(self, text: str) -> str:
-        """Name files in a message as people know them."""
+        """Replace the names of temporary files in a message by those to show."""
         for path, name in self.shown.items():
             text = text.replace(str(path), name)
         return text
 
 
 class Stopwatch:
-    """Seconds since the last lap, added up by the name of the stage that a lap ends."""
+    """Measures the seconds of each stage of the work; the times of stages with the same name add up."""
 
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
         self._last = perf_counter()
 
     def lap(self, stage: str) -> None:
-        """End a stage: "read", "cluster", "write" or a stage of a command's own."""
+        """End a stage, such as "read", "cluster" or "write", and add its time."""
         now = perf_counter()
         self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
         self._last = now
 
 
-#: What a command does to a task: it returns the columns of its row between "input", "output" and "seconds", which the
-#: stopwatch measures. What it raises is the failure of this task alone. To run in worker processes it must be
-#: picklable: a function of a module, or `functools.partial` of one.
+#: The work of a command on one task. It returns the columns of the row except "input", "output" and "seconds", which
+#: the stopwatch measures. An exception fails this task alone. To run in worker processes it must be picklable: a
+#: function of a module, or `functools.partial` of one.
 Work: TypeAlias = Callable[[Task, Stopwatch], Row]
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a task: its result, or which inputs failed and why."""
+    """Outcome of a task: its result, or the inputs that failed and the reasons."""
 
     result: Any
     failures: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def failed(cls, task: Task, why: str) -> Outcome:
-        """Make the outcome of a task that failed as a whole."""
+        """Return the outcome of a task that failed as a whole."""
         return cls(None, ((task.name, why),))
 
     @property
     def why(self) -> str:
-        """The reason of the first failure; empty if there is none."""
+        """The reason for the first failure, or an empty string."""
         return self.failures[0][1] if self.failures else ""
 
 

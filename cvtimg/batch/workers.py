@@ -1,7 +1,7 @@
-"""Tasks in worker processes: one that dies takes its own task with it and no other.
+"""Run tasks in worker processes; a worker that dies fails only its own task.
 
-The processes are spawned, never forked, for a fork of a program with threads can hang. Each worker has a pipe of its
-own, so that it is known which task a dead one had: the pools of the standard library lose all that is under way.
+Processes are spawned, never forked, because a forked program with threads can hang. Each worker has its own pipe, so it
+is known which task a dead worker had. The pools of the standard library would lose all tasks in progress.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from cvtimg.batch.tasks import Attempt, Outcome, Task
 
 __all__ = ["in_workers"]
 
-#: Seconds that a worker has to clean up once it is told to end.
+#: Seconds that a worker has to clean up after it is told to stop.
 _PATIENCE = 5.0
 
 
 def in_workers(
     attempt: Attempt, tasks: Sequence[Task], n_workers: int, n_threads: int
 ) -> Generator[tuple[int, Outcome]]:
-    """Give the place of each task and its outcome, as they are done.
+    """Yield the index and the outcome of each task as it completes.
 
     Parameters
     ----------
     attempt : callable
-        Does a task and raises nothing; picklable.
+        Does one task and never raises; picklable.
     tasks : sequence of Task
-        What is to be done.
+        Tasks to do.
     n_workers, n_threads : int
-        Processes, and threads of each.
+        Number of processes, and of threads in each.
     """
     crew = {worker.pipe: worker for worker in (_Worker(attempt, n_threads) for _ in range(n_workers))}
     waiting = iter(enumerate(tasks))
@@ -63,7 +63,7 @@ def in_workers(
 
 
 class _Worker:
-    """One process, and the task that it has, with its place."""
+    """A worker process, its current task and the index of that task."""
 
     def __init__(self, attempt: Attempt, n_threads: int) -> None:
         context = get_context("spawn")
@@ -71,21 +71,21 @@ class _Worker:
         self._process: BaseProcess = context.Process(target=_serve, args=(theirs, attempt, n_threads), daemon=True)
         with _interrupts_held():
             self._process.start()
-        theirs.close()  # so that the pipe ends when the worker does
+        theirs.close()  # so that the pipe closes when the worker ends
         self.place: int | None = None
         self._task = Task(())
         self.lives = True
 
     def take(self, task: tuple[int, Task] | None) -> None:
-        """Begin a task, or rest."""
+        """Start a task, or idle if there is none."""
         self.place = None
         if task:
             self.place, self._task = task
-            with suppress(OSError):  # one that is dead by now is found out when its outcome is asked for
+            with suppress(OSError):  # a dead worker is noticed when its outcome is read
                 self.pipe.send(self._task)
 
     def outcome(self) -> Outcome:
-        """Wait for the end of the task, or of the worker."""
+        """Wait until the task or the worker ends."""
         try:
             outcome: Outcome = self.pipe.recv()
         except (EOFError, OSError):
@@ -95,9 +95,9 @@ class _Worker:
         return outcome
 
     def end(self) -> None:
-        """Stop at once, and leave no half file and no zombie."""
+        """Stop at once, leaving neither a partial file nor a zombie."""
         if self.place is None:
-            self.pipe.close()  # which ends it
+            self.pipe.close()  # which ends the worker
         else:
             self._process.terminate()
         self._process.join(_PATIENCE)
@@ -119,7 +119,7 @@ def _how_it_ended(status: int | None) -> str:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Let what is started meanwhile hear no Ctrl-C, which goes to all processes of a terminal: it hears from us."""
+    """Block SIGINT in processes started in this block: Ctrl-C reaches the whole terminal, but we stop the workers."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -131,11 +131,11 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, attempt: Attempt, n_threads: int) -> None:
-    """Do tasks until there are no more, or nobody asks."""
+    """Do tasks until the pipe closes."""
     from cvtimg._shared.threads import limit_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _stop)  # so that files that are begun are taken away
+    signal.signal(signal.SIGTERM, _stop)  # so that partial files are removed
     limit_threads(n_threads)
     with suppress(EOFError, OSError):
         while True:

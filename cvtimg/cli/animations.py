@@ -12,7 +12,7 @@ from cvtimg.batch import Row, Stopwatch, Task
 if TYPE_CHECKING:
     from cvtimg.quantization import QuantizedFrames
 
-#: The most colors that a palette of a .gif or .png holds, and where a search for their number begins.
+#: Largest palette of a .gif or .png, and the number of colors at which a search begins.
 _MOST_COLORS = 256
 _FIRST_TRIAL = 32
 #: What twice as many colors bring at least.
@@ -20,7 +20,7 @@ _DECIBEL = 2.0
 
 
 def stays_animated(task: Task) -> bool:
-    """Tell whether input and output both have frames; else the first frame is an image like others."""
+    """Return whether input and output both have frames; otherwise only the first frame is used."""
     from cvtimg.pictures.formats.animated import FRAME_WRITERS
     from cvtimg.pictures.frames import is_animated
 

@@ -18,7 +18,7 @@ __all__ = ["main"]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, ``sys.argv`` by default, and return the exit status; the console script ``cvtimg``."""
-    # Its threads take as long to start as NumPy to import, and the kernels have threads of their own.
+    # Starting OpenBLAS threads takes as long as importing NumPy, and our kernels have their own threads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _silence_libraries()
@@ -41,14 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _tell(text: str) -> int:
     try:
         print(text, flush=True)
-    except OSError:  # a reader that left early
+    except OSError:  # the reader closed the pipe early
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         return 1
     return 0
 
 
 def _silence_libraries() -> None:
-    """Keep what C libraries print of damaged files, besides the error that they give, out of our stderr."""
+    """Hide what C libraries print to stderr about damaged files, in addition to the error that they return."""
     with suppress(OSError, ValueError, AttributeError):  # nobody listens to stderr
         ours = os.fdopen(os.dup(2), "w", 1, sys.stderr.encoding, sys.stderr.errors)
         with open(os.devnull, "w") as nowhere:  # noqa: PTH123

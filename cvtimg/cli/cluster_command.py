@@ -102,7 +102,7 @@ def cluster(
 
 
 def _split(columns: str) -> list[str]:
-    """Read names as the first line of a CSV, for they may have commas in them."""
+    """Parse names like a line of CSV, because they may contain commas."""
     names = [name.strip() for name in next(csv.reader([columns], skipinitialspace=True), [])]
     if not all(names) or not names:
         raise WrongUsageError(f"--columns: {columns!r} must be names with commas between them")

@@ -1,4 +1,4 @@
-"""The commands as Typer knows them, each imported only when it is asked for, and their errors in one line."""
+"""The Typer application: imports each command only when it is run, and prints errors in one line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAMES = {"help_option_names": ["-h", "--help"]}
 
 
 class _Command(TyperCommand):
-    """A command whose help names its arguments as people write them: INPUT... and not {INPUT...}... <list[str]>."""
+    """A command whose help shows arguments as INPUT..., not as {INPUT...}... <list[str]>."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [self.options_metavar or "", *(argument.display_name_raw for argument in self._arguments())]
@@ -40,7 +40,7 @@ class _Command(TyperCommand):
 
 
 class _Commands(TyperGroup):
-    """Imports a command when it is asked for."""
+    """Imports a command when it is needed."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)
@@ -78,8 +78,8 @@ def _show_completion(ctx: typer.Context, param: typer.CallbackParam, shell: str 
     show_callback(ctx, param, shell)
 
 
-# Typer's boxed help takes 0.1 s more, and breaks lines that people would copy. Its own options for completion guess the
-# shell, which fails where there is none above.
+# Typer's boxed help takes 0.1 s longer and breaks lines that users copy. Its completion options guess the shell from
+# the parent process, which fails if that is not a shell.
 app = typer.Typer(
     cls=_Commands,
     add_completion=False,
@@ -106,7 +106,7 @@ def run(given: list[str]) -> int:
     if "_CVTIMG_COMPLETE" in os.environ:
         from typer.completion import get_completion_inspect_parameters
 
-        get_completion_inspect_parameters()  # which makes the shells known
+        get_completion_inspect_parameters()  # registers the shells
     try:
         command = convert_plainly(typer.main.get_command(app))
         code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)

@@ -118,14 +118,14 @@ def elbow(
 
 
 class _Curves(Report):
-    """Keeps what is drawn of each input, which comes with its row."""
+    """Keeps the drawing of each input, which comes with its row."""
 
     def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool) -> None:
         super().__init__(columns, as_json=as_json, quiet=quiet)
         self.plotted: list[Plotted] = []
 
     def done(self, row: Row) -> None:
-        """Tell of an input that is done."""
+        """Record a completed input."""
         self.plotted.append(row.pop("plotted"))
         super().done(row)
 
@@ -179,7 +179,7 @@ def _read(source: Path, space: str, missing: str) -> tuple[NDArray[Any], NDArray
 
 
 def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
-    """Print a line for each k, and which rules pick it."""
+    """Print a line for each k with the rules that pick it."""
     psnr = curve.psnr
     print(f"\n{'k':>5}  {'energy':>11}  {'explained':>9}  {'psnr':>6}  picked by")
     for k, (energy, share) in enumerate(zip(curve.energies, curve.explained, strict=True), 1):

@@ -1,4 +1,4 @@
-"""The frame of all commands: groups of options that become one argument, and the run of a plan."""
+"""The frame of all commands: groups of options passed as one argument, and the run of a plan."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["run_plan", "with_groups"]
 
 
 def with_groups(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a command of a function that returns an exit status.
+    """Turn a function that returns an exit status into a command.
 
-    A parameter annotated with a dataclass of options is replaced by the options in it.
+    Parameters annotated with a dataclass of options become the options in it.
     """
     signature = inspect.signature(command, eval_str=True)
     annotations = {name: parameter.annotation for name, parameter in signature.parameters.items()}
@@ -60,22 +60,22 @@ def run_plan(
     Parameters
     ----------
     plan : Plan
-        What is to be done.
+        Tasks to do.
     work : callable
-        From a task and its stopwatch to the columns of its row; picklable, where inputs can go to other processes.
+        Does a task, given with its stopwatch, and returns the columns of its row; picklable if run in other processes.
     report : Report or sequence of str
-        What hears of each input, or the columns of its table.
+        Report, or the columns of its table.
     common : CommonOptions
-        What was asked of the run.
+        Common options of the run.
     max_pixels : int, optional
-        The most pixels that an image may have; some 179 million by default.
+        Largest number of pixels of an image; about 179 million by default.
     **running
-        More of `Running`, where the command has it: skip_existing, in_place, skip_if_larger.
+        Further fields of `Running`: skip_existing, in_place, skip_if_larger.
 
     Returns
     -------
     int
-        The exit status.
+        Exit status.
     """
     sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
     if sends and common.as_json:

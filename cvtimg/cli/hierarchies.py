@@ -1,4 +1,4 @@
-"""Trees of regions on the command line: one cut as the segments of an image, and what else a tree has to show."""
+"""Trees of regions on the command line: a cut as the segments of an image, and outputs of the tree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cut_regions(
     threshold: float | None,
     keywords: Mapping[str, Any],
 ) -> Cut:
-    """Divide an image into a tree, and cut it into a number of regions, or "auto": at a threshold, or the default."""
+    """Build the tree of an image and cut it into n regions, or for "auto" at the given or default threshold."""
     import numpy as np
 
     from cvtimg import segment_hierarchy
@@ -84,7 +84,7 @@ def write_cuts(hierarchy: RegionHierarchy, image: NDArray[Any], path: Path, over
     write_image(path, contact_sheet([drawn, flat]), overwrite=overwrite)
 
 
-#: The registry: outputs that only a hierarchy has, and who writes them.
+#: Registry of the outputs that only a hierarchy has, with their writers.
 WRITERS: dict[str, Callable[[RegionHierarchy, NDArray[Any], Path, bool], None]] = {
     "tree": write_tree,
     "strengths": write_strengths,

@@ -34,7 +34,7 @@ def known_pixels(image: NDArray[Any], header: ImageInfo, mask: Path | None, noda
 
 
 def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Read which pixels are not black."""
+    """Read a mask: the pixels that are not black."""
     from cvtimg import read_image
 
     picture = read_image(path)

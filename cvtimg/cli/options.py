@@ -1,7 +1,7 @@
 """Options that several commands share, each declared once, and the groups of options that travel together.
 
-This module is imported for ``--help``: what is heavy is imported where it is used. Choices stand here as `Literal`,
-for the registries would import NumPy; a test holds them together.
+This module is imported for ``--help``, so heavy imports are inside functions. Choices are repeated here as `Literal`,
+because the registries would import NumPy; a test compares them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from cvtimg.batch import STANDARD, Running, WrongUsageError
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 
 
-# Parsers: Typer's own say neither what was given nor all that is allowed.
+# Parsers, because the messages of Typer's own give neither the value nor all that is allowed.
 
 
 def whole_number(low: int, high: int) -> Callable[[str | int], int]:
@@ -58,7 +58,7 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: float = -ma
 
 
 def or_auto(parse: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Let "auto" stand beside what a parser takes."""
+    """Extend a parser to accept "auto"."""
 
     def parse_or_auto(text: Any) -> Any:
         if text == "auto":
@@ -72,7 +72,7 @@ def or_auto(parse: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def color(text: str) -> str:
-    """Check a color in the way of style sheets, and return its digits with those of alpha."""
+    """Check a color in the notation of CSS, and return its eight hexadecimal digits, alpha included."""
     digits = text.removeprefix("#")
     if len(digits) in (3, 4):
         digits = "".join(2 * digit for digit in digits)
@@ -86,7 +86,7 @@ def color(text: str) -> str:
 
 
 def color_or_file(text: str | Path) -> str | Path:
-    """Check a color, or a file that exists."""
+    """Check that an argument is a color or an existing file."""
     try:
         return color(str(text))
     except typer.BadParameter as error:
@@ -212,7 +212,7 @@ class EngineOptions:
 
 @dataclass(frozen=True, slots=True)
 class CommonOptions:
-    """Options of every command: what may be replaced, and what is printed."""
+    """Options of every command: whether to replace files, and what to print."""
 
     overwrite: Annotated[bool, Option("--overwrite", help="Replace existing outputs; inputs are never replaced.")] = (
         False
@@ -228,13 +228,13 @@ class CommonOptions:
             raise WrongUsageError("--json and --quiet exclude each other")
 
     def running(self, **more: Any) -> Running:
-        """Tell a batch how to run; `more` are what not all commands have, such as skip_existing."""
+        """Return how to run a batch; `more` has settings that only some commands have, such as skip_existing."""
         return Running(1, overwrite=self.overwrite, report_file=self.report_file, **more)
 
 
 @dataclass(frozen=True, slots=True)
 class BatchOptions(CommonOptions):
-    """Options of commands that work on each input by itself."""
+    """Options of commands that process each input separately."""
 
     jobs: Annotated[
         int | None,
@@ -256,5 +256,5 @@ class BatchOptions(CommonOptions):
     ] = None
 
     def running(self, **more: Any) -> Running:
-        """Tell a batch how to run."""
+        """Return how to run a batch."""
         return Running(self.jobs, overwrite=self.overwrite, report_file=self.report_file, dask=self.dask, **more)

@@ -1,7 +1,4 @@
-"""What the program says about itself without a command: its commands, and its version.
-
-This is said without importing Typer, which takes longer than all the rest.
-"""
+"""The text of ``cvtimg --help`` and ``cvtimg --version``, printed without importing Typer, which takes longest."""
 
 from __future__ import annotations
 

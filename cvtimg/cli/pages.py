@@ -19,17 +19,17 @@ __all__ = ["has_pages", "quantize_pages", "read_whole", "segment_pages"]
 
 
 def has_pages(source: Path) -> bool:
-    """Tell whether a file has several pages."""
+    """Return whether a file has several pages."""
     from cvtimg.pictures import count_pages
 
     try:
         return count_pages(source) > 1
-    except OSError:  # the reader will say what is wrong
+    except OSError:  # the reader reports the error
         return False
 
 
 def read_whole(source: Path) -> NDArray[Any]:
-    """Read an image; of a file with several pages all, one below the other, where only their pixels count."""
+    """Read an image; all pages of a file are stacked vertically, for uses in which only the pixels count."""
     import numpy as np
 
     from cvtimg import read_image

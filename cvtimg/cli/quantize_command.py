@@ -161,7 +161,7 @@ def quantize(
 
 
 def _check_names(output: Path | None, out_dir: Path | None, ext: str | None, in_place: bool, known: list[str]) -> None:
-    """Refuse ways to name outputs that exclude each other, and formats that cannot be."""
+    """Refuse naming options that exclude each other, and formats that cannot be written."""
     ways = {"-o": output, "--out-dir": out_dir, "--ext": ext, "--in-place": in_place}
     given = [option for option, value in ways.items() if value]
     if len(given) > 1 and given != ["--out-dir", "--ext"]:
@@ -173,7 +173,7 @@ def _check_names(output: Path | None, out_dir: Path | None, ext: str | None, in_
 
 
 def _name(source: Path, *, out_dir: Path | None, ext: str | None, in_place: bool) -> str:
-    """Return how the output of an image is named; GIF stays GIF, for it may be an animation."""
+    """Return the name pattern of the output; GIF stays GIF, because it may be an animation."""
     if in_place:
         return f"{{}}{source.suffix}"
     suffix = ".gif" if source.suffix.lower() == ".gif" else ".png"
@@ -181,7 +181,7 @@ def _name(source: Path, *, out_dir: Path | None, ext: str | None, in_place: bool
 
 
 def _check_aims(aims: Mapping[str, Any], palette: Path | None, shared: bool) -> None:
-    """Refuse aims that exclude each other, and none at all."""
+    """Require a target, and refuse targets that exclude each other."""
     given = [option for option, value in aims.items() if value not in (None, [])]
     if palette and given:
         raise WrongUsageError(f"--palette and {given[0]} exclude each other")
@@ -212,7 +212,7 @@ def _palette_of_all(samples: ColorSamples, *, how: QuantizeOptions) -> NDArray[A
 
 
 def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
-    """Name the options of mapping to a palette as `quantize` does."""
+    """Return the options of mapping to a palette, by their names in `quantize`."""
     if dither != "none":
         return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
     if strength is not None:
@@ -320,7 +320,7 @@ def _metadata(task: Task, keep_all: bool, keep_profile: bool, nodata: float | No
 
 
 def _quantize_pages(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
-    """Quantize all pages, if what is asked for can be done to them."""
+    """Quantize all pages, or refuse options that pages cannot have."""
     from cvtimg.pictures import image_info, read_pages
 
     for option in how.unfit(
@@ -334,7 +334,7 @@ def _quantize_pages(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, over
 
 
 def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, overwrite: bool) -> Row:
-    """Quantize all frames, if what is asked for can be done to them."""
+    """Quantize all frames, or refuse options that animations cannot have."""
     for option in how.unfit("--weight-map", "-k auto", "--depth 16", "--optimize", "--mask", "--nodata"):
         raise ValueError(f"is an animation, which {option} cannot be used for")
     return quantize_animation(
@@ -352,7 +352,7 @@ def _quantize_animation(task: Task, stopwatch: Stopwatch, how: QuantizeOptions, 
 def _result(
     task: Task, image: NDArray[Any], mask: NDArray[np.bool_] | None, how: QuantizeOptions, file: Mapping[str, Any]
 ) -> Quantized:
-    """Quantize an image as its file and its depth need."""
+    """Quantize one image, with regard to its file and depth."""
     import numpy as np
 
     from cvtimg import quantize

@@ -101,7 +101,7 @@ class QuantizeOptions:
     target : dict
         Options of `quantize` that neither is: a PSNR to reach, weights of the pixels.
     colors : dict
-        Arguments that are 8-bit colors, to be brought to the depth of the image: "palette" or "locked".
+        Arguments that are 8-bit colors, to be converted to the depth of the image: "palette" or "locked".
     depth : {"8", "16"} or None
         Bits per channel to work with.
     max_bytes : int or None
@@ -128,13 +128,13 @@ class QuantizeOptions:
         return {**self.search, "space": self.mapping["space"]}
 
     def colors_of(self, dtype: np.dtype[Any]) -> dict[str, Any]:
-        """Bring given colors to the depth of an image."""
+        """Convert given colors to the depth of an image."""
         from cvtimg.colors.spaces import to_depth
 
         return {name: to_depth(colors, dtype) for name, colors in self.colors.items()}
 
     def unfit(self, *names: str) -> dict[str, Any]:
-        """Return the options given among those that some inputs cannot have, by the names that people give them."""
+        """Return those of the named options that are given; some inputs cannot have them."""
         known = {
             "--psnr": self.target.get("psnr"),
             "--weight-map": self.target.get("weights"),

@@ -39,7 +39,7 @@ _ACROSS = 4
 
 
 def _weights(text: str) -> list[float]:
-    """Parse weights with commas between them."""
+    """Parse weights separated by commas."""
     with suppress(ValueError):
         weights = [float(word) for word in text.split(",")]
         if all(0 < weight < math.inf for weight in weights):
@@ -127,7 +127,7 @@ Sheet = Annotated[
 
 
 class Versions(NamedTuple):
-    """Versions and masks as they were read, and the names of their files."""
+    """Versions and masks as read, and the names of their files."""
 
     images: list[NDArray[Any]]
     masks: list[NDArray[np.bool_]] | None
@@ -198,7 +198,7 @@ def restore(
 
 
 def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
-    """Read all versions and masks, and name all that cannot be read."""
+    """Read all versions and masks, and report all that cannot be read."""
     from cvtimg.pictures import read_pages
 
     failed: Missing = []
@@ -222,7 +222,7 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
 
 
 def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:
-    """(H, W) where a mask is not black, whatever its alpha says."""
+    """Return the (H, W) pixels where a mask is not black, ignoring its alpha."""
     import numpy as np
 
     from cvtimg.colors.places import has_alpha
@@ -265,7 +265,7 @@ def _restore(
 
 
 def _with_names(message: str, read: Versions) -> str:
-    """Name files where a message tells of arguments."""
+    """Replace names of arguments in a message by those of files."""
     message = re.sub(r"images\[(\d+)\]", lambda match: read.names[int(match[1])], message)
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
@@ -288,7 +288,7 @@ def _write(
 
 
 def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list[list[Panel]]:
-    """Lay out the versions in rows, and below them what came of them."""
+    """Arrange the versions in rows, with the result below them."""
     import numpy as np
 
     from cvtimg.colors.spaces import peak

@@ -198,7 +198,7 @@ class SegmentOptions:
 
     @property
     def unfit(self) -> dict[str, Any]:
-        """Options given that need the whole image, by the names that people give them."""
+        """Given options that need the whole image, by their names on the command line."""
         given = {
             "--superpixels": self.superpixels,
             "--hierarchy": self.hierarchy,
@@ -330,7 +330,7 @@ def segment(
 
 
 def _exclude(option: str, **others: Any) -> None:
-    """Refuse options that would do nothing beside another."""
+    """Refuse options that would have no effect together with another."""
     for name, given in others.items():
         if given:
             raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
@@ -396,7 +396,7 @@ def _divide(image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo) -> t
 
 
 def _needs_tiles(task: Task) -> bool:
-    """Whether only labels are asked for, of an image that is large enough, or anything of a Zarr array."""
+    """Return whether to segment in tiles: labels alone of a large image, or any output of a Zarr array."""
     targets = list(task.outputs.values())
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr"]
     if [kind_of(option) for option in task.outputs] != ["labels"]:

@@ -1,4 +1,4 @@
-"""What ``cvtimg segment`` can write of a picture: which files, by which names, and how each is drawn."""
+"""The files that ``cvtimg segment`` can write for an image: their names, and how each is drawn."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cvtimg.segmentation import RegionHierarchy
 
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
-#: What can be written, and how its files may end; the first by default.
+#: Kinds of output and their suffixes, the default first.
 KINDS = {
     "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
     "mean": _PICTURES,
@@ -31,7 +31,7 @@ KINDS = {
     "coco": (".json",),
 }
 KIND_NAMES = ", ".join(KINDS)
-#: The same of --hierarchy alone.
+#: Kinds of output that need --hierarchy.
 HIERARCHY_KINDS = {
     "tree": (".npz",),
     "strengths": (".png", ".tif", ".tiff", ".npy"),
@@ -84,7 +84,7 @@ def kind_of(option: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A segmented picture, and where it is from."""
+    """A segmented image and its source."""
 
     source: Path
     image: NDArray[Any]
@@ -120,7 +120,7 @@ def _write_labels(subject: Subject, path: Path) -> None:
 
 
 def _place(subject: Subject, nodata: float | None = None) -> Metadata | None:
-    """Return where a GeoTIFF lies, and the value of pixels that are left out; None for other images."""
+    """Return the georeference and the nodata value of a GeoTIFF, or None for other images."""
     from cvtimg.pictures import Metadata, read_metadata
 
     geo = read_metadata(subject.source).geo if subject.header.geo_transform else None
@@ -135,7 +135,7 @@ def _write_mean(subject: Subject, path: Path) -> None:
 
 
 def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
-    """Give each pixel the mean of its segment, rounded to the type of the picture; what is masked is 0."""
+    """Return an image in which each pixel has the mean of its segment, rounded to the type; masked pixels are 0."""
     import numpy as np
 
     from cvtimg.labels import region_means

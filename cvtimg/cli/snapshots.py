@@ -36,7 +36,7 @@ Passes = Annotated[
 
 
 def as_given(sources: Sequence[Path]) -> Snapshots:
-    """Take one file for a film or an array, and several for the frames themselves."""
+    """Read one file as a film or an array, and several files as single frames."""
     from cvtimg.bases import as_snapshots
 
     if len(sources) > 1:

@@ -1,4 +1,4 @@
-"""Images too large for memory, read in tiles: which they are, and their rows in the report."""
+"""Images larger than memory: whether to process them in tiles, and their rows in the report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LARGE = 1 << 26
 
 
 def needs_tiles(source: Path, target: Path) -> bool:
-    """Whether an image is read and written in tiles: if it is large, or a Zarr array."""
+    """Return whether to process an image in tiles: if it is large or a Zarr array."""
     suffixes = {source.suffix.lower(), target.suffix.lower()}
     if ".zarr" in suffixes:
         return True
@@ -27,7 +27,7 @@ def needs_tiles(source: Path, target: Path) -> bool:
 
     try:
         return open_bands(source).form.n_pixels > _LARGE
-    except OSError:  # the usual way will say why, or read it
+    except OSError:  # the usual reader opens it or reports the error
         return False
 
 
