@@ -123,6 +123,14 @@ def test_pages_and_animations_and_tiles_refuse_to_leave_pixels_out(run: Run, opt
     assert f"is read in tiles, and {option[0]} needs the whole picture" in row["error"]
 
 
+def test_pages_and_tiles_warn_of_nodata_that_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_raster("pages.tif", np.stack([COLORS[..., 0]] * 2), "0", photometric="minisblack")
+    assert "nodata value 0 count in files of several pages" in run("pages.tif", "-k", "4", "-o", "p.tif")["warning"]
+    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    write_raster("in.tif", COLORS[..., 0], "0")
+    assert "nodata value 0 count in tiles" in run("in.tif", "-k", "4", "-o", "t.tif")["warning"]
+
+
 def test_a_mask_of_another_size_is_refused(run: Run) -> None:
     write_image("in.png", COLORS)
     write_image("mask.png", ~LEFT_OUT[:5])
