@@ -1,4 +1,4 @@
-"""Embedded colour profiles: from what they describe to sRGB."""
+"""Convert images with embedded color profiles to sRGB."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ from PIL import Image, ImageCms
 
 __all__ = ["apply_profile", "convert_deep", "kept_profile", "profile_name", "profile_space"]
 
-# Relative colorimetric keeps each colour that sRGB can show as it is, where the perceptual
-# intent shifts all of them to make room for the few that it cannot; black point compensation
-# keeps the dark parts of print profiles apart.
+# Relative colorimetric leaves colors within the sRGB gamut unchanged; the perceptual intent shifts all colors to make
+# room for the few outside it. Black point compensation preserves shadow detail with print profiles.
 _INTENT = ImageCms.Intent.RELATIVE_COLORIMETRIC
 _FLAGS = ImageCms.Flags.BLACKPOINTCOMPENSATION
 
-# What littleCMS and Pillow raise for a profile that is damaged.
+# Errors that littleCMS and Pillow raise for damaged profiles.
 UNREADABLE = (ImageCms.PyCMSError, OSError, ValueError, TypeError)
 
 
 def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
-    """Bring an L, RGB, RGBA or CMYK picture to sRGB; `grey` if all its colours are grey.
+    """Convert an L, RGB, RGBA or CMYK image to sRGB; `grey` if all its colors are gray.
 
-    A profile that is damaged or for another colour space says nothing about this picture, which
-    comes back as it is: it is of use without.
+    The image is returned unchanged if the profile is damaged or for another color space.
     """
     try:
         return _convert(image, ImageCms.ImageCmsProfile(io.BytesIO(icc)), grey)
@@ -34,7 +32,7 @@ def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
 
 
 def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
-    """Bring uint16 (H, W, 3) or (H, W, 4) with alpha to sRGB, at full depth; as `apply_profile` else."""
+    """Convert uint16 (H, W, 3), or (H, W, 4) with alpha, to sRGB at full depth; otherwise like `apply_profile`."""
     try:
         profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
         if profile.profile.xcolor_space.strip() != "RGB":
@@ -58,9 +56,9 @@ def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
 
 
 def kept_profile(icc: bytes, mode: str) -> bytes | None:
-    """Give the profile of a picture once it is read: its own if that changed nothing, sRGB if it was converted.
+    """Return the profile of an image after reading: its own if it changed nothing, sRGB if colors were converted.
 
-    None if it does not serve for pictures of Pillow's `mode`, so that it was ignored.
+    None if the profile does not fit images of Pillow's `mode` and was therefore ignored.
     """
     space = profile_space(icc)
     if mode.startswith(("I", "F")):  # measurements, which are not converted
@@ -79,7 +77,7 @@ def kept_profile(icc: bytes, mode: str) -> bytes | None:
 
 
 def profile_space(icc: bytes) -> str | None:
-    """Give the color space that a profile is for, such as RGB or GRAY; None for a damaged one."""
+    """Return the color space of a profile, such as RGB or GRAY; None if it is damaged."""
     try:
         return ImageCms.ImageCmsProfile(io.BytesIO(icc)).profile.xcolor_space.strip()
     except UNREADABLE:
@@ -87,14 +85,14 @@ def profile_space(icc: bytes) -> str | None:
 
 
 def _srgb_profile() -> bytes:
-    """Build the profile of sRGB, without the date of its making, so that a file is the same tomorrow."""
+    """Build an sRGB profile without its creation date, so that files are reproducible."""
     content = bytearray(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
     content[24:36] = bytes(12)
     return bytes(content)
 
 
 def profile_name(icc: bytes | None) -> str | None:
-    """Give the description of a profile, "unreadable" for a damaged one."""
+    """Return the description of a profile, or "unreadable" if it is damaged."""
     if not icc:
         return None
     try:
@@ -109,7 +107,7 @@ def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) 
         ramp = Image.frombytes("L", (256, 1), bytes(range(256)))
         source = ramp if space == "GRAY" else ramp.convert("RGB")
         curve = _transform(profile, source.mode, "RGB").apply(source).getchannel("G")
-        # One curve for all bands, so that grey stays grey.
+        # One curve for all bands, so that gray stays gray.
         alpha = list(range(256)) if image.mode == "RGBA" else []
         levels = list(curve.tobytes())
         return image.point(levels * (len(image.getbands()) - bool(alpha)) + alpha)
@@ -132,7 +130,7 @@ def _transform(profile: ImageCms.ImageCmsProfile, source: str, target: str) -> I
 
 
 def _changes_colors(transform: ImageCms.ImageCmsTransform, mode: str) -> bool:
-    """Say whether a transform is more than rounding: sRGB comes under many names and versions."""
+    """Return whether a transform does more than rounding; sRGB profiles have many names and versions."""
     grid = np.indices((6, 6, 6), np.uint8).reshape(3, 1, -1).transpose(1, 2, 0) * 51
     probe = Image.fromarray(grid).convert(mode)
     moved = np.asarray(transform.apply(probe)).astype(int) - np.asarray(probe)

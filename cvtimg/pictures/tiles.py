@@ -1,7 +1,7 @@
-"""Images larger than memory: TIFF and Zarr read and written some rows at a time.
+"""Read and write images larger than memory (TIFF and Zarr), a band of rows at a time.
 
-A band is so many rows of tiles, strips or chunks as have about `BAND_PIXELS` pixels; no more than a few bands are in
-memory at a time.
+A band consists of whole rows of tiles, strips or chunks, about `BAND_PIXELS` pixels in all. Only a few bands are in
+memory at any time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cvtimg.pictures.formats.zarr_arrays import open_zarr, write_zarr
 
 __all__ = ["BAND_PIXELS", "TILED_SUFFIXES", "Band", "Bands", "Form", "open_bands", "write_bands"]
 
-#: Files that are written in tiles.
+#: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
 
 
@@ -29,7 +29,7 @@ def open_bands(path: StrPath) -> Bands:
     Parameters
     ----------
     path : path
-        Of a file, or of a folder that ends in .zarr; of a group the array "0" is taken.
+        A TIFF file, or a folder that ends in .zarr. For a Zarr group, its array "0" is opened.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def open_bands(path: StrPath) -> Bands:
     Raises
     ------
     OSError
-        If the file cannot be read, or is of a kind that cannot be read by tiles; the message says why.
+        If the file cannot be read, or cannot be read in tiles; the message says why.
     """
     if Path(path).suffix.lower() == ".zarr":
         return open_zarr(path)
@@ -53,20 +53,20 @@ def write_bands(
     palette: NDArray[np.uint8] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write a picture by tiles, whole or not at all: .tif, or .zarr without palette.
+    """Write an image in tiles, atomically: .tif, or .zarr without palette.
 
     Parameters
     ----------
     path : path
-        Where the picture shall appear.
+        File or folder to write.
     form : Form
-        Of what is written.
+        Shape, type and metadata of the image.
     bands : iterable of arrays
-        From above to below, of any heights.
+        Bands from top to bottom, of any height.
     palette : (K, 3) uint8 array, optional
-        The bands are indices into it.
+        Palette that the bands index.
     overwrite : bool
-        Replace what exists.
+        Replace an existing file or folder.
     """
     if Path(path).suffix.lower() == ".zarr":
         with whole_folder(path, overwrite=overwrite) as folder:

@@ -34,7 +34,7 @@ def test_quantize_reduces_all_bands_of_a_file_without_alpha(
     assert row["mse"] == pytest.approx(mse)
     assert mse == pytest.approx(quantize(image, 20, alpha=False).mse)
     assert main([*command, str(tmp_path / "b.png")]) == 1
-    assert "bands that are no colors" in capsys.readouterr().err
+    assert "bands that are not colors" in capsys.readouterr().err
 
 
 def test_quantize_keeps_the_transparency_that_a_file_has(tmp_path: Path) -> None:

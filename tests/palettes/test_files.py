@@ -215,7 +215,7 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
-        ("a.gpl", b"", "is no GIMP palette: its first line must be 'GIMP Palette'"),
+        ("a.gpl", b"", "is not a GIMP palette: its first line must be 'GIMP Palette'"),
         ("a.gpl", b"GIMP Palette\nName: x\n", "has no colors"),
         ("a.gpl", b"GIMP Palette\n1 2 x\n", "has a line '1 2 x', which must begin with 3 numbers"),
         ("a.gpl", b"GIMP Palette\n1 2\n", r"has a color \(1, 2\), which must be three or four"),
@@ -226,12 +226,12 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
         ("a.json", b"{}", "must have a list of colors, or one called 'colors'"),
         ("a.json", b"[[1.5, 2, 3]]", r"has a color \[1\.5, 2, 3\]"),
         ("a.json", b"[{}]", r"has a color \(\)"),
-        ("a.act", bytes(767), "has 767 bytes; a color table has 768 or 772"),
-        ("a.act", bytes(768) + b"\1\1\0\0", "says that it has 257 colors"),
+        ("a.act", bytes(767), "has 767 bytes; a color table must have 768 or 772"),
+        ("a.act", bytes(768) + b"\1\1\0\0", "declares 257 colors"),
         ("a.ase", b"", "is truncated or damaged"),
-        ("a.ase", b"GIMP Palette\n", "is no Adobe Swatch Exchange file"),
+        ("a.ase", b"GIMP Palette\n", "is not an Adobe Swatch Exchange file"),
         ("a.ase", ase((b"RGB ", (1.0, 0.5, 0.0)))[:-12], "is truncated or damaged"),
-        ("a.ase", ase((b"HSB ", (1.0, 0.5, 0.0))), "has a color of the model b'HSB '"),
+        ("a.ase", ase((b"HSB ", (1.0, 0.5, 0.0))), "has a color with the model b'HSB '"),
         ("a.ase", ase((b"Gray", (float("nan"),))), "has a color that is not finite"),
         ("a.css", b"body { color: #123456 }", "has no colors"),
         ("a.css", b"--x: #12345;", "has a color '#12345'"),
@@ -310,7 +310,7 @@ def test_grey_and_16_bits_become_rgb_of_8(tmp_path: Path) -> None:
 def test_a_picture_of_too_many_colors_is_no_palette(tmp_path: Path) -> None:
     codes = np.arange(65537 + 63).reshape(-1, 64)
     write_image(tmp_path / "a.png", np.stack([codes % 256, codes // 256 % 256, codes // 65536], 2).astype(np.uint8))
-    with pytest.raises(OSError, match=r"a\.png: has 65600 colors, and a palette at most 65536; quantize it first"):
+    with pytest.raises(OSError, match=r"a\.png: has 65600 colors, over the limit of 65536; quantize it first"):
         read_palette(tmp_path / "a.png")
     write_image(tmp_path / "b.tif", np.zeros((2, 2), np.float32))
     with pytest.raises(OSError, match=r"b\.tif: has floating point samples"):

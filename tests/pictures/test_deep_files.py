@@ -213,7 +213,7 @@ def test_a_tiff_says_of_its_last_band_whether_it_is_alpha(tmp_path: Path, n_band
     assert (2 in extra) is alpha
     if not alpha:
         np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
-        with pytest.raises(ValueError, match=r"\.png cannot hold .*bands that are no colors"):
+        with pytest.raises(ValueError, match=r"\.png cannot hold .*bands that are not colors"):
             write_image(tmp_path / "a.png", image, alpha=False)
 
 
@@ -362,7 +362,7 @@ def test_a_damaged_file_is_read_or_is_an_os_error_and_nothing_else(
 @pytest.mark.parametrize(
     ("stored", "reason"),
     [
-        (np.zeros(3), r"holds an array of shape \(3,\), and a picture is \(H, W\) or \(H, W, C\)"),
+        (np.zeros(3), r"holds an array of shape \(3,\); an image must be \(H, W\) or \(H, W, C\)"),
         (np.zeros((2, 0)), r"holds an array of shape \(2, 0\)"),
         (np.zeros((2, 2, 2, 2)), r"holds an array of shape \(2, 2, 2, 2\)"),
         (np.zeros((2, 2), complex), "has samples of type complex128"),

@@ -537,11 +537,11 @@ def test_an_indexed_png_of_any_size_comes_back(
         ("a", RGB, None, "suffix '' must be one of"),
         ("a.jpg", GREY % 2, RGB[0], r"\.jpg would lose the colors .* \.png, \.tif"),
         ("a.jpg", RGBA, None, r"\.jpg cannot hold transparency; use one of \.png, \.tif"),
-        ("a.bmp", DEEP, None, r"\.bmp cannot hold a 16-bit grey picture"),
-        ("a.gif", RGB, None, r"\.gif cannot hold an RGB picture"),
+        ("a.bmp", DEEP, None, r"\.bmp cannot hold 16-bit gray images"),
+        ("a.gif", RGB, None, r"\.gif cannot hold RGB images"),
         ("a.png", RGB.astype(float), None, r"\.png cannot hold floating point .* use one of \.tif, \.tiff, \.npy"),
-        ("a.png", RGB[..., :2], None, r"\.png cannot hold .*bands that are no colors"),
-        ("a.bmp", DEEP_RGBA, None, r"\.bmp cannot hold a 16-bit RGBA picture; use one of \.png, \.tif, \.tiff, \.npy"),
+        ("a.png", RGB[..., :2], None, r"\.png cannot hold .*bands that are not colors"),
+        ("a.bmp", DEEP_RGBA, None, r"\.bmp cannot hold 16-bit RGBA images; use one of \.png, \.tif, \.tiff, \.npy"),
         ("a.tif", RGB.astype(complex), None, r"shape=\(5, 7, 3\) and dtype=complex128 must be"),
         ("a.npy", RGB[0, 0], None, r"shape=\(3,\) and dtype=uint8 must be"),
         ("a.png", RGB[:0], None, "have pixels"),
@@ -588,7 +588,7 @@ def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: NDArray[
 
 
 def test_optimizing_is_for_png_and_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ValueError, match=r"optimize is for \.png, and not for \.tif"):
+    with pytest.raises(ValueError, match=r"optimize is only for \.png, not for \.tif"):
         write_image(tmp_path / "a.tif", RGB, optimize=True)
     monkeypatch.setitem(sys.modules, "oxipng", None)
     with pytest.raises(ModuleNotFoundError, match=r"optimize needs oxipng: pip install 'cvtimg\[oxipng\]'"):

@@ -127,7 +127,7 @@ def test_what_does_not_fit_is_refused_before_a_file_appears(tmp_path: Path) -> N
 def test_a_chain_of_pages_that_leads_in_a_circle_is_named_at_once(tmp_path: Path) -> None:
     path = circle(tmp_path / "circle.tif", 3)
     for read in (read_pages, read_image, image_info):
-        with pytest.raises(OSError, match=r"circle\.tif: its pages lead in a circle"):
+        with pytest.raises(OSError, match=r"circle\.tif: its chain of pages is circular"):
             read(path)
 
 

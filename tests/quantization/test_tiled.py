@@ -213,7 +213,7 @@ def test_what_cannot_be_read_by_tiles_says_why() -> None:
     with pytest.raises(OSError, match=r"a\.tif: cannot be read by tiles|holds"):
         quantize_file("a.tif", "b.tif", 4)
     Path("no.zarr").mkdir()
-    with pytest.raises(OSError, match="is no Zarr array"):
+    with pytest.raises(OSError, match="is not a Zarr array"):
         quantize_file("no.zarr", "b.tif", 4)
     with pytest.raises(OSError, match="no such file"):
         quantize_file("missing.tif", "b.tif", 4)

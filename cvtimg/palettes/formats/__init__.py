@@ -1,1 +1,1 @@
-"""Palette files, a format a module: ``read(content)`` gives the colors in it, ``write(swatches)`` the bytes of one."""
+"""Palette formats, one per module: ``read(content)`` returns the colors, ``write(swatches)`` the bytes of a file."""

@@ -1,4 +1,4 @@
-"""Adobe's color tables: 256 times three bytes, then how many of them count, and which one is clear."""
+"""Adobe color tables (.act): 256 RGB triples, then the number of colors in use and the transparent index."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _NONE_CLEAR = 0xFFFF
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the colors that count."""
+    """Read the colors in use."""
     if len(content) not in (_TABLE, _TABLE + _TAIL.size):
-        raise UnfitContentError(f"has {len(content)} bytes; a color table has 768 or 772")
+        raise UnfitContentError(f"has {len(content)} bytes; a color table must have 768 or 772")
     table = np.frombuffer(content[:_TABLE], np.uint8).reshape(-1, 3)
     n_colors, clear = _TAIL.unpack(content[_TABLE:]) if len(content) > _TABLE else (_ENTRIES, _NONE_CLEAR)
-    n_colors = n_colors or _ENTRIES  # as some programs say that all count
+    n_colors = n_colors or _ENTRIES  # some programs write 0 for all
     if n_colors > _ENTRIES:
-        raise UnfitContentError(f"says that it has {n_colors} colors; a color table has at most 256")
+        raise UnfitContentError(f"declares {n_colors} colors; a color table has at most 256")
     if clear >= n_colors:
         return table[:n_colors].copy()
     alpha = np.where(np.arange(n_colors) == clear, 0, 255).astype(np.uint8)
@@ -32,7 +32,7 @@ def read(content: bytes) -> NDArray[np.uint8]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write at most 256 colors, at most one of them clear and none half transparent."""
+    """Write at most 256 colors, at most one fully transparent and none partially transparent."""
     colors = swatches.colors
     if len(colors) > _ENTRIES:
         raise ValueError(f".act holds at most 256 colors, and these are {len(colors)}")

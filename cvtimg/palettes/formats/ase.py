@@ -1,4 +1,4 @@
-"""Adobe Swatch Exchange. Alpha is in the names of the colors alone."""
+"""Adobe Swatch Exchange (.ase). Alpha is stored only in color names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BLOCK = struct.Struct(">HI")
 _MAGIC = b"ASEF"
 _COLOR, _GROUP, _GROUP_END = 0x0001, 0xC001, 0xC002
 _NORMAL = 2  # neither global nor a spot color
-#: Bradford's adaptation of colors in XYZ to the white of sRGB.
+#: Bradford adaptation of XYZ colors to the white point of sRGB.
 _D50_TO_D65 = np.array(
     [
         [0.9555766, -0.0282895, 0.0122982],
@@ -29,15 +29,15 @@ _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the colors, of groups too. CMYK is taken without a profile; Lab is that of CIE under D50.
+    """Read all colors, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50.
 
-    Aseprite uses the same suffix for its sprites, whose palettes are read as well.
+    Aseprite sprites, which have the same suffix, are read as well.
     """
     if aseprite.is_sprite(content):
         return aseprite.read(content)
     magic, *_, n_blocks = _HEADER.unpack_from(content)
     if magic != _MAGIC:
-        raise UnfitContentError("is no Adobe Swatch Exchange file: it must begin with ASEF")
+        raise UnfitContentError("is not an Adobe Swatch Exchange file: it must begin with ASEF")
     swatches = [_color(block) for kind, block in _blocks(content, n_blocks) if kind == _COLOR]
     return as_palette(with_named_alpha([color for color, _ in swatches], [name for _, name in swatches]))
 
@@ -54,12 +54,12 @@ def _blocks(content: bytes, n_blocks: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _color(block: bytes) -> tuple[tuple[int, ...], str]:
-    """Give the color and its name."""
+    """Return the color and its name."""
     n_letters = int.from_bytes(block[:2], "big")
     at = 2 + 2 * n_letters
     model = block[at : at + 4]
     if model not in _N_VALUES:
-        raise UnfitContentError(f"has a color of the model {model!r}, which must be RGB, CMYK, LAB or Gray")
+        raise UnfitContentError(f"has a color with the model {model!r}, which must be RGB, CMYK, LAB or Gray")
     values = np.array(struct.unpack_from(f">{_N_VALUES[model]}f", block, at + 4))
     if not np.isfinite(values).all():
         raise UnfitContentError("has a color that is not finite")
@@ -79,7 +79,7 @@ def _to_srgb(model: bytes, values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write the colors as RGB, in one group of the palette's name."""
+    """Write the colors as RGB, in one group named after the palette."""
     blocks = [(_GROUP, _text(swatches.name))]
     for color, code in zip(swatches.colors[:, :3] / 255, swatches.hexes(), strict=True):
         blocks.append((_COLOR, _text(code) + b"RGB " + struct.pack(">3fH", *color, _NORMAL)))

@@ -1,4 +1,4 @@
-"""Palettes in sprites of Aseprite (.aseprite, .ase); a palette is written as a sprite of one clear pixel."""
+"""Palettes of Aseprite sprites (.aseprite, .ase); a palette is written as a sprite with one transparent pixel."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _HAS_NAME = 1
 
 
 def is_sprite(content: bytes) -> bool:
-    """Tell a sprite from an Adobe Swatch Exchange file, which has the same suffix .ase."""
+    """Return whether a file is a sprite, not an Adobe Swatch Exchange file, which has the same suffix .ase."""
     return content[4:6] == _MAGIC.to_bytes(2, "little")
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the palette of the first frame: with alpha unless all colors are opaque."""
+    """Read the palette of the first frame, with alpha unless all colors are opaque."""
     if not is_sprite(content):
-        raise UnfitContentError("is not an Aseprite sprite: its magic number is another")
+        raise UnfitContentError("is not an Aseprite sprite: it has the wrong magic number")
     chunks = dict(_chunks(content))
     if _PALETTE in chunks:
         colors = list(_entries(chunks[_PALETTE]))
@@ -76,7 +76,7 @@ def _old_entries(chunk: bytes) -> Iterator[tuple[int, ...]]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write a sprite of one clear pixel with the palette."""
+    """Write a sprite with one transparent pixel and the palette."""
     n_colors = len(swatches.colors)
     rgba = ((*color, 255)[:4] for color in swatches.colors.tolist())
     palette = struct.pack("<III8x", n_colors, 0, n_colors - 1) + b"".join(struct.pack("<H4B", 0, *one) for one in rgba)

@@ -1,4 +1,4 @@
-"""Custom properties of CSS: ``--name-1: #rrggbb;`` and so on, for a style sheet."""
+"""CSS custom properties for style sheets: ``--name-1: #rrggbb;`` and so on."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the custom properties that are colors, as ``#rrggbb`` or by name, whatever rule they are in."""
+    """Read the custom properties of any rule that are colors, as ``#rrggbb`` or by name."""
     text = _COMMENT.sub("", content.decode("utf-8-sig", "replace"))
     return as_palette(color for code in _PROPERTY.findall(text) if (color := _color(code)))
 
 
 def _color(code: str) -> tuple[int, ...] | None:
-    """Read a color; None for another word, such as ``auto``."""
+    """Parse a color; None for other keywords, such as ``auto``."""
     try:
         return css_color(code)
     except UnfitContentError:
@@ -31,7 +31,7 @@ def _color(code: str) -> tuple[int, ...] | None:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write one rule, ``:root``."""
+    """Write the colors in one ``:root`` rule."""
     name = re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
     rows = (f"  --{name}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
     return f":root {{\n{''.join(rows)}}}\n".encode()

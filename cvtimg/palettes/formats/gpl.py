@@ -1,4 +1,4 @@
-"""GIMP's palettes, which Inkscape, Krita and Aseprite read too. Alpha is in the names of the colors alone."""
+"""GIMP palettes (.gpl), also read by Inkscape, Krita and Aseprite. Alpha is stored only in color names."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def read(content: bytes) -> NDArray[np.uint8]:
     """Read the colors of a palette."""
     lines = lines_of(content)
     if not lines or lines[0].strip() != "GIMP Palette":
-        raise UnfitContentError("is no GIMP palette: its first line must be 'GIMP Palette'")
-    n_bands = 4 if any(line.replace(" ", "") == "Channels:RGBA" for line in lines[:6]) else 3  # Aseprite's own
+        raise UnfitContentError("is not a GIMP palette: its first line must be 'GIMP Palette'")
+    n_bands = 4 if any(line.replace(" ", "") == "Channels:RGBA" for line in lines[:6]) else 3  # as in Aseprite
     colors, names = [], []
     for line in lines[1:]:
         if line.startswith(("#", "Name:", "Columns:", "Channels:")):
@@ -29,7 +29,7 @@ def read(content: bytes) -> NDArray[np.uint8]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write the palette of a name."""
+    """Write a named palette."""
     rows = (
         f"{red:3} {green:3} {blue:3}\t{code}"
         for (red, green, blue), code in zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)

@@ -1,4 +1,4 @@
-"""Plain text with one ``rrggbb`` a line, as Lospec gives; ``rrggbbaa`` where the palette has transparency."""
+"""Plain text with one ``rrggbb`` per line, as on Lospec; ``rrggbbaa`` if the palette has transparency."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cvtimg.palettes.swatches import Swatches, as_palette, hex_color, lines_of
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read a color from each line; a ``#`` before it is allowed."""
+    """Read a color from each line, with or without a leading ``#``."""
     return as_palette(hex_color(line) for line in lines_of(content))
 
 

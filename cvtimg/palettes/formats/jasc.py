@@ -1,4 +1,4 @@
-"""JASC palettes (.pal) of Paint Shop Pro, which Aseprite, GrafX2 and game engines use; RIFF palettes are read too."""
+"""JASC palettes (.pal) of Paint Shop Pro, Aseprite, GrafX2 and game engines; RIFF palettes are read as well."""
 
 from __future__ import annotations
 
@@ -30,6 +30,6 @@ def read(content: bytes) -> NDArray[np.uint8]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write the colors; with alpha as a fourth number where the palette has transparency, as Aseprite does."""
+    """Write the colors, with alpha as a fourth number if the palette has transparency, as Aseprite does."""
     rows = (" ".join(map(str, color)) for color in swatches.colors.tolist())
     return "\r\n".join(["JASC-PAL", "0100", str(len(swatches.colors)), *rows, ""]).encode()

@@ -1,4 +1,4 @@
-"""JSON: ``{"name": ..., "colors": [{"hex": "#rrggbb", "rgb": [r, g, b], "share": ...}, ...]}``."""
+"""JSON palettes: ``{"name": ..., "colors": [{"hex": "#rrggbb", "rgb": [r, g, b], "share": ...}, ...]}``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cvtimg.pictures.formats.opening import UnfitContentError
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the colors of our own files, and of lists of ``"#rrggbb"`` or ``[r, g, b]``."""
+    """Read files written by cvtimg, and lists of ``"#rrggbb"`` or ``[r, g, b]``."""
     value = json.loads(content)
     entries = value.get("colors") if isinstance(value, dict) else value
     if not isinstance(entries, list):
@@ -34,7 +34,7 @@ def _color(entry: Any) -> tuple[int, ...]:
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write the colors, and the share of each where it is known."""
+    """Write the colors, and the share of each if it is known."""
     entries: list[dict[str, Any]] = []
     for number, (color, code) in enumerate(zip(swatches.colors.tolist(), swatches.hexes(), strict=True)):
         entry: dict[str, Any] = {"hex": code, "rgb": color[:3]}
@@ -43,6 +43,6 @@ def write(swatches: Swatches) -> bytes:
         if swatches.shares is not None:
             entry["share"] = swatches.shares[number]
         entries.append(entry)
-    # A line for each color: short to read, and to compare.
+    # One line per color is easy to read and to diff.
     lines = ",\n".join("    " + json.dumps(entry) for entry in entries)
     return f'{{\n  "name": {json.dumps(swatches.name)},\n  "colors": [\n{lines}\n  ]\n}}\n'.encode()

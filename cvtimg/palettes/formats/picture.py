@@ -1,4 +1,4 @@
-"""Pictures as palettes: a field for each color, and the colors of any picture that has few."""
+"""Images as palettes: write one square per color, and read the colors of any image that has few."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture
 
-#: Most colors that a picture without a palette may have.
+#: Maximum number of colors of an image without a palette.
 MAX_COLORS = 1 << 16
 
 
 def read(content: bytes) -> NDArray[np.uint8]:
-    """Read the palette of an indexed picture, else the distinct colors in the order in which they come."""
+    """Read the palette of an indexed image, or the distinct colors of other images in order of first appearance."""
     file = BytesIO(content)
     try:
         with open_picture(file) as image:
             if image.mode == "P":
                 return _entries(image)
-    except UnidentifiedImageError:  # of Pillow alone
+    except UnidentifiedImageError:  # `decode` reads more formats than Pillow
         file.seek(0)
     file.seek(0)
     return _distinct(decode(file))
 
 
 def _entries(image: Image.Image) -> NDArray[np.uint8]:
-    """Give the palette's colors; all of a PNG's, and those in use where the file pads its palette."""
+    """Return the colors of the palette: all of them for PNG, and those in use for formats that pad the palette."""
     image.load()
     n_entries = len(image.getpalette("RGB") or b"") // 3
     numbers = np.arange(n_entries) if image.format == "PNG" else np.unique(np.asarray(image))
@@ -46,20 +46,20 @@ def _entries(image: Image.Image) -> NDArray[np.uint8]:
 
 def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:
     if image.dtype.kind == "f" or (image.ndim == 3 and image.shape[2] not in (3, 4)):
-        raise UnfitContentError("has floating point samples, or bands that are no colors")
+        raise UnfitContentError("has floating point samples or bands that are not colors")
     if image.dtype == np.uint16:
         image = np.rint(image / 257).astype(np.uint8)
     samples = color_samples(image)
     if samples.n_colors > MAX_COLORS:
-        raise UnfitContentError(f"has {samples.n_colors} colors, and a palette at most {MAX_COLORS}; quantize it first")
+        raise UnfitContentError(f"has {samples.n_colors} colors, over the limit of {MAX_COLORS}; quantize it first")
     first = np.empty(samples.n_colors, np.intp)
-    first[samples.inverse.ravel()[::-1]] = np.arange(samples.inverse.size)[::-1]  # the last to be set is the first
+    first[samples.inverse.ravel()[::-1]] = np.arange(samples.inverse.size)[::-1]  # set the first occurrence last
     ordered = samples.colors[np.argsort(first)]
     return np.repeat(ordered, 3, axis=1) if ordered.shape[1] == 1 else ordered
 
 
 def write(swatches: Swatches) -> bytes:
-    """Write a PNG with a field for each color; what the last row has to spare shows the last color."""
+    """Write a PNG with one square per color; the rest of the last row repeats the last color."""
     n_colors = len(swatches.colors)
     widest = min(n_colors, max(16, int(np.ceil(np.sqrt(n_colors)))))
     n_columns = min(range(widest, widest // 2, -1), key=lambda number: -n_colors % number)

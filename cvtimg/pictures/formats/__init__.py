@@ -1,1 +1,1 @@
-"""Picture files, one step a module: opened, decoded, encoded. `cvtimg.io` is the face that users see."""
+"""Formats of image files: opening, decoding and encoding. `cvtimg.pictures` is the public interface."""

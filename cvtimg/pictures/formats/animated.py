@@ -1,7 +1,7 @@
-"""Frames put together as GIF, APNG and WebP, each with its own duration and pixels.
+"""Assemble GIF, APNG and WebP animations from frames with their own durations and pixels.
 
-Pillow compresses the frames. It is not asked to put them together, for it merges frames that look the same and looks
-for palettes of its own.
+Pillow compresses the frames but does not assemble them, because it would merge equal frames and choose its own
+palettes.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ __all__ = ["FRAME_WRITERS", "Cel"]
 
 _MOST = 0xFFFF
 _MOST_OF_THREE = 0xFFFFFF
-_KEEP, _CLEAR = 1, 2  # what a GIF does with a frame before the next is drawn
+_KEEP, _CLEAR = 1, 2  # how a GIF disposes of a frame before drawing the next
 
 
 class Cel(NamedTuple):
-    """One frame: (H, W) indices into a palette, or without one (H, W), (H, W, 3) or (H, W, 4) pixels."""
+    """One frame: (H, W) palette indices, or (H, W), (H, W, 3) or (H, W, 4) pixels without a palette."""
 
     pixels: NDArray[Any]
     palette: NDArray[np.uint8] | None
 
     @property
     def image(self) -> NDArray[Any]:
-        """What is seen of it, (H, W, ...)."""
+        """Pixels of the frame, (H, W, ...)."""
         return self.pixels if self.palette is None else self.palette[self.pixels]
 
 
@@ -55,7 +55,7 @@ class _Box(NamedTuple):
 
 
 def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
-    """Give the least box around what is wanted, or one pixel; left and top are multiples of `step`."""
+    """Return the bounding box of the true pixels, or one pixel; left and top are multiples of `step`."""
     rows, columns = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
     if not len(rows):
         return _Box(0, 0, 1, 1)
@@ -64,7 +64,7 @@ def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
 
 
 def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
-    """For each frame (H, W): where it differs from the one before."""
+    """Yield for each frame an (H, W) mask of the pixels that differ from the previous frame."""
     before: NDArray[Any] | None = None
     for cel in cels:
         image = cel.image
@@ -74,7 +74,7 @@ def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
 
 
 def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, _: Metadata) -> None:
-    """Write frames with at most 256 colors each, none of them half transparent."""
+    """Write frames with at most 256 colors each, without partial transparency."""
     palettes = [cel.palette for cel in cels if cel.palette is not None]
     if len(palettes) < len(cels):
         raise ValueError(".gif holds frames of at most 256 colors, each an index into a palette")
@@ -95,13 +95,13 @@ def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], p
 
 
 def _gif_table(palette: NDArray[np.uint8]) -> bytes:
-    """Colors, one more if there is room for a mark of pixels that stay, and padding to a power of two."""
+    """Return the color table, with a spare entry for unchanged pixels if there is room, padded to a power of two."""
     n_entries = min(len(palette) + 1, 256)
     return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")
 
 
 def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict[str, Any]) -> list[bytes]:
-    """Code a frame: what changed over the one before, or where pixels may be clear all that is not, over nothing."""
+    """Encode a frame: the pixels that changed, or all visible pixels if the animation has transparency."""
     palette = np.empty((0, 3), np.uint8) if cel.palette is None else cel.palette
     box = _box(cel.image[..., 3] > 0 if clears else changed)
     shown, moved = cel.pixels[box.place], changed[box.place]
@@ -109,7 +109,7 @@ def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict
     if len(clear):
         shown, options["transparency"] = np.where(np.isin(shown, clear), clear[0], shown), int(clear[0])
     elif not clears and len(palette) < 256 and not moved.all():
-        # A mark for pixels that stay compresses better than what they are.
+        # Marking unchanged pixels as transparent compresses better than repeating their colors.
         shown, options["transparency"] = np.where(moved, shown, len(palette)), len(palette)
     picture = Image.fromarray(np.ascontiguousarray(shown, np.uint8))
     picture.putpalette(_gif_table(palette))
@@ -117,7 +117,7 @@ def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict
 
 
 def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
-    """Write frames that have one palette, or none."""
+    """Write frames that share one palette, or have none."""
     height, width = cels[0].pixels.shape[:2]
     number = 0
     for cel, changed, duration in zip(cels, _changes(cels), durations, strict=True):
@@ -149,14 +149,14 @@ def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _seconds(duration: float) -> tuple[int, int]:
-    """Numerator and denominator of a duration in milliseconds, each of 16 bits."""
+    """Return a duration in milliseconds as a fraction of seconds, with 16-bit numerator and denominator."""
     seconds = Fraction(duration) / 1000
     near = seconds.limit_denominator(_MOST if seconds <= 1 else max(1, int(_MOST / seconds)))
     return min(near.numerator, _MOST), near.denominator
 
 
 def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
-    """Write frames of any colors, without loss."""
+    """Write frames with any colors, losslessly."""
     height, width = cels[0].pixels.shape[:2]
     alpha = any(cel.image.ndim == 3 and cel.image.shape[2] == 4 for cel in cels)
     kept = metadata.options("WEBP", "RGB", ("icc_profile", "exif"))
@@ -169,7 +169,7 @@ def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
         box = _box(changed, step=2)
         picture = encode_image(".webp", np.ascontiguousarray(cel.image[box.place]))
         frame = b"".join(map(_three, (box.left // 2, box.top // 2, box.size[0] - 1, box.size[1] - 1, length)))
-        replaces = b"\x02"  # what is below, in place of being blended with it
+        replaces = b"\x02"  # replace the pixels below instead of blending
         body += _riff(b"ANMF", frame + replaces + picture[12:])
     if "exif" in kept:
         body += _riff(b"EXIF", kept["exif"].removeprefix(b"Exif\0\0"))
@@ -185,12 +185,12 @@ def _three(value: int) -> bytes:
 
 
 def _whole(durations: Sequence[float], unit: float, most: int) -> list[int]:
-    """Durations in whole units, each to the nearest, but what is lost or won is made up for by the next."""
+    """Round durations to whole units such that rounding errors do not accumulate."""
     ends = np.rint(np.cumsum(durations) / unit)
     return [min(int(length), most) for length in np.diff(ends, prepend=0)]
 
 
-#: By suffix.
+#: Writers by suffix.
 FRAME_WRITERS: dict[str, Callable[[BinaryIO, Sequence[Cel], Sequence[float], int, Metadata], None]] = {
     ".gif": write_gif,
     ".png": write_apng,

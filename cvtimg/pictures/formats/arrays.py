@@ -1,4 +1,4 @@
-"""Pictures as plain arrays: samples of any type brought to the few that cvtimg works with, and .npy files."""
+"""Convert samples of any type to the types that cvtimg supports, and read .npy files."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _EXACT = {np.float32: 1 << 24, np.float64: 1 << 53}
 
 
 def as_samples(values: NDArray[Any]) -> NDArray[Any]:
-    """Bring samples to uint8, uint16, float32 or float64, the narrowest that holds them as they are.
+    """Convert samples to the narrowest of uint8, uint16, float32 and float64 that holds them exactly.
 
-    Integers of other types become uint16 where they are in 0..65535, and floating point else.
+    Other integer types become uint16 if all values are in 0..65535, and floating point otherwise.
     """
     kind, size = values.dtype.kind, values.dtype.itemsize
     narrow: type[np.generic]
@@ -35,12 +35,12 @@ def as_samples(values: NDArray[Any]) -> NDArray[Any]:
         else:
             narrow = np.float32 if max(-low, high) <= _EXACT[np.float32] else np.float64
     else:
-        raise UnfitContentError(f"has samples of type {values.dtype}, which are no numbers on a line")
+        raise UnfitContentError(f"has samples of type {values.dtype}, which are not real numbers")
     return np.ascontiguousarray(values, narrow)
 
 
 def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Turn an array (H, W, ...) that lies as EXIF's number says, 1..8."""
+    """Rotate or flip an array (H, W, ...) with the given EXIF orientation, 1..8, to be upright."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -51,12 +51,12 @@ def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 def decode_npy(file: BinaryIO) -> NDArray[Any]:
-    """Read an array (H, W) or (H, W, C) of numbers."""
+    """Read a numeric array (H, W) or (H, W, C)."""
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
 
 def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array, of which a file on disk is not read."""
+    """Return the shape and type of an array; a file on disk is only memory-mapped."""
     name = getattr(file, "name", None)
     whole = np.load(file, allow_pickle=False) if name is None else np.load(name, mmap_mode="r", allow_pickle=False)
     values = _checked(whole)
@@ -65,6 +65,6 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 def _checked(values: NDArray[Any]) -> NDArray[Any]:
     if values.ndim not in (2, 3) or values.size == 0:
-        raise UnfitContentError(f"holds an array of shape {values.shape}, and a picture is (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {values.shape}; an image must be (H, W) or (H, W, C)")
     check_size(values.shape[0] * values.shape[1])
     return values

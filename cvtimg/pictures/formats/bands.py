@@ -1,4 +1,4 @@
-"""Images that are read and written a band of rows at a time: what they hold, and how high a band is."""
+"""Images that are read and written a band of rows at a time, and the height of a band."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 __all__ = ["BAND_PIXELS", "SAMPLES", "Band", "Bands", "Form", "band_height", "in_heights"]
 
-#: About as many pixels are in memory at a time, some bands of them.
+#: Approximate number of pixels in a band; a few bands are in memory at a time.
 BAND_PIXELS = 1 << 23
-#: Types of samples that can be read in bands.
+#: Sample types that can be read in bands.
 SAMPLES = ("uint8", "uint16", "float32", "float64")
 
 Band: TypeAlias = NDArray[Any]
@@ -21,7 +21,7 @@ Band: TypeAlias = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
-    """What an image file holds besides its pixels.
+    """Shape, sample type and metadata of an image file.
 
     Attributes
     ----------
@@ -32,11 +32,11 @@ class Form:
     alpha : bool
         Whether the last of several bands is transparency.
     icc : bytes or None
-        Color profile: colors are taken as they are in the file, and written with the same profile.
+        Color profile; colors are not converted, and are written with the same profile.
     geo : mapping of int
-        Tags of a GeoTIFF that say where it lies, as in `Metadata`.
+        Georeferencing tags of a GeoTIFF, as in `Metadata`.
     nodata : float or None
-        Value of the pixels of a GeoTIFF that are not known.
+        Value that marks missing pixels in a GeoTIFF.
     """
 
     shape: tuple[int, ...]
@@ -54,7 +54,7 @@ class Form:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bands:
-    """An image on disk that is read from top to bottom, one band of rows after the other, as often as needed."""
+    """An image on disk; each iteration reads it from top to bottom, one band of rows at a time."""
 
     form: Form
     read: Callable[[], Iterator[Band]]
@@ -64,12 +64,12 @@ class Bands:
 
 
 def band_height(width: int, piece: int) -> int:
-    """Return the rows of a band: a multiple of the rows of a tile, for about `BAND_PIXELS` pixels."""
+    """Return the number of rows of a band: a multiple of the tile height, for about `BAND_PIXELS` pixels."""
     return max(1, BAND_PIXELS // (width * piece)) * piece
 
 
 def in_heights(bands: Iterable[Band], height: int) -> Iterator[Band]:
-    """Give the same rows in bands of so many, but for the last."""
+    """Regroup rows into bands of the given height; the last may be shorter."""
     left: list[Band] = []
     for band in bands:
         rows = np.concatenate([*left, band]) if left else band

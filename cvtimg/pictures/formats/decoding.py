@@ -1,7 +1,7 @@
-"""From what a picture file holds to an upright sRGB array.
+"""Decode image files to upright sRGB arrays.
 
-Pillow reads nearly all. What it would cut to 8 bits or to three bands goes to tifffile and imagecodecs, which are
-imported then.
+Pillow decodes most files. Those that it would reduce to 8 bits or to three bands are decoded by tifffile and
+imagecodecs, which are imported on first use.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _UPRIGHT = {
 
 
 def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
-    """Give the pixels in a file as `read_image` does; with `indices` those of a palette in place of its colors."""
+    """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors."""
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
@@ -60,7 +60,7 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
 
 
 def _check_alone(file: BinaryIO) -> None:
-    """Refuse several pages where one image is wanted: none is left out in silence."""
+    """Reject multi-page files where one image is expected, rather than silently ignoring pages."""
     at = file.tell()
     n_pages = count_pages(file)
     file.seek(at)
@@ -69,8 +69,8 @@ def _check_alone(file: BinaryIO) -> None:
 
 
 def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[Any]:
-    """Give the pixels of the frame or page that Pillow is at."""
-    bits = depth(image)  # asked first: load() forgets how the file is coded
+    """Decode the current frame or page of a Pillow image."""
+    bits = depth(image)  # before load(), which discards the encoding of the file
     image.load()
     _scale_transparent_color(image, bits)
     turn = _UPRIGHT.get(orientation(image))
@@ -81,7 +81,7 @@ def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> 
 
 
 def depth(image: ImageFile.ImageFile) -> int:
-    """Bits a band in the file, which Pillow may have widened or cut to 8."""
+    """Return the bits per band in the file, which may differ from those of the Pillow image."""
     if image.format == "PNG":
         coded = re.search(r";(\d+)", str(image.tile[0].args))
         if coded:
@@ -92,7 +92,7 @@ def depth(image: ImageFile.ImageFile) -> int:
 
 
 def _scale_transparent_color(image: Image.Image, bits: int) -> None:
-    """Bring a PNG's transparent colour to 8 bits: Pillow does so for the pixels alone."""
+    """Scale the transparent color of a PNG to 8 bits; Pillow scales only the pixels."""
     color = image.info.get("transparency")
     if image.format != "PNG" or color is None:
         return
@@ -101,7 +101,7 @@ def _scale_transparent_color(image: Image.Image, bits: int) -> None:
 
 
 def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
-    """Bring an 8-bit image of any mode to L, RGB or RGBA, in sRGB or, if it is RGB, as its profile has it."""
+    """Convert an 8-bit image of any mode to L, RGB or RGBA in sRGB; `keep_profile` leaves RGB in its own profile."""
     icc = image.info.get("icc_profile")
     grey = image.mode in ("1", "L", "LA")
     opaque = "L" if grey else "CMYK" if image.mode == "CMYK" else "RGB"
@@ -111,5 +111,5 @@ def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
         from cvtimg.pictures.profiles import apply_profile
 
         plain = apply_profile(plain, icc, grey)
-    # Pillow has undone the inversion of Adobe's CMYK JPEG when it decoded.
+    # Pillow has already undone the inversion of Adobe CMYK JPEGs.
     return plain.convert("RGB") if plain.mode == "CMYK" else plain

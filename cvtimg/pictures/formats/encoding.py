@@ -1,4 +1,4 @@
-"""From arrays to the bytes of a picture file, by the suffix of its name."""
+"""Encode arrays as image files, in the format given by a suffix."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cvtimg.pictures.formats.tiff import encode_tiff
 __all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
 
 
-# Beside Pillow's modes, those that it has no picture for: 16-bit color, and whatever else an array holds.
+# Modes that Pillow lacks: 16-bit color, and any other arrays.
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"
 _ALL = ("icc_profile", "dpi", "exif")
@@ -27,7 +27,7 @@ _PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
 
 
 class _Samples(NamedTuple):
-    """An array that Pillow has no image for; `alpha` says whether its last band is transparency."""
+    """An array without a matching Pillow mode; `alpha` tells whether its last band is transparency."""
 
     values: NDArray[Any]
     alpha: bool
@@ -49,22 +49,22 @@ class _Format(NamedTuple):
     modes: tuple[str, ...]
     lossless: bool
     options: dict[str, Any]
-    keeps: tuple[str, ...] = ()  # of Metadata, in the words of Pillow
+    keeps: tuple[str, ...] = ()  # fields of Metadata, under Pillow's names
 
 
 # Deflate level 3 of Pillow 13 (zlib-ng), 12-megapixel photograph in 24-bit RGB, one core of two: level 1 0.7 s 12.3 MB,
 # 3 1.0 s 11.4 MB, 6 (Pillow's own choice) 3.2 s 10.5 MB.
 _PNG = _Format("PNG", ("P", *_PLAIN), True, {"compress_level": 3}, _ALL)
 _TIFF = _Format("TIFF", ("P", *_PLAIN, _OTHER), True, {"compression": "tiff_adobe_deflate"}, _ALL)
-# No chroma subsampling: overlays and flat segments have edges of pure colour.
+# No chroma subsampling: overlays and flat segments have edges of pure color.
 _JPEG = _Format("JPEG", ("L", "RGB"), False, {"quality": 95, "subsampling": 0}, _ALL)
-# AVIF loses a little at any quality.
+# AVIF is slightly lossy at any quality.
 _AVIF = _Format("AVIF", ("RGB", "RGBA"), False, {"quality": 90, "subsampling": "4:4:4"}, ("icc_profile", "exif"))
 _FORMATS = {
     ".png": _PNG,
     ".tif": _TIFF,
     ".tiff": _TIFF,
-    # exact: WebP otherwise rewrites the colours under full transparency.
+    # exact: otherwise WebP changes the colors of fully transparent pixels.
     ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}, ("icc_profile", "exif")),
     # optimize would renumber the palette.
     ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False}),
@@ -78,14 +78,14 @@ _FORMATS = {
 }
 _WIDER = {"1": "L", "L": "RGB"}
 _CONTENT = {
-    "1": "a 1-bit picture",
-    "L": "a grey picture",
-    "I;16": "a 16-bit grey picture",
-    "RGB": "an RGB picture",
+    "1": "1-bit images",
+    "L": "gray images",
+    "I;16": "16-bit gray images",
+    "RGB": "RGB images",
     "RGBA": "transparency",
-    "RGB;16": "a 16-bit RGB picture",
-    "RGBA;16": "a 16-bit RGBA picture",
-    _OTHER: "floating point samples, or bands that are no colors",
+    "RGB;16": "16-bit RGB images",
+    "RGBA;16": "16-bit RGBA images",
+    _OTHER: "floating point samples or bands that are not colors",
 }
 
 
@@ -98,12 +98,12 @@ def encode_image(
     metadata: Metadata | None = None,
     optimize: bool = False,
 ) -> bytes:
-    """Return the bytes of an image file, as `write_image` writes it.
+    """Encode an image as the bytes of the file that `write_image` would write.
 
     Parameters
     ----------
     suffix : str
-        Such as ``".png"``, of those that `write_image` knows.
+        A suffix that `write_image` supports, such as ``".png"``.
     image, palette, alpha, metadata, optimize
         As in `write_image`.
 
@@ -135,7 +135,7 @@ def encoder(
     metadata: Metadata | None,
     optimize: bool,
 ) -> Callable[[BinaryIO], None]:
-    """Check that a picture fits a format, and give the function that writes it into a file."""
+    """Check that an image fits a format, and return the function that writes it to a file."""
     suffix = suffix.lower()
     if suffix not in _FORMATS:
         raise ValueError(f"suffix {suffix!r} must be one of {', '.join(_FORMATS)}")
@@ -151,7 +151,7 @@ def encoder(
         able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
     if optimize and form.name != "PNG":
-        raise ValueError(f"optimize is for .png, and not for {suffix}")
+        raise ValueError(f"optimize is only for .png, not for {suffix}")
 
     def write(file: BinaryIO) -> None:
         _write(file, picture, form, metadata or Metadata())
@@ -165,7 +165,7 @@ def encoder(
 
 
 def lossless_suffixes() -> list[str]:
-    """List the suffixes of files that `write_image` writes without loss."""
+    """List the suffixes of formats that `write_image` writes losslessly."""
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
@@ -185,7 +185,7 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata)
 
 
 def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
-    """Whether the last band is transparency: as is said, or as the image says, or as a format of four bands has it."""
+    """Return whether the last band is transparency, by argument, mark of the image, or default of the format."""
     if np.ndim(image) < 3 or np.shape(image)[2] < 2:
         return False
     if alpha is not None:
@@ -194,7 +194,7 @@ def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
 
 
 def _direct(image: NDArray[Any], alpha: bool) -> Image.Image | _Samples:
-    """Check an array, and return it as a Pillow image if there is such a kind."""
+    """Check an array, and return it as a Pillow image if there is a matching mode."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
     if image.ndim not in (2, 3) or not (numbers or (image.dtype == bool and image.ndim == 2)) or image.size == 0:
@@ -229,7 +229,7 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
     if form.name == "PNG":
         return _Indexed(indices, np.ascontiguousarray(colors), alpha)
     clear = np.flatnonzero(alpha < 255)
-    # GIF has one index that is transparent, and no half transparency.
+    # GIF supports one transparent index, and no partial transparency.
     gif_clear = form.name == "GIF" and len(clear) == 1 and alpha[clear[0]] == 0
     if "P" not in form.modes or (len(clear) and not gif_clear):
         return Image.fromarray(palette[:, : 4 if len(clear) else 3][indices])
@@ -241,7 +241,7 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
 
 
 def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
-    """Check that all indices are into a palette that a file can have."""
+    """Check that a palette fits a file, and that all indices are in its range."""
     shape = palette.shape
     if palette.dtype != np.uint8 or palette.ndim != 2 or shape[1] not in (3, 4):
         raise ValueError(f"palette with shape={shape} and dtype={palette.dtype} must be (K, 3) or (K, 4) uint8")

@@ -1,4 +1,4 @@
-"""FITS, as telescopes write it, by astropy. Pillow would leave out its zero point, its sign and its orientation."""
+"""Read FITS files of telescopes with astropy; Pillow ignores their zero point, sign and orientation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FITS_MAGIC = b"SIMPLE "
 
 
 def decode_fits(file: BinaryIO) -> NDArray[Any]:
-    """Read the first image of a file, (H, W), with its physical values; FITS begins with the lowest row."""
+    """Read the first image of a file, (H, W), in physical values; FITS stores the bottom row first."""
     try:
         from astropy.io import fits
     except ImportError as error:

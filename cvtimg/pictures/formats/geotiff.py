@@ -1,4 +1,4 @@
-"""Where on Earth a TIFF lies: the tags of GeoTIFF, kept from file to file and put into words."""
+"""Georeferencing of TIFF files: read GeoTIFF tags, and copy them from file to file."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ __all__ = ["GEO_TYPES", "NODATA", "GeoTags", "Place", "extra_tags", "geo_tags"]
 
 #: Tags of a TIFF by their code.
 Tags = Mapping[int, Any]
-#: Those of `GEO_TYPES`, which say where an upright image lies; none where a file does not say it.
+#: Tags in `GEO_TYPES`, which georeference an upright image; empty if a file has no georeferencing.
 GeoTags: TypeAlias = Mapping[int, Any]
 
 NODATA = 42113
 _ORIENTATION = 274
 _PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS = 33550, 33922, 34264, 34735
-#: Tags that place an image, with the types of their values in TIFF and in Python's struct.
+#: Georeferencing tags, with the types of their values in TIFF and in Python's struct.
 GEO_TYPES = {
     _PIXEL_SCALE: (12, "d"),
     _TIEPOINT: (12, "d"),
@@ -33,17 +33,17 @@ _USER_DEFINED = 32767
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where on Earth a picture lies, as GeoTIFF says; None for what the file does not say.
+    """Georeferencing of an image, from GeoTIFF tags; None for what the file does not state.
 
     Attributes
     ----------
     geo_transform : tuple of float (a, b, c, d, e, f) or None
-        From a place in the picture to one on the map: ``x = a * column + b * row + c``, ``y = d * column + e * row
-        + f``, where (0, 0) is the upper left corner of the first pixel, and (0.5, 0.5) its center.
+        Affine transform from pixel to map coordinates: ``x = a * column + b * row + c``, ``y = d * column + e * row
+        + f``, where (0, 0) is the upper left corner of the first pixel and (0.5, 0.5) its center.
     epsg : int or None
-        Number of the coordinate system in the EPSG register.
+        EPSG code of the coordinate reference system.
     nodata : float or None
-        Value of pixels that are not known.
+        Value that marks missing pixels.
     """
 
     geo_transform: tuple[float, float, float, float, float, float] | None
@@ -52,7 +52,7 @@ class Place:
 
     @classmethod
     def of(cls, tags: Tags) -> Place:
-        """Tell from the tags of a page; what is damaged is not said."""
+        """Read the tags of a page; damaged tags are ignored."""
         keys: dict[int, int] = {}
         transform = epsg = nodata = None
         with suppress(TypeError, ValueError, IndexError):
@@ -61,7 +61,7 @@ class Place:
         code = keys.get(_PROJECTED, keys.get(_GEOGRAPHIC, _USER_DEFINED))
         epsg = code if 0 < code < _USER_DEFINED else None
         with suppress(TypeError, ValueError, IndexError):
-            # Nobody turns maps; where one does, the upright picture lies elsewhere than the file says.
+            # Rotated maps are rare, and the transform in the file does not apply to the upright image.
             if tags.get(_ORIENTATION, 1) == 1:
                 transform = _transform(tags, point=keys.get(_RASTER_TYPE) == _PIXEL_IS_POINT)
         with suppress(TypeError, ValueError):
@@ -70,16 +70,16 @@ class Place:
 
 
 def geo_tags(tags: Tags) -> dict[int, Any]:
-    """Give the tags that say where an upright picture lies, if all is there to say it."""
+    """Return the georeferencing tags of an upright image; empty if they are incomplete."""
     if Place.of(tags).geo_transform is None:
         return {}
     given = {code: tags[code] for code in GEO_TYPES if code in tags}
-    # A value of its own is one of a row, but for text.
+    # A single value, other than text, becomes a tuple.
     return {code: value if isinstance(value, (tuple, str)) else (value,) for code, value in given.items()}
 
 
 def extra_tags(geo: GeoTags, nodata: float | None = None) -> list[tuple[int, str, int, Any, bool]]:
-    """Word tags as tifffile takes them."""
+    """Format tags for tifffile."""
     tags = [
         (code, GEO_TYPES[code][1], 0 if isinstance(value, str) else len(value), value, True)
         for code, value in geo.items()
@@ -98,5 +98,5 @@ def _transform(tags: Tags, *, point: bool) -> tuple[float, float, float, float, 
         c, f = x - a * column, y - e * row
     else:
         return None
-    half = 0.5 if point else 0.0  # the file places the center of a pixel
+    half = 0.5 if point else 0.0  # the coordinates in the file are those of pixel centers
     return a, b, c - half * (a + b), d, e, f - half * (d + e)

@@ -1,4 +1,4 @@
-"""What the header of a picture file says, without its pixels."""
+"""Read the headers of image files without decoding pixels."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ __all__ = ["ImageInfo", "read_header"]
 
 @dataclass(frozen=True, slots=True)
 class ImageInfo:
-    """What the header of a picture says.
+    """Information from the header of an image file.
 
     Attributes
     ----------
     width, height : int
-        Size in pixels of the upright picture, as `read_image` returns it.
+        Size in pixels of the upright image, as `read_image` returns it.
     format, mode : str
-        Pillow's names, such as ``"PNG"`` and ``"RGB"``; of arrays, and of bands without a meaning, the type of their
-        samples, such as ``"float32"``.
+        Pillow's names, such as ``"PNG"`` and ``"RGB"``. For arrays and for bands that are not colors, the mode is the
+        sample type, such as ``"float32"``.
     bands : tuple of str
-        Names of the bands, such as ``("R", "G", "B")``; ``("B1", "B2", ...)`` for those without a meaning.
+        Names of the bands, such as ``("R", "G", "B")``; ``("B1", "B2", ...)`` for bands that are not colors.
     bits : int
-        Bits a band (an index in a palette picture) in the file.
+        Bits per band in the file, or per index in an indexed image.
     frames : int
-        How many frames or pages, without masks and smaller copies of others.
+        Number of frames or pages, excluding masks and reduced-size copies.
     has_alpha : bool
-        Whether the picture carries transparency of any kind.
+        Whether the image has transparency of any kind.
     icc : str or None
-        Description of the embedded colour profile, ``"unreadable"`` for a damaged one.
+        Description of the embedded color profile; ``"unreadable"`` if it is damaged.
     geo_transform : tuple of float (a, b, c, d, e, f) or None
-        Of a GeoTIFF: from a place in the picture to one on the map, ``x = a * column + b * row + c`` and ``y = d *
-        column + e * row + f``, where (0, 0) is the upper left corner of the first pixel, and (0.5, 0.5) its center.
+        Affine transform of a GeoTIFF from pixel to map coordinates: ``x = a * column + b * row + c`` and ``y = d *
+        column + e * row + f``, where (0, 0) is the upper left corner of the first pixel and (0.5, 0.5) its center.
     epsg : int or None
-        Number of the map's coordinate system in the EPSG register.
+        EPSG code of the coordinate reference system.
     nodata : float or None
-        Value of the pixels of a GeoTIFF that are not known.
+        Value that marks missing pixels in a GeoTIFF.
     """
 
     width: int
@@ -72,7 +72,7 @@ class ImageInfo:
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
-    """Tell what is in a file as `image_info` does."""
+    """Read the header of an open file, as `image_info` does."""
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
@@ -104,8 +104,7 @@ def _profile_name(icc: bytes | None) -> str | None:
 
 def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     width, height = image.size
-    # Pillow states the size of a TIFF upright already. A PNG's EXIF behind the pixels would
-    # cost a decoding.
+    # Pillow reports the upright size of a TIFF. Finding EXIF after the pixels of a PNG would require decoding it.
     known = image.format != "PNG" or "exif" in image.info
     lies = known and orientation(image) >= 5
     if image.format != "TIFF" and lies:

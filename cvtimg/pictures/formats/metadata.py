@@ -1,4 +1,4 @@
-"""What a picture file says beside its pixels, and what of it stays true of the picture that is written."""
+"""Metadata of image files, reduced to what remains valid for the image that is written."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["Metadata", "decode_metadata"]
 
 _EXIF_PART, _GPS_PART = 0x8769, 0x8825
-#: Of EXIF's first part, what is about the picture and not about its file: description, make and model, software, date,
-#: artist, copyright, and Windows' title, comment, author, keywords and subject.
+#: Tags of the main EXIF directory that describe the image, not its file: description, make and model, software, date,
+#: artist, copyright, and the title, comment, author, keywords and subject of Windows.
 _ABOUT_THE_PICTURE = (270, 271, 272, 305, 306, 315, 33432, *range(0x9C9B, 0x9CA0), _EXIF_PART, _GPS_PART)
 _SIZE = (0xA002, 0xA003)
 _ASCII = 2
@@ -30,21 +30,21 @@ _INCHES_A_METER = 39.3701
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """What can be kept of a picture file beside the pixels.
+    """Metadata of an image file that can be written with a processed image.
 
     Attributes
     ----------
     icc : bytes or None
-        Color profile that the pixels have after `read_image`: the file's own where that left them as they are, else
-        sRGB. None where the file has none that serves.
+        Color profile of the pixels that `read_image` returns: that of the file if they were not converted, else sRGB.
+        None if the file has no usable profile.
     dpi : tuple of float or None
-        Pixels an inch, across and down the upright picture.
+        Horizontal and vertical resolution of the upright image, in pixels per inch.
     exif : bytes or None
-        EXIF without orientation, size and thumbnail, which may not be true of the picture that is written.
+        EXIF without orientation, size and thumbnail, which may not apply to the image that is written.
     geo : mapping of int
-        Tags of a GeoTIFF that say where it lies; a .tif keeps them.
+        Georeferencing tags of a GeoTIFF; stored only in .tif files.
     nodata : float or None
-        Value of the pixels of a GeoTIFF that are not known; a .tif keeps it.
+        Value that marks missing pixels in a GeoTIFF; stored only in .tif files.
     """
 
     icc: bytes | None = None
@@ -54,7 +54,7 @@ class Metadata:
     nodata: float | None = None
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
-        """Name what a format keeps as Pillow's `save` does, for a picture of a mode."""
+        """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
         icc = self.icc if _serves(self.icc, mode) else None
         values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
         given = {name: values[name] for name in kept if values[name]}
@@ -63,7 +63,7 @@ class Metadata:
         return given
 
     def _tiff_tags(self, exif: bytes | None) -> ImageFileDirectory_v2:
-        """Give where the picture lies, and of EXIF the first part: Pillow compresses no TIFF that has more of it."""
+        """Return georeferencing and the main EXIF directory; with more EXIF, Pillow does not compress a TIFF."""
         from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
         tags = ImageFileDirectory_v2()
@@ -81,7 +81,7 @@ class Metadata:
         return tags
 
     def png_chunks(self, mode: str) -> bytes:
-        """Give what goes between header and pixels of a PNG."""
+        """Return the chunks between the header and the pixels of a PNG."""
         given = self.options("PNG", mode, ("icc_profile", "dpi", "exif"))
         chunks = b""
         if "icc_profile" in given:
@@ -95,7 +95,7 @@ class Metadata:
 
 
 def _serves(icc: bytes | None, mode: str) -> bool:
-    """Whether there is a profile, and it is for pictures of this mode."""
+    """Return whether there is a profile that fits images of this mode."""
     if not icc:
         return False
     from cvtimg.pictures.profiles import profile_space
@@ -104,7 +104,7 @@ def _serves(icc: bytes | None, mode: str) -> bool:
 
 
 def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
-    """Tell what can be kept of a file, as `read_metadata` does."""
+    """Read the metadata of an open file, as `read_metadata` does."""
     try:
         image = open_picture(file)
     except UnidentifiedImageError:  # an array, or a TIFF of many bands

@@ -1,4 +1,4 @@
-"""Picture files opened in silence, and whatever is wrong with one said in one line."""
+"""Open image files without library warnings, and report any error in one line."""
 
 from __future__ import annotations
 
@@ -34,23 +34,22 @@ __all__ = [
     "reading",
 ]
 
-#: A stream of more bytes for each pixel that an image may have is no image.
+#: A stream with more bytes per allowed pixel is rejected.
 _BYTES_PER_PIXEL = 16
-#: What every PNG begins with.
+#: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
-# Both log some of what they also raise; without a handler that goes to stderr a second time.
+# Both also log some of the errors that they raise; without a handler these would appear on stderr.
 for _library in ("PIL", "tifffile"):
     logging.getLogger(_library).addHandler(logging.NullHandler())
 
 
 class _Quiet:
-    """Hold the warnings of Pillow and astropy back while at least one picture is open.
+    """Suppress warnings of Pillow and astropy while at least one image is open.
 
-    Two `warnings.catch_warnings` that overlap in two threads restore each other's filters and can
-    leave a filter behind for good. Here the first to enter sets it and the last to leave takes it
-    away, without making the decoders wait for one another. Only warnings raised inside these are
-    held back, so that another thread's own warnings still show.
+    Overlapping `warnings.catch_warnings` in two threads restore each other's filters and can leave a filter behind
+    permanently. Here the first thread to enter sets the filter and the last to leave removes it, so decoders need not
+    wait for one another. Only warnings raised inside these libraries are suppressed.
     """
 
     def __init__(self) -> None:
@@ -77,21 +76,21 @@ _QUIET = _Quiet()
 
 
 class UnfitContentError(ValueError):
-    """A file is not what it should be; the message says what it is, for people."""
+    """Content of a file that cannot be used; the message tells the user why."""
 
 
-#: What an image is read from: a path, the bytes of a file, or a file that is open for reading bytes.
+#: Source of an image: a path, the bytes of a file, or a binary file open for reading.
 Source: TypeAlias = StrPath | bytes | bytearray | memoryview | BinaryIO
 
 
 @contextmanager
 def reading(source: Source) -> Iterator[BinaryIO]:
-    """Open a source to read an image from it; whatever fails in the block is the source's fault and says so."""
+    """Open a source for reading an image; any error in the block becomes an `OSError` that names the source."""
     path = name_of(source)
     try:
         with _QUIET, _opened(source) as file:
             yield file
-    # On damaged files Pillow and tifffile raise nearly every class there is: SyntaxError, struct.error,
+    # For damaged files Pillow and tifffile raise many kinds of errors: SyntaxError, struct.error,
     # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
     except Exception as error:
         known = isinstance(error, OSError) and error.errno is not None
@@ -99,7 +98,7 @@ def reading(source: Source) -> Iterator[BinaryIO]:
 
 
 def name_of(source: Source) -> str:
-    """Name a source in messages."""
+    """Return the name of a source for messages."""
     if isinstance(source, (str, os.PathLike)):
         return os.fspath(source)
     return "bytes" if isinstance(source, (bytes, bytearray, memoryview)) else str(getattr(source, "name", "stream"))
@@ -107,12 +106,12 @@ def name_of(source: Source) -> str:
 
 @contextmanager
 def _opened(source: Source) -> Iterator[BinaryIO]:
-    """Open a path or bytes; a file that is open stays so. All can be sought in, as decoders do."""
+    """Open a path or bytes as a seekable file; a file that is already open stays open."""
     if isinstance(source, (str, os.PathLike)):
-        if Path(source).is_dir():  # Windows would say "permission denied"
+        if Path(source).is_dir():  # Windows would report "permission denied"
             raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
         with Path(source).open("rb") as file:
-            # Some decoders seek, which a pipe cannot.
+            # Some decoders need to seek, which pipes do not support.
             yield file if file.seekable() else BytesIO(_all_of(file))
     elif isinstance(source, (bytes, bytearray, memoryview)):
         yield BytesIO(source)
@@ -121,7 +120,7 @@ def _opened(source: Source) -> Iterator[BinaryIO]:
 
 
 def _all_of(file: BinaryIO) -> bytes:
-    """Read a stream to its end, if it holds bytes, and not more than an image can have."""
+    """Read a binary stream to its end, up to the maximum size of an image."""
     most = _most_pixels() * _BYTES_PER_PIXEL
     content = file.read(int(min(most, sys.maxsize - 1)) + 1)
     if not isinstance(content, bytes):
@@ -132,8 +131,8 @@ def _all_of(file: BinaryIO) -> bytes:
 
 
 def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
-    """Open a picture with Pillow, which reads no pixels yet."""
-    if file.read(len(PNG_MAGIC)) == PNG_MAGIC:  # Image.open would import other formats first
+    """Open an image with Pillow, without decoding its pixels."""
+    if file.read(len(PNG_MAGIC)) == PNG_MAGIC:  # Image.open would first import other formats
         from PIL.PngImagePlugin import PngImageFile
 
         file.seek(0)
@@ -148,27 +147,27 @@ def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
 
 
 def orientation(image: Image.Image) -> int:
-    """EXIF's number of the way that the picture lies, 1..8; 1 is upright."""
+    """Return the EXIF orientation, 1..8; 1 is upright."""
     try:
         return int(image.getexif().get(0x0112, 1))
-    except Exception:  # damaged metadata, of which Pillow makes any error, spoils no pixel
+    except Exception:  # damaged metadata, for which Pillow raises many kinds of errors, does not affect the pixels
         return 1
 
 
 def check_size(n_pixels: int) -> None:
-    """Refuse what Pillow would refuse: a small file that says it is large enough to fill the memory."""
+    """Reject what Pillow rejects: small files that claim enough pixels to fill the memory."""
     if n_pixels > _most_pixels():
         raise Image.DecompressionBombError
 
 
 def limit_pixels(n: int) -> None:
-    """Let pictures have so many pixels; without this they may have those that Pillow finds safe, some 179 million."""
-    Image.MAX_IMAGE_PIXELS = n / 2  # type: ignore[assignment]  # beyond twice of which Pillow refuses them
+    """Set the maximum number of pixels of an image; Pillow's default is about 179 million."""
+    Image.MAX_IMAGE_PIXELS = n / 2  # type: ignore[assignment]  # Pillow rejects images with more than twice this number
 
 
 @contextmanager
 def pixels_limited(n: int | None) -> Iterator[None]:
-    """Let pictures have so many pixels for a while."""
+    """Set the maximum number of pixels of an image within a block; None keeps the current limit."""
     before = Image.MAX_IMAGE_PIXELS
     if n is not None:
         limit_pixels(n)

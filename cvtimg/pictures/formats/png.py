@@ -1,4 +1,4 @@
-"""PNG that Pillow would not write as well: 16 bits a band in color, and indexed pictures in fewer bytes."""
+"""PNG beyond Pillow: color with 16 bits per band, and smaller indexed images."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ __all__ = ["chunk", "decode_deep_png", "encode_deep_png", "encode_indexed_png", 
 
 _HEADER_SIZE = 33
 _INDEXED = 3
-# Indexed pixels, unfiltered, bytes as a ratio to those of pngquant 2.17 for as many colors, mean of four photographs of
-# 0.4 megapixels, and time: without dithering at 256 colors, with Floyd-Steinberg at 64.
+# Unfiltered indexed pixels: bytes relative to pngquant 2.17 with the same number of colors, mean of four photographs of
+# 0.4 megapixels, first without dithering at 256 colors, then with Floyd-Steinberg at 64; and time.
 #   zlib level 6       0.94, 1.03, 16 ms       level 9      0.93, 1.02, 31 ms
 #   libdeflate level 6 0.94, 1.04, 6 ms        level 10     0.86, 0.96, 50 to 75 ms       level 12 0.88, 0.96, 100 ms
-# Level 6 takes 0.15 s for 12 megapixels, level 10 more than a second: too long beside the 0.5 s of all the rest.
-# Flat areas are the exception: there level 10 is larger than 9, and 12 the smallest.
+# For 12 megapixels level 6 takes 0.15 s, and level 10 over a second: too long compared to 0.5 s for everything else.
+# Flat areas are an exception: there the output of level 10 is larger than that of 9, and 12 gives the smallest.
 _LEVELS, _LEVELS_OF_FLAT = (10, 6), (12, 9)
 _LARGE = 1 << 21
-_FLAT = 1 / 8  # of the bytes are left by level 1
-_OPTIMIZATION = 4  # the least that sorts the palette
+_FLAT = 1 / 8  # largest compression ratio, at level 1, of an image that counts as flat
+_OPTIMIZATION = 4  # the lowest level that sorts the palette
 
 
 def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[np.uint16]:
-    """Read uint16 (H, W, 3), or (H, W, 4) with transparency; `image` is the same file, opened by Pillow."""
+    """Read uint16 (H, W, 3), or (H, W, 4) with transparency; `image` is the same file opened with Pillow."""
     import imagecodecs
 
     file.seek(0)
@@ -39,7 +39,7 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile:
     if values.shape[2] == 2:
         values = values[..., [0, 0, 0, 1]]
     icc = image.info.get("icc_profile")
-    # Pillow would decode all pixels to look for EXIF behind them.
+    # Pillow would decode all pixels to find EXIF data after them.
     has_exif = "exif" in image.info or b"eXIf" in content
     if icc and not keep_profile:
         from cvtimg.pictures.profiles import convert_deep
@@ -49,7 +49,7 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile:
 
 
 def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None:
-    """Write uint16 (H, W, 3) or (H, W, 4), with chunks before the pixels."""
+    """Write uint16 (H, W, 3) or (H, W, 4), with `chunks` before the pixels."""
     import imagecodecs
 
     content = imagecodecs.png_encode(np.ascontiguousarray(values), 3)
@@ -59,12 +59,12 @@ def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None
 def encode_indexed_png(
     file: BinaryIO, indices: NDArray[Any], colors: NDArray[np.uint8], alpha: NDArray[np.uint8], chunks: bytes
 ) -> None:
-    """Write (H, W) indices into (K, 3) colors with (K,) alpha, with the fewest bits; chunks before the palette."""
+    """Write (H, W) indices, (K, 3) colors and (K,) alpha with the fewest bits; `chunks` precede the palette."""
     import imagecodecs
 
     height, width = indices.shape
     bits = next(bits for bits in (1, 2, 4, 8) if len(colors) <= 1 << bits)
-    rows = np.zeros((height, 1 + -(-width * bits // 8)), np.uint8)  # each begins with its filter, which is none
+    rows = np.zeros((height, 1 + -(-width * bits // 8)), np.uint8)  # each row begins with its filter, 0 for none
     rows[:, 1:] = _packed(indices, bits)
     content = rows.tobytes()
     flat = len(imagecodecs.deflate_encode(content, 1)) < _FLAT * len(content)
@@ -77,7 +77,7 @@ def encode_indexed_png(
 
 
 def optimized(png: bytes) -> bytes:
-    """Make a PNG smaller with oxipng, which loses nothing."""
+    """Recompress a PNG losslessly with oxipng."""
     try:
         import oxipng
     except ImportError as error:
@@ -87,12 +87,12 @@ def optimized(png: bytes) -> bytes:
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
-    """Give a part of a PNG."""
+    """Return a PNG chunk with its length and checksum."""
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
 def _packed(indices: NDArray[Any], bits: int) -> NDArray[np.uint8]:
-    """(H, B) bytes of (H, W) indices, the first in the upper bits."""
+    """Pack (H, W) indices into (H, B) bytes, the first index in the upper bits."""
     if bits == 8:
         return indices.astype(np.uint8)
     n_each = 8 // bits

@@ -1,4 +1,4 @@
-"""TIFF of several pages, read and written with the axes and the physical sizes that ImageJ and OME give."""
+"""Multi-page TIFF, with the axes and physical sizes of ImageJ and OME files."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 __all__ = ["Stack", "decode_stack", "encode_stack"]
 
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
-#: What is kept of the metadata of ImageJ, and of the attributes of OME's Pixels.
+#: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
 _OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
 _OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
-#: Types of samples that ImageJ knows, by the number of channels.
+#: Sample types that ImageJ supports, by the number of channels.
 _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
 _ORDER_OF_IMAGEJ = "TZC"
 
 
 class Stack(NamedTuple):
-    """Pages as they lie in a file; the fields are those of `cvtimg.pictures.Pages`."""
+    """Pages in file order; the fields are those of `cvtimg.pictures.Pages`."""
 
     images: Sequence[NDArray[Any]]
     axes: str
@@ -52,7 +52,7 @@ class Stack(NamedTuple):
 
 
 def decode_stack(file: BinaryIO) -> Stack:
-    """Read all pages; a file of another format is one page."""
+    """Read all pages; files of other formats are read as one page."""
     size = count_pages(file)
     if size == 1:
         return Stack([decode(file)], "Q", (1,), "", {}, False)
@@ -101,7 +101,7 @@ def _series(tiff: tifffile.TiffFile) -> tuple[str, NDArray[Any]]:
 
 
 def _in_srgb(values: NDArray[Any], icc: bytes | None) -> NDArray[Any]:
-    """Bring 8-bit gray and color with a profile to sRGB; what is deeper was before."""
+    """Convert 8-bit gray and color with a profile to sRGB; deeper samples are converted elsewhere."""
     if not icc or values.dtype != np.uint8 or values.shape[2:] not in ((), (3,), (4,)):
         return values
     image = Image.fromarray(values)
@@ -110,7 +110,7 @@ def _in_srgb(values: NDArray[Any], icc: bytes | None) -> NDArray[Any]:
 
 
 def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
-    """Read pages whose samples need conversion: palettes, ink, few bits."""
+    """Read pages whose samples need conversion: palettes, CMYK, fewer than 8 bits."""
     file.seek(0)
     images = []
     with open_picture(file) as image:
@@ -121,7 +121,7 @@ def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
 
 
 def _scale(tiff: tifffile.TiffFile) -> dict[str, Any]:
-    """Collect what the file says of physical sizes."""
+    """Collect the physical sizes that the file states."""
     tags = tiff.pages.first.aspage().tags
     scale: dict[str, Any] = {}
     across, down = tags.valueof(_X_RESOLUTION), tags.valueof(_Y_RESOLUTION)
@@ -154,7 +154,7 @@ def _ome_scale(description: str) -> dict[str, Any]:
 
 
 def encode_stack(file: BinaryIO, stack: Stack, palette: NDArray[np.uint8] | None) -> None:
-    """Write pages by the conventions of ImageJ or OME where they follow these."""
+    """Write pages, following the conventions of ImageJ or OME if `stack.kind` says so."""
     import tifffile
 
     kind, images = stack.kind, stack.images
@@ -195,7 +195,7 @@ def encode_stack(file: BinaryIO, stack: Stack, palette: NDArray[np.uint8] | None
 
 
 def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], NDArray[np.int64]]:
-    """Bring pages to the order of axes that ImageJ has; axes that it does not know count as depth."""
+    """Reorder pages to ImageJ's order of axes; axes unknown to ImageJ count as depth."""
     known = "".join(axis if axis in _ORDER_OF_IMAGEJ else "Z" for axis in axes)
     if len(set(known)) < len(known):
         return "Z", (math.prod(shape),), np.arange(math.prod(shape))

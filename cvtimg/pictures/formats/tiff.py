@@ -1,4 +1,4 @@
-"""TIFF beyond what Pillow reads: more than 8 bits in color, many bands, floating point."""
+"""TIFF images that Pillow does not read: color with more than 8 bits, many bands, floating point."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = [
     "tiff_tags",
 ]
 
-#: Little and big endian, TIFF and BigTIFF.
+#: First bytes of TIFF and BigTIFF files, little and big endian.
 TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 _BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES = 258, 262, 274, 277
@@ -45,29 +45,29 @@ _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
 _OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
 _GREYS, _RGB = (0, 1), 2
 _PREMULTIPLIED = 1
-#: Bytes in which the description of a file of ImageJ begins.
+#: The description of an ImageJ file begins within this many bytes.
 _START = 1 << 12
 _SUBFILE, _REDUCED, _MASK = 254, 1, 4
-#: What ExtraSamples says of transparency: premultiplied, not so, and what CorelDRAW says.
+#: Values of ExtraSamples for transparency: premultiplied, not premultiplied, and that of CorelDRAW.
 _ALPHA = ((1,), (2,), (999,))
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the samples of a pixel mean.
+    """Meaning of the samples of a pixel.
 
     Attributes
     ----------
     n_samples, bits : int
-        Samples a pixel, and bits of the largest.
+        Samples per pixel, and bits of the largest sample.
     n_colors : int
-        How many of the samples are color: 1 or 3.
+        Number of color samples: 1 or 3.
     alpha : bool
-        Whether one sample follows that is transparency.
+        Whether the next sample is transparency.
     premultiplied : bool
-        Whether the colors are multiplied by it.
+        Whether the colors are premultiplied by alpha.
     for_pillow : bool
-        Whether Pillow gives such pixels without loss.
+        Whether Pillow reads such pixels without loss.
     """
 
     n_samples: int
@@ -79,12 +79,12 @@ class Layout:
 
     @classmethod
     def of(cls, tags: Tags) -> Layout:
-        """Tell from the tags of a page."""
+        """Derive the layout from the tags of a page."""
         photometric = tags.get(_PHOTOMETRIC)
         n_samples, bits = int(_first(tags.get(_N_SAMPLES, 1))), max(_numbers(tags.get(_BITS, 1)))
         extra = _numbers(tags.get(_EXTRA_SAMPLES, ()))
         n_colors = 3 if photometric == _RGB else 1
-        # A fourth sample without a meaning is a band, such as near infrared.
+        # An unspecified fourth sample is a band, such as near infrared.
         alpha = n_samples == n_colors + 1 and extra in _ALPHA
         bands = n_samples > n_colors + alpha
         deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(_SAMPLE_FORMAT, 1)) > 3
@@ -128,40 +128,40 @@ def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) ->
 
 
 def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
-    """Give the first page, if it is a picture."""
+    """Return the first page, if it is an image."""
     page: tifffile.TiffPage = tiff.pages.first
     if not {*page.axes} <= {*"YXS"} or page.size == 0 or page.dtype is None:
-        raise UnfitContentError(f"holds an array of shape {page.shape}, and a picture is (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {page.shape}; an image must be (H, W) or (H, W, C)")
     check_size(page.imagelength * page.imagewidth)
     return page
 
 
 def count_pages(file: BinaryIO) -> int:
-    """Count the pages of a file: 1 for formats other than TIFF, and those that are there of a chain that is cut off.
+    """Count the pages of a file: 1 for formats other than TIFF; the complete pages of a truncated TIFF.
 
     Raises
     ------
     UnfitContentError
-        If the chain of pages leads back to one before.
+        If the chain of pages is circular.
     """
     file.seek(0)
     start = file.read(_START)
     size = 1
     if start.startswith(TIFF_MAGICS):
         size = max(size, len(main_pages(file)))
-        if b"ImageJ=" in start:  # which describes only the first page of large stacks
+        if b"ImageJ=" in start:  # ImageJ stores only the first page of large stacks as a TIFF page
             import tifffile
 
-            with suppress(Exception), tifffile.TiffFile(file) as tiff:  # the reader will say what is wrong with it
+            with suppress(Exception), tifffile.TiffFile(file) as tiff:  # errors are reported when the file is read
                 size = max(size, int((tiff.imagej_metadata or {}).get("images", 1)))
     file.seek(0)
     return size
 
 
 def main_pages(file: BinaryIO) -> list[int]:
-    """List the numbers of the pages of a TIFF that are neither smaller copies of others nor their masks.
+    """List the numbers of the pages of a TIFF, excluding reduced-size copies and masks.
 
-    The chain is followed here and not by tifffile, which never ends where it leads in a circle.
+    The chain of pages is not read with tifffile, which does not terminate if the chain is circular.
     """
     file.seek(0)
     start = file.read(16)
@@ -174,12 +174,12 @@ def main_pages(file: BinaryIO) -> list[int]:
         (at,) = struct.unpack_from(order + pointer, start, 8 if big else 4)
         while at:
             if at in seen:
-                if len(seen) == 1:  # one page that names itself as the next
+                if len(seen) == 1:  # a single page that points to itself
                     break
-                raise UnfitContentError("its pages lead in a circle")
+                raise UnfitContentError("its chain of pages is circular")
             file.seek(at)
             (n_entries,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
-            # Tags are in rising order, and none that is in use comes before this one.
+            # Tags are in ascending order, and no tag in use precedes this one.
             tag, _, _, kind = struct.unpack_from(f"{order}HH{pointer}I", file.read(size_of))
             file.seek((n_entries - 1) * size_of, 1)
             (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
@@ -191,29 +191,29 @@ def main_pages(file: BinaryIO) -> list[int]:
 
 
 def is_subordinate(page: Any) -> bool:
-    """Whether a page is a smaller copy of another, or its mask."""
+    """Return whether a page is a reduced-size copy or a mask of another page."""
     return bool(page.aspage().tags.valueof(_SUBFILE, 0) & (_REDUCED | _MASK))
 
 
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
-    """Give the tags of the first page that are of use here."""
+    """Return the tags of the first page that cvtimg uses."""
     tags = tiff.pages.first.tags
     return {code: tag.value for code in (*_OF_SAMPLES, *GEO_TYPES, NODATA) if (tag := tags.get(code)) is not None}
 
 
 def icc_profile(tags: Tags) -> bytes | None:
-    """Give the embedded colour profile, if there is one."""
+    """Return the embedded color profile, if any."""
     return bytes(tags[_ICC]) if _ICC in tags else None
 
 
 def tags_of(image: Image.Image) -> Tags:
-    """Give the tags of the first page of a TIFF, none of another file."""
+    """Return the tags of the first page of a TIFF; empty for other formats."""
     tags: Tags = getattr(image, "tag_v2", {})
     return tags
 
 
 def is_turned(tags: Tags) -> bool:
-    """Whether width and height change places in the upright picture."""
+    """Return whether width and height are swapped in the upright image."""
     return _first(tags.get(_ORIENTATION, 1)) in (5, 6, 7, 8)
 
 
@@ -227,10 +227,10 @@ def encode_tiff(
     geo: GeoTags | None = None,
     nodata: float | None = None,
 ) -> None:
-    """Write an array (H, W) or (H, W, C); `alpha` says whether the last band is transparency."""
+    """Write an array (H, W) or (H, W, C); `alpha` tells whether the last band is transparency."""
     import tifffile
 
-    # Differences of neighbors make everything smaller that has pairs of samples to compare.
+    # The predictor (differences of neighbors) makes all of these types smaller.
     tifffile.imwrite(
         file,
         values,
@@ -248,9 +248,9 @@ def encode_tiff(
 
 
 def sample_options(shape: tuple[int, ...], alpha: bool) -> dict[str, Any]:
-    """Say what the bands of an (H, W) or (H, W, C) array are, in the words of tifffile.
+    """Return tifffile's options for the bands of an (H, W) or (H, W, C) array.
 
-    One band is gray and three are RGB; one more may be `alpha`. Others have no meaning.
+    One band is gray and three are RGB; with `alpha`, the next is transparency. All others are unspecified.
     """
     n_bands = shape[2] if len(shape) == 3 else 1
     n_colors = 3 if n_bands - alpha == 3 else 1

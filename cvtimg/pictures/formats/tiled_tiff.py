@@ -1,4 +1,4 @@
-"""TIFF read and written a band of rows at a time, in tiles or strips, BigTIFF too."""
+"""Read and write TIFF and BigTIFF a band of rows at a time, in tiles or strips."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from cvtimg.pictures.formats.tiff import Layout, count_pages, icc_profile, sampl
 
 __all__ = ["open_tiff", "write_tiff"]
 
-#: A strip or tile of more bytes could as well be the whole image.
+#: Larger strips or tiles, in bytes, are rejected: reading one would be like reading the whole image.
 _MOST_AT_ONCE = 1 << 28
-#: Bytes of tiles that are decoded or encoded side by side.
+#: Bytes of tiles that are decoded or encoded in parallel.
 _AT_ONCE = 1 << 24
 _TILE = 256
-#: Gray from black, RGB, and JPEG's YCbCr, which comes as RGB.
+#: Gray (0 is black), RGB, and YCbCr in JPEG, which is decoded to RGB.
 _GRAY, _RGB, _YCBCR, _JPEG = 1, 2, 6, 7
 _ORIENTATION = 274
-#: Files of more bytes before compression are written as BigTIFF.
+#: Images with more bytes before compression are written as BigTIFF.
 _BIG = 1 << 31
 
 
 def open_tiff(path: StrPath) -> Bands:
-    """Open a TIFF of one page."""
+    """Open a TIFF with a single page."""
     with reading(path) as file:
         import tifffile
 
@@ -48,7 +48,7 @@ def open_tiff(path: StrPath) -> Bands:
 
 
 def _check_page(page: Any) -> None:
-    """Refuse what cannot be read by tiles."""
+    """Reject pages that cannot be read in tiles."""
     plain = page.photometric in (_GRAY, _RGB) or (page.photometric, page.compression) == (_YCBCR, _JPEG)
     problem = ""
     if not plain or str(page.dtype) not in SAMPLES or page.bitspersample % 8 or page.fillorder != 1:
@@ -64,7 +64,7 @@ def _check_page(page: Any) -> None:
 
 
 def _is_plain(page: Any) -> bool:
-    """Whether all pixels lie in the file one after the other."""
+    """Return whether all pixels are contiguous in the file."""
     return page.is_contiguous and not page.is_tiled and page.compression == 1
 
 
@@ -92,7 +92,7 @@ def _read_plain(page: Any, form: Form) -> Iterator[Band]:
 
 
 def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
-    """Gather tiles or strips, which come row by row, into bands."""
+    """Collect tiles or strips, which arrive row by row, into bands."""
     n_rows, width = form.shape[:2]
     piece = page.tilelength if page.is_tiled else page.rowsperstrip
     height = band_height(width, min(piece, n_rows))
@@ -102,14 +102,14 @@ def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
             yield band
             first += len(band)
             band = np.zeros((min(height, n_rows - first), *form.shape[1:]), form.dtype)
-        if pixels is not None:  # else a tile that was never written
+        if pixels is not None:  # None is a tile that was never written
             part = band[top - first : top - first + n, left : left + m]
             part[:] = pixels[0, : part.shape[0], : part.shape[1]].reshape(part.shape)
     yield band
 
 
 def _pieces(page: Any) -> Iterator[Any]:
-    """Decode tiles or strips, side by side but not so many as tifffile would: 256 MB before they are decoded."""
+    """Decode tiles or strips in parallel, fewer at a time than tifffile, which would read 256 MB before decoding."""
     n_pieces = math.prod(page.chunked)
     at_once = max(n_threads(), _AT_ONCE // (math.prod(page.chunks) * page.dtype.itemsize))
     of_jpeg = {"jpegtables": page.jpegtables, "jpegheader": page.jpegheader} if page.compression == _JPEG else {}
@@ -122,7 +122,7 @@ def _pieces(page: Any) -> Iterator[Any]:
 
 
 def write_tiff(file: BinaryIO, form: Form, bands: Iterable[Band], palette: NDArray[np.uint8] | None) -> None:
-    """Write a TIFF in tiles; with a palette, (K, 3) uint8, the bands are indices into it."""
+    """Write a TIFF in tiles; with a (K, 3) uint8 palette, the bands are indices."""
     import tifffile
 
     colormap = None
@@ -151,7 +151,7 @@ def write_tiff(file: BinaryIO, form: Form, bands: Iterable[Band], palette: NDArr
 
 
 def _tiles(bands: Iterable[Band]) -> Iterator[Band]:
-    """Cut bands into tiles, from left to right and from above to below, filled up with zeros at the edges."""
+    """Cut bands into tiles, left to right and top to bottom, padded with zeros at the edges."""
     for band in in_heights(bands, _TILE):
         for left in range(0, band.shape[1], _TILE):
             part = band[:, left : left + _TILE]

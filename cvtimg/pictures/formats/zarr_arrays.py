@@ -1,4 +1,4 @@
-"""Zarr arrays read and written a band of rows at a time."""
+"""Read and write Zarr arrays a band of rows at a time."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def _zarr_array(path: StrPath) -> Any:
         return found["0"] if isinstance(found, zarr.Group) else found
     except ImportError as error:
         raise OSError(f"{path}: needs the package zarr: pip install 'cvtimg[zarr]'") from error
-    except Exception as error:  # of damaged metadata it makes any error
-        raise OSError(f"{path}: is no Zarr array ({type(error).__name__})") from error
+    except Exception as error:  # zarr raises many kinds of errors for damaged metadata
+        raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
 
 
 def write_zarr(folder: Path, form: Form, bands: Iterable[Band]) -> None:
