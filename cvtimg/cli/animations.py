@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cvtimg.batch import Row, Stopwatch, Task
 
 if TYPE_CHECKING:
+    from cvtimg.pictures import ImageInfo
     from cvtimg.quantization import QuantizedFrames
 
 #: Largest palette of a .gif or .png, and the number of colors at which a search begins.
@@ -19,12 +20,12 @@ _FIRST_TRIAL = 32
 _DECIBEL = 2.0
 
 
-def stays_animated(task: Task) -> bool:
+def stays_animated(task: Task, header: ImageInfo) -> bool:
     """Return whether input and output both have frames; otherwise only the first frame is used."""
     from cvtimg.pictures.formats.animated import FRAME_WRITERS
-    from cvtimg.pictures.frames import is_animated
+    from cvtimg.pictures.frames import ANIMATED
 
-    return task.output.suffix.lower() in FRAME_WRITERS and is_animated(task.source)
+    return task.output.suffix.lower() in FRAME_WRITERS and header.format in ANIMATED and header.frames > 1
 
 
 def quantize_animation(

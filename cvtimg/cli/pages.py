@@ -13,19 +13,15 @@ from cvtimg.batch import Row, Stopwatch, Task
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cvtimg.pictures import ImageInfo
     from cvtimg.segmentation.result import Segmentation
 
 __all__ = ["has_pages", "quantize_pages", "read_whole", "segment_pages"]
 
 
-def has_pages(source: Path) -> bool:
-    """Return whether a file has several pages."""
-    from cvtimg.pictures import count_pages
-
-    try:
-        return count_pages(source) > 1
-    except OSError:  # the reader reports the error
-        return False
+def has_pages(header: ImageInfo) -> bool:
+    """Return whether a file has several pages; frames of an animation are none."""
+    return header.format == "TIFF" and header.frames > 1
 
 
 def read_whole(source: Path) -> NDArray[Any]:
@@ -33,9 +29,9 @@ def read_whole(source: Path) -> NDArray[Any]:
     import numpy as np
 
     from cvtimg import read_image
-    from cvtimg.pictures import read_pages
+    from cvtimg.pictures import image_info, read_pages
 
-    return np.concatenate(read_pages(source).images) if has_pages(source) else read_image(source)
+    return np.concatenate(read_pages(source).images) if has_pages(image_info(source)) else read_image(source)
 
 
 def _check_target(target: Path) -> None:

@@ -260,10 +260,6 @@ def _quantize(
     from cvtimg import read_image
     from cvtimg.pictures import image_info, open_bands
 
-    if stays_animated(task):
-        return _quantize_animation(task, stopwatch, how, overwrite)
-    if has_pages(task.source):
-        return _quantize_pages(task, stopwatch, how, overwrite)
     if needs_tiles(task.source, task.output):
         unfit = ("--psnr", "--weight-map", "--dither", "-k auto", "--depth", "--max-bytes", "--mask", "--nodata")
         check_fit(task.source, how.unfit(*unfit, "--keep-metadata", "--optimize"), max_pixels)
@@ -271,9 +267,13 @@ def _quantize(
         given = {**how.of_palette, **how.colors_of(form.dtype)}
         row = quantize_in_tiles(task, stopwatch, given, overwrite=overwrite)
         return row | _counted(form.nodata, "tiles")
+    header = image_info(task.source)
+    if stays_animated(task, header):
+        return _quantize_animation(task, stopwatch, how, overwrite)
+    if has_pages(header):
+        return _quantize_pages(task, stopwatch, how, overwrite)
     keep_profile = how.keep_metadata and not how.colors  # colors that are given are in sRGB
     image = read_image(task.source, keep_profile=keep_profile)
-    header = image_info(task.source)
     known = known_pixels(image, header, how.mask, how.nodata)
     mask = None if known.all() else known
     nodata = None if mask is None or how.nodata is not None or how.depth else header.nodata

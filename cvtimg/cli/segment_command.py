@@ -362,7 +362,7 @@ def _segment(
         return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
     header = image_info(task.source)
     divide = partial(_divide, how=how, header=header)
-    if has_pages(task.source):
+    if has_pages(header):
         if [kind_of(option) for option in task.outputs] != ["labels"]:
             raise ValueError("has several pages, of which only labels are written")
         return segment_pages(task, stopwatch, divide, volume=how.volume, overwrite=overwrite)

@@ -25,7 +25,7 @@ from cvtimg.pictures.formats.opening import check_size, open_picture, orientatio
 __all__ = ["Frames", "is_animated", "read_frames", "write_frames"]
 
 #: Formats with frames; those of other formats are pages.
-_ANIMATED = ("GIF", "PNG", "WEBP")
+ANIMATED = ("GIF", "PNG", "WEBP")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +69,7 @@ def is_animated(path: StrPath) -> bool:
         except OSError:  # a format that Pillow does not read
             return False
         with image:
-            return image.format in _ANIMATED and bool(getattr(image, "is_animated", False))
+            return image.format in ANIMATED and bool(getattr(image, "is_animated", False))
 
 
 def read_frames(path: StrPath) -> Frames:
