@@ -121,7 +121,7 @@ def _cluster(
 ) -> Row:
     from cvtimg import tessellate
     from cvtimg.elbow.curves import auto_count
-    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_generators, write_labels
+    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_generators, write_row_labels
 
     table = read_table(task.source, **read)
     stopwatch.lap("read")
@@ -133,7 +133,7 @@ def _cluster(
     result = tessellate(rows, int(n_generators), density=table.weights, **engine.keywords)
     generators = scaling.undo(result.generators) if scaling else result.generators
     stopwatch.lap("cluster")
-    write_labels(task.output, result.labels, table.kept, overwrite=overwrite)
+    write_row_labels(task.output, result.labels, table.kept, overwrite=overwrite)
     if "--generators" in task.outputs:
         write_generators(task.outputs["--generators"], table.names, generators, result.masses, overwrite=overwrite)
     stopwatch.lap("write")

@@ -1,5 +1,5 @@
 from .estimator import CVT
-from .files import Scaling, Table, find_tables, read_table, write_generators, write_labels
+from .files import Scaling, Table, find_tables, read_table, write_generators, write_row_labels
 
 __all__ = [
     "CVT",
@@ -8,5 +8,5 @@ __all__ = [
     "find_tables",
     "read_table",
     "write_generators",
-    "write_labels",
+    "write_row_labels",
 ]

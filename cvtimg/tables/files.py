@@ -29,7 +29,7 @@ __all__ = [
     "find_tables",
     "read_table",
     "write_generators",
-    "write_labels",
+    "write_row_labels",
 ]
 
 #: What to do with rows that have missing values.
@@ -188,7 +188,7 @@ def energy_about_mean(rows: NDArray[np.float64], weights: NDArray[np.float64] | 
     return float(squares.sum() if weights is None else np.einsum("n,n->", weights, squares))
 
 
-def write_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
+def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
     """Write a label for each row of a table, whole or not at all.
 
     Parameters

@@ -20,7 +20,7 @@ from cvtimg.tables.files import (
     find_tables,
     read_table,
     write_generators,
-    write_labels,
+    write_row_labels,
 )
 
 RNG = np.random.default_rng(5)
@@ -307,16 +307,16 @@ def test_the_energy_about_the_mean_is_the_energy_of_one_generator() -> None:
 
 def test_labels_stand_in_the_rows_of_the_table(tmp_path: Path) -> None:
     labels, kept = np.array([1, 0], np.int32), np.array([True, False, True])
-    write_labels(tmp_path / "l.csv", labels, kept)
-    write_labels(tmp_path / "l.npy", labels, kept)
+    write_row_labels(tmp_path / "l.csv", labels, kept)
+    write_row_labels(tmp_path / "l.npy", labels, kept)
     assert (tmp_path / "l.csv").read_text() == 'label\n1\n""\n0\n'
     array = np.load(tmp_path / "l.npy")
     assert (array.tolist(), array.dtype) == ([1, -1, 0], np.int32)
     assert read_table(tmp_path / "l.csv", missing="drop").kept.tolist() == kept.tolist()
     with pytest.raises(FileExistsError):
-        write_labels(tmp_path / "l.csv", labels, kept)
+        write_row_labels(tmp_path / "l.csv", labels, kept)
     with pytest.raises(ValueError, match=r"suffix='\.txt' must be one of \.csv, \.npy"):
-        write_labels(tmp_path / "l.txt", labels, kept)
+        write_row_labels(tmp_path / "l.txt", labels, kept)
 
 
 def test_generators_are_written_with_names_and_masses_and_read_again(tmp_path: Path) -> None:
