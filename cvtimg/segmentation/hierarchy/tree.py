@@ -143,7 +143,7 @@ class RegionHierarchy:
         nodes, leaf_labels = self._cut(self._n_regions(n_regions, threshold, min_regions))
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
-        return np.append(np.int32(0), new_label[leaf_labels])[self.leaves]
+        return np.take(np.append(np.int32(0), new_label[leaf_labels]), self.leaves)  # twice as fast as an index
 
     def find_objects(
         self,
