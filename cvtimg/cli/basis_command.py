@@ -70,10 +70,11 @@ def basis(
     """
     from cvtimg import find_images
     from cvtimg.pictures.files import lossless_suffixes
+    from cvtimg.plotting.charts import PLOT_SUFFIXES
 
     check_suffix("-o", output, (".npz",))
     check_suffix("--sheet", sheet, lossless_suffixes())
-    check_suffix("--plot", plot, (".png", ".svg"))
+    check_suffix("--plot", plot, PLOT_SUFFIXES)
     plan = plan_one(frames, find_images, {"-o": output, "--sheet": sheet, "--plot": plot})
     how = {"n_modes": number, "kind": kind, "n_cells": cells, "passes": passes, "rng": seed}
     work = partial(_basis, how=how, overwrite=common.overwrite)

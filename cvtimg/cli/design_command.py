@@ -69,13 +69,15 @@ def design(
     Points fill the box of -d or --bounds. By default they are Latin as well: each of N slices along each axis has one
     point. The energy is the mean squared distance from the box, scaled to the unit cube, to the nearest point.
     """
+    from cvtimg.plotting.charts import PLOT_SUFFIXES
+
     axes = bounds if dimensions is None else dimensions
     if axes is None or None not in (dimensions, bounds):
         raise WrongUsageError("give either -d or --bounds")
     check_suffix("-o", output, (".csv", ".npy"))
     check_suffix("--bounds", bounds, (".csv",))
     check_suffix("--existing", existing, _TABLES)
-    check_suffix("--plot", plot, (".png", ".svg"))
+    check_suffix("--plot", plot, PLOT_SUFFIXES)
     plan = plan_one((), _no_inputs, {"-o": output, "--plot": plot}, also_read=[bounds, existing])
     report = Report((*COLUMNS, *MEASURES) if measures else COLUMNS, as_json=common.as_json, quiet=common.quiet)
     report.quiet = report.quiet or (output is None and not common.as_json)  # then the points are printed

@@ -90,7 +90,7 @@ def elbow(
     """
     from cvtimg import find_images
     from cvtimg.elbow.rules import TARGETED
-    from cvtimg.plotting.energy_curves import PLOT_SUFFIXES
+    from cvtimg.plotting.charts import PLOT_SUFFIXES
 
     if target is not None and rule not in TARGETED:
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")

@@ -45,7 +45,7 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
         If matplotlib is not installed.
     """
     n_axes = min(points.shape[1], _MOST_AXES)
-    with _figure(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
+    with figure_file(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
         grid = figure.subplots(n_axes, n_axes, squeeze=False, sharex="col")
         for (down, right), axes in np.ndenumerate(grid):
             axes.tick_params(labelsize=6)
@@ -87,7 +87,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
     ImportError
         If matplotlib is not installed.
     """
-    with _figure(6.0, 3.6, suffix) as (figure, content):
+    with figure_file(6.0, 3.6, suffix) as (figure, content):
         axes = figure.subplots()
         shares = energies / variance if variance else np.zeros(len(energies))
         axes.semilogy(np.arange(len(shares)), np.maximum(shares, 1e-16), ".-")
@@ -98,7 +98,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
 
 
 @contextmanager
-def _figure(width: float, height: float, suffix: str) -> Iterator[tuple[Figure, BytesIO]]:
+def figure_file(width: float, height: float, suffix: str) -> Iterator[tuple[Figure, BytesIO]]:
     """Give a figure to draw on; its file is written when the block ends."""
     try:
         from matplotlib import rc_context

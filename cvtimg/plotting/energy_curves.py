@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,12 +15,11 @@ from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import peak
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import assign, pack
+from cvtimg.plotting.charts import figure_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Suffixes of plots.
-PLOT_SUFFIXES = (".png", ".svg")
 #: At most this many images get a row of thumbnails; more would leave no room for the curves.
 MOST_THUMBNAILS = 4
 #: Numbers of generators at which an image is shown, in addition to the one picked.
@@ -63,27 +61,17 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     ImportError
         If matplotlib is not installed.
     """
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("plots need matplotlib: pip install 'cvtimg[plot]'") from error
     rows = [one for one in plotted if one.image is not None][:MOST_THUMBNAILS]
     n_max = max(one.curve.n_max for one in plotted)
     columns = [None, *(k for k in _POWERS if k <= n_max), 0]
     heights = [*(_row_height(one, len(columns)) for one in rows), _AXES_HEIGHT]
-    # Text stays text in an SVG, and equal curves make equal bytes.
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
-        figure = Figure(figsize=(_WIDTH, sum(heights) + 0.3), layout="constrained")
+    with figure_file(_WIDTH, sum(heights) + 0.3, suffix) as (figure, content):
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         for number, (part, one) in enumerate(zip(parts, rows, strict=False)):
             _draw_thumbnails(part.subplots(1, len(columns), squeeze=False)[0], one, columns, f"C{number}")
         order = [*rows, *(one for one in plotted if one not in rows)]
         _draw_axes(parts[-1].subplots(), order, n_max, rule)
-        file = BytesIO()
-        metadata = {"Date": None} if suffix == ".svg" else None
-        figure.savefig(file, format=suffix[1:], dpi=150, metadata=metadata)
-    return file.getvalue()
+    return content.getvalue()
 
 
 def _row_height(one: Plotted, n_columns: int) -> float:
