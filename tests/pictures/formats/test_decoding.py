@@ -1,0 +1,165 @@
+"""Each kind of pixel becomes a gray, RGB or RGBA array with its values, upright."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from picture_files import (
+    BITS,
+    DEEP,
+    GREY,
+    RGB,
+    RGBA,
+    png,
+    save,
+)
+from PIL import Image
+
+from cvtimg.pictures.files import (
+    image_info,
+    read_image,
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "stored", "expected"),
+    [
+        ("bits.png", BITS, BITS * np.uint8(255)),
+        ("bits.tif", BITS, BITS * np.uint8(255)),
+        ("grey.png", GREY, GREY),
+        ("rgb.png", RGB, RGB),
+        ("rgb.bmp", RGB, RGB),
+        ("rgba.png", RGBA, RGBA),
+        ("deep.png", DEEP, DEEP),
+        ("deep.tif", DEEP, DEEP),
+        ("deep.pgm", DEEP, DEEP),
+        ("float.tif", DEEP / np.float32(7), DEEP / np.float32(7)),
+        ("int.tif", DEEP.astype(np.int32), DEEP),
+        ("wide.tif", DEEP.astype(np.int32) - 70000, DEEP.astype(np.float32) - 70000),
+    ],
+)
+def test_each_kind_of_pixel_keeps_its_values(
+    tmp_path: Path, name: str, stored: NDArray[Any], expected: NDArray[Any]
+) -> None:
+    image = read_image(save(tmp_path / name, stored))
+    assert image.dtype == expected.dtype
+    assert image.flags.c_contiguous
+    assert image.flags.writeable
+    np.testing.assert_array_equal(image, expected)
+
+
+def test_big_endian_16_bit_grey_is_native_uint16(tmp_path: Path) -> None:
+    tags = [(256, 4, 7), (257, 4, 5), (258, 3, 16), (259, 3, 1), (262, 3, 1), (273, 4, 8)]
+    tags += [(277, 3, 1), (278, 4, 5), (279, 4, 70)]
+    entries = b"".join(
+        struct.pack(">HHII", tag, kind, 1, value << 16 if kind == 3 else value) for tag, kind, value in tags
+    )
+    body = DEEP.astype(">u2").tobytes() + struct.pack(">H", len(tags)) + entries + bytes(4)
+    path = tmp_path / "a.tif"
+    path.write_bytes(b"MM" + struct.pack(">HI", 42, 78) + body)
+    image = read_image(path)
+    assert image.dtype == np.dtype("=u2")
+    np.testing.assert_array_equal(image, DEEP)
+
+
+def test_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.png", Image.fromarray(RGBA).convert("LA"))
+    grey = np.asarray(Image.fromarray(RGBA).convert("L"))
+    np.testing.assert_array_equal(read_image(path), np.dstack([grey, grey, grey, RGBA[..., 3]]))
+
+
+def test_a_palette_picture_becomes_its_colors(tmp_path: Path) -> None:
+    indexed = Image.fromarray(RGB).quantize(9)
+    path = save(tmp_path / "a.png", indexed)
+    np.testing.assert_array_equal(read_image(path), np.asarray(indexed.convert("RGB")))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.gif"])
+def test_a_palette_picture_with_a_transparent_color_becomes_rgba(tmp_path: Path, name: str) -> None:
+    indexed = Image.fromarray(np.array([[0, 1, 2]], np.uint8))
+    indexed.putpalette(bytes([10, 20, 30, 40, 50, 60, 70, 80, 90]))
+    image = read_image(save(tmp_path / name, indexed, transparency=1))
+    np.testing.assert_array_equal(image[..., 3], [[255, 0, 255]])
+    np.testing.assert_array_equal(image[0, [0, 2], :3], [[10, 20, 30], [70, 80, 90]])
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        png((2, 1), 1, 0, b"\0\x40", struct.pack(">H", 0)),
+        png((2, 1), 2, 0, b"\0\x60", struct.pack(">H", 1)),
+        png((2, 1), 4, 0, b"\0\x56", struct.pack(">H", 5)),
+        png((2, 1), 8, 0, b"\0\x05\x06", struct.pack(">H", 5)),
+        png((2, 1), 8, 2, b"\0\1\2\3\4\5\6", struct.pack(">3H", 1, 2, 3)),
+        png((2, 1), 16, 2, b"\0" + bytes(range(10, 22)), bytes(range(10, 16))),
+    ],
+    ids=["grey 1", "grey 2", "grey 4", "grey 8", "rgb 8", "rgb 16"],
+)
+def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Path, file: bytes) -> None:
+    (tmp_path / "a.png").write_bytes(file)
+    image = read_image(tmp_path / "a.png")
+    np.testing.assert_array_equal(image[..., 3], [[0, np.iinfo(image.dtype).max]])
+
+
+@pytest.mark.parametrize(
+    ("mode", "pixel", "expected"),
+    [
+        ("CMYK", (255, 0, 0, 0), (0, 255, 255)),
+        ("CMYK", (0, 0, 0, 255), (0, 0, 0)),
+        ("YCbCr", (76, 85, 255), (255, 0, 0)),
+        ("LAB", (138, 209, 198), (255, 0, 0)),
+    ],
+)
+def test_other_color_spaces_become_rgb(
+    tmp_path: Path, mode: str, pixel: tuple[int, ...], expected: tuple[int, ...]
+) -> None:
+    image = read_image(save(tmp_path / "a.tif", Image.new(mode, (3, 2), pixel)))
+    assert image.shape == (2, 3, 3)
+    assert np.abs(image.astype(int) - expected).max() <= 6
+
+
+def test_the_inverted_cmyk_of_adobe_jpeg_is_turned_round_once(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.jpg", Image.new("CMYK", (8, 8), (255, 0, 0, 0)), quality=100)
+    assert b"Adobe" in path.read_bytes()
+    assert np.abs(read_image(path).astype(int) - (0, 255, 255)).max() <= 2
+
+
+def test_the_first_frame_of_an_animation_is_read(tmp_path: Path) -> None:
+    pages = [Image.fromarray(RGB), Image.fromarray(255 - RGB)]
+    path = save(tmp_path / "a.png", pages[0], save_all=True, append_images=pages[1:])
+    np.testing.assert_array_equal(read_image(path), RGB)
+    assert image_info(path).frames == 2
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.webp"])
+@pytest.mark.parametrize(
+    ("orientation", "stored"),
+    [
+        (1, RGB),
+        (2, RGB[:, ::-1]),
+        (3, RGB[::-1, ::-1]),
+        (4, RGB[::-1]),
+        (5, RGB.swapaxes(0, 1)),
+        (6, RGB[:, ::-1].swapaxes(0, 1)),
+        (7, RGB[::-1, ::-1].swapaxes(0, 1)),
+        (8, RGB[::-1].swapaxes(0, 1)),
+    ],
+)
+def test_exif_orientation_is_applied(tmp_path: Path, name: str, orientation: int, stored: NDArray[np.uint8]) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    options = {"lossless": True} if name == "a.webp" else {}
+    path = save(tmp_path / name, np.ascontiguousarray(stored), exif=exif, **options)
+    np.testing.assert_array_equal(read_image(path), RGB)
+    assert (image_info(path).height, image_info(path).width) == RGB.shape[:2]
+
+
+def test_damaged_exif_does_not_spoil_the_picture(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.png", RGB, exif=b"Exif\0\0MM\0*\xff\xff\xff\xff garbage")
+    np.testing.assert_array_equal(read_image(path), RGB)
+    assert image_info(path).width == 7
