@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_any
+from cvtimg._shared.checks import check_that
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
@@ -66,7 +66,7 @@ class Counter:
         if self._table is not None:
             table, self._table = self._table, None
             self._join(_samples(table, self._alpha))
-        check_any("image", self._sum is not None, "at least one strip")
+        check_that("image", self._sum is not None, "have at least one strip")
         assert self._sum is not None
         return self._sum
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_any, check_labeled_image, check_labels
+from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 
 
 def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
@@ -110,9 +110,9 @@ def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> d
         columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=(name,))  # type: ignore[no-untyped-call]
     except (AttributeError, KeyError):
         columns = {}
-    check_any(f"properties: {name!r}", bool(columns), "a number per region in skimage.measure.regionprops")
+    check_that(f"properties: {name!r}", bool(columns), "have a number per region in skimage.measure.regionprops")
     numeric = all(column.dtype.kind in "biuf" for column in columns.values())
-    check_any(f"properties: {name!r}", numeric, "a number per region in skimage.measure.regionprops")
+    check_that(f"properties: {name!r}", numeric, "have a number per region in skimage.measure.regionprops")
     return columns
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_any, check_image, check_masks, check_same, check_version_weights
+from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
@@ -103,7 +103,7 @@ def stack_versions(
     channels: bool = False,
 ) -> Versions:
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
-    check_any("images", len(images), "at least one version")
+    check_that("images", len(images) > 0, "have at least one version")
     read = [_read(number, image, nodata) for number, image in enumerate(images)]
     check_same("size", [known.shape for _, known in read])
     if not channels:
@@ -111,7 +111,7 @@ def stack_versions(
         check_same("type", [str(values.dtype) for values, _ in read])
     given = check_masks(masks, len(read), read[0][1].shape)
     known = np.stack([seen & mask for (_, seen), mask in zip(read, given, strict=True)], axis=2)
-    check_any("images", bool(known.any()), "at least one known pixel; no version knows any pixel")
+    check_that("images", bool(known.any()), "have at least one known pixel; no version knows any pixel")
     placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_any, check_needs
+from cvtimg._shared.checks import check_needs, check_that
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.spaces import peak, to_space
 from cvtimg.pictures.tiles import Bands
@@ -79,7 +79,7 @@ class DiskValues:
             if inside.any():
                 counter.add(colors if inside.all() else colors[inside][None])
             top += len(rows)
-        check_any("image", counter.has_any, "at least one pixel that is known")
+        check_that("image", counter.has_any, "have at least one pixel that is known")
         samples, dtype = counter.samples(), self._pixels.dtype
         if space == "rgb":
             values = PictureValues(np.empty((0, 0), np.bool_), samples, 255 / peak(dtype), 0.0, space, dtype)
