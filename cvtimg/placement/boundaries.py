@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_places
+from cvtimg._shared.checks import check_in_range, check_needs, check_places
 from cvtimg.regions import Box, Density, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
@@ -38,8 +38,7 @@ class ToBoundary:
         self._region = region
         self._corners = region.corners
         self._boundary = region.boundary_points(spacing / _PER_CELL)
-        if not len(self._boundary):
-            raise ValueError(f"on_boundary='auto' needs a region with a boundary, and {region!r} has none")
+        check_needs("on_boundary='auto'", True, f"a region with a boundary, not {region!r}", len(self._boundary) > 0)
 
     def __call__(self, there: Points, before: Points) -> Points:
         """Move generators whose cells, before they moved, met the boundary."""
@@ -62,9 +61,8 @@ def checked_boundary(on_boundary: ArrayLike, region: Region) -> Points:
     points = check_places("on_boundary", on_boundary, region.n_dims)
     off = np.linalg.norm(region.to_boundary(points) - points, axis=1)
     size = float(np.linalg.norm(region.bounds[1] - region.bounds[0]))
-    if off.max() > _NEAR * size:
-        worst = points[off.argmax()].tolist()
-        raise ValueError(f"on_boundary has {worst}, which is {off.max():g} from the boundary; it must be on it")
+    worst = points[off.argmax()].tolist()
+    check_in_range("on_boundary", worst, off.max() <= _NEAR * size, f"on the boundary, which is {off.max():g} away")
     return points
 
 
@@ -104,9 +102,9 @@ def _outline(region: Region) -> object:
         return region.geometry
     if isinstance(region, PictureRegion):
         return region.polygons(tolerance=_SIMPLER).geometry
-    if isinstance(region, Box) and not any(region.periodic) and region.n_dims == 2:
-        return shapely.box(*region.bounds.ravel())
-    raise ValueError(f"on_boundary as a number needs a region of the plane with a boundary, not {region!r}")
+    whole = isinstance(region, Box) and not any(region.periodic) and region.n_dims == 2
+    check_in_range("region", region, whole, "in the plane and have a boundary, for on_boundary as a number")
+    return shapely.box(*region.bounds.ravel())
 
 
 def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg.placement.moments import Moments
 from cvtimg.placement.sums import by_mass, sum_by_cell
 from cvtimg.regions import Box, ConstantDensity, Density, PictureRegion, PolygonRegion, Region
@@ -34,8 +35,7 @@ def voronoi_cells(points: Points, region: Region) -> Polygons:
     """
     import shapely
 
-    if region.n_dims != 2:
-        raise ValueError(f"{region!r} must be in the plane: cells are polygons there")
+    check_in_range("region", region, region.n_dims == 2, "in the plane: cells are polygons there")
     periodic = isinstance(region, Box) and any(region.periodic)
     sites, own, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
     inverse = inverse.reshape(-1)
@@ -69,11 +69,11 @@ def _outline(region: Region, grown: bool = False) -> Any:
         return region.geometry
     if isinstance(region, PictureRegion):
         return shapely.box(*region.bounds.ravel()) if region.mask.all() else region.polygons().geometry
-    if isinstance(region, Box):
-        # Over the periodic sides, as far as a cell may reach.
-        over = np.where(region.periodic, region.sides, 0.0) if grown else np.zeros(2)
-        return shapely.box(*(region.bounds[0] - over), *(region.bounds[1] + over))
-    raise TypeError(f"{region!r} has no outline: cells are polygons in boxes, polygons and pictures")
+    if not isinstance(region, Box):
+        refuse_type("region", type(region).__name__, "a box, polygons or an image, in which cells are polygons")
+    # Over the periodic sides, as far as a cell may reach.
+    over = np.where(region.periodic, region.sides, 0.0) if grown else np.zeros(2)
+    return shapely.box(*(region.bounds[0] - over), *(region.bounds[1] + over))
 
 
 class PolygonMoments:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_in_range, check_one_of, check_shape
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.moments import Moments
 from cvtimg.placement.sums import by_mass, sum_by_cell
@@ -71,18 +72,16 @@ class Segments(Figures):
     price_per_length: float | None = None
 
     def __post_init__(self) -> None:
-        if (self.length is None) == (self.price_per_length is None):
-            raise ValueError("either length or price_per_length must be given: free segments grow without bound")
+        check_one_of(length=self.length, price_per_length=self.price_per_length)
         for name in ("length", "price_per_length"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value).all() and np.min(value) >= 0):
-                raise ValueError(f"{name}={value} must be finite and >= 0")
+            allowed = value is None or (np.isfinite(value).all() and np.min(value) >= 0)
+            check_in_range(name, value, allowed, "finite and >= 0")
 
     def start(self, points: Points, spacing: float, rng: np.random.Generator) -> Points:
         """Make segments of any direction."""
         given = np.asarray(0.5 * spacing if self.length is None else self.length)
-        if given.shape not in ((), (len(points),)):
-            raise ValueError(f"length of shape {given.shape} must be a number or ({len(points)},)")
+        check_shape("length", given.shape, given.shape in ((), (len(points),)), f"a number or ({len(points)},)")
         angles = rng.random(len(points)) * np.pi
         lengths = np.broadcast_to(given, len(points))
         half = 0.5 * lengths[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_picture_density, check_places
+from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_picture_density, check_places
 from cvtimg.engine.methods import Callback, Stopping, Watch
 from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
@@ -108,8 +108,7 @@ def place_in_picture(
     mass = check_picture_density("density", density)
     check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
-    if len(still) >= n_generators:
-        raise ValueError(f"fixed has {len(still)} generators and must have fewer than n_generators={n_generators}")
+    check_fewer("fixed", len(still), n_generators)
     end = place_by_levels(
         picture_moments(mass, n_generators),
         n_generators,

@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_places
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_fewer,
+    check_in_range,
+    check_places,
+    check_shape,
+    check_that,
+)
 from cvtimg.engine.methods import Callback, Stopping, Watch
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
@@ -39,6 +47,8 @@ Points = NDArray[np.float64]
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
+#: What a density must be.
+_NOT_0 = "not be 0 everywhere in the region"
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +150,10 @@ def place_generators(
     random = np.random.default_rng(rng)
     if isinstance(generators, str):
         check_choice("generators", generators, ("points",))
-    elif fixed is not None or on_boundary is not None or gauge != LpGauge(2) or where.n_dims != 2:
-        raise ValueError(f"generators={generators} must be in the plane, with metric=2, none fixed or on the boundary")
     else:
+        plain = fixed is None and on_boundary is None and gauge == LpGauge(2) and where.n_dims == 2
+        allowed = "in the plane, with metric=2, none fixed or on the boundary"
+        check_in_range("generators", generators, plain, allowed)
         return _place_figures(where, weight, n_generators, generators, name, effort, random, Watch(callback))
     still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
     terms = Terms(
@@ -191,10 +202,7 @@ def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike
     elif on_boundary is not None:
         parts.append(checked_boundary(on_boundary, region))
     still = np.concatenate(parts)
-    if len(still) >= n_generators:
-        raise ValueError(
-            f"fixed and on_boundary have {len(still)} generators and must have fewer than n_generators={n_generators}"
-        )
+    check_fewer("fixed and on_boundary", len(still), n_generators)
     return still
 
 
@@ -202,15 +210,13 @@ def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
     """Density of each pixel of a mask."""
     height, width = region.mask.shape
     if isinstance(density, PictureDensity):
-        if density.picture.shape != region.mask.shape:
-            raise ValueError(f"density of shape {density.picture.shape} must be {region.mask.shape}, as the region")
-        values = density.picture
+        values, shape = density.picture, region.mask.shape
+        check_shape("density", values.shape, values.shape == shape, f"{shape}, as the region")
     else:
         y, x = np.mgrid[:height, :width] + 0.5
         values = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width).astype(np.float32)
     inside = np.where(region.mask, values, np.float32(0))
-    if not inside.any():
-        raise ValueError("density must not be 0 everywhere in the region")
+    check_that("density", inside.any(), _NOT_0)
     return inside
 
 
@@ -226,8 +232,7 @@ def _samples(region: Region, density: Density, n_generators: int, effort: str, r
     settings = _EFFORTS[effort]
     n = int(np.clip(settings.samples * n_generators, _FEWEST_SAMPLES, settings.most_samples))
     samples = region.sample(max(n, 4 * n_generators), density=density, rng=rng)
-    if not samples.density.any():
-        raise ValueError("density must not be 0 everywhere in the region")
+    check_that("density", samples.density.any(), _NOT_0)
     return samples
 
 
@@ -238,8 +243,7 @@ def draw_start(region: Region, density: Density, n_generators: int, rng: np.rand
     if n_dims <= MAX_ORDERED_DIMS:
         points = points[along_curve(points)]
     weights = np.cumsum(density(points) ** (n_dims / (n_dims + 2)))
-    if weights[-1] == 0:
-        raise ValueError("density must not be 0 everywhere in the region")
+    check_that("density", weights[-1] > 0, _NOT_0)
     own = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
     starts: Points = points[np.minimum(own, len(points) - 1)]
     return starts

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import cell_rings, voronoi_cells
 from cvtimg.placement.descent import Descent
@@ -97,8 +98,7 @@ class Placement:
         return measure_cells(self.points, self.region)
 
     def _refuse_figures(self) -> None:
-        if self.figures is not None:
-            raise ValueError("the cells of segments and circles are no polygons")
+        check_that("generators", self.figures is None, "be points: the cells of segments and circles are no polygons")
 
     @classmethod
     def of(cls, descent: Descent, region: Region, kind: Figures | None = None) -> Placement:

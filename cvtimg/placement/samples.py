@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_in_range
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.moments import Moments
 from cvtimg.placement.sums import by_mass, sum_by_cell
@@ -38,8 +39,7 @@ class SampleMoments:
         self._weights = samples.density
         self._gauge = gauge
         self._box = region if isinstance(region, Box) and any(region.periodic) else None
-        if self._box is not None and gauge != LpGauge(2):
-            raise ValueError(f"metric={gauge} must be 2 in a periodic box")
+        check_in_range("metric", gauge, self._box is None or gauge == LpGauge(2), "2 in a periodic box")
 
     def __call__(self, generators: Points, /) -> Moments:
         """Compute the moments of the cells of (K, D) generators."""

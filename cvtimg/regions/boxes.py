@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_places
+from cvtimg._shared.checks import check_in_range, check_places, check_shape, check_that
 from cvtimg.regions.base import Points, Region, low_discrepancy
 
 
@@ -36,14 +36,14 @@ class Box(Region):
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike, periodic: bool | ArrayLike = False) -> None:
         least, greatest = np.atleast_1d(np.asarray(lower, float)), np.atleast_1d(np.asarray(upper, float))
-        if least.ndim != 1 or least.shape != greatest.shape or not len(least):
-            raise ValueError(f"lower and upper of shapes {least.shape} and {greatest.shape} must both be (D,)")
+        check_shape("lower", least.shape, least.ndim == 1 and len(least) > 0, "(D,)")
+        check_shape("upper", greatest.shape, greatest.shape == least.shape, f"{least.shape}, as lower")
         bounds = check_places("lower and upper", np.stack([least, greatest]))
-        if not (bounds[0] < bounds[1]).all():
-            raise ValueError(f"lower={least.tolist()} must be less than upper={greatest.tolist()} along each axis")
+        above = f"less than upper={greatest.tolist()} along each axis"
+        check_in_range("lower", least.tolist(), (bounds[0] < bounds[1]).all(), above)
         wraps = np.asarray(periodic, bool)
-        if wraps.shape not in ((), (len(least),)):
-            raise ValueError(f"periodic of shape {wraps.shape} must be a bool, or ({len(least)},), one for each axis")
+        fits = wraps.shape in ((), least.shape)
+        check_shape("periodic", wraps.shape, fits, f"a bool, or {least.shape}, one for each axis")
         bounds.flags.writeable = False
         object.__setattr__(self, "_bounds", bounds)
         object.__setattr__(self, "periodic", tuple(np.broadcast_to(wraps, len(least)).tolist()))
@@ -89,8 +89,7 @@ class Box(Region):
 
     def to_boundary(self, points: ArrayLike) -> Points:
         """Move points to the nearest side that is not periodic."""
-        if all(self.periodic):
-            raise ValueError(f"{self!r} has no boundary")
+        check_that("periodic", not all(self.periodic), "leave an axis that is not, for the box to have a boundary")
         places = self.project(points)
         gaps = np.stack([places - self._bounds[0], self._bounds[1] - places])
         gaps[:, :, np.array(self.periodic)] = np.inf

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.checks import refuse_type
 from cvtimg.regions.base import Region
 from cvtimg.regions.pictures import PictureRegion
 from cvtimg.regions.polygons import PolygonRegion
@@ -45,9 +46,7 @@ def as_region(region: Any) -> Region:
         return PolygonRegion(region)
     if isinstance(region, np.ndarray) and region.dtype == np.bool_:
         return PictureRegion(region)
-    if isinstance(region, (list, tuple, np.ndarray)) and len(region):
-        return PolygonRegion(region)
-    raise TypeError(
-        f"region of type {type(region).__name__} must be a Region, a bool array, polygon coordinates, GeoJSON or a "
-        "shapely geometry"
-    )
+    if not isinstance(region, (list, tuple, np.ndarray)) or not len(region):
+        allowed = "a Region, a bool array, polygon coordinates, GeoJSON or a shapely geometry"
+        refuse_type("region", type(region).__name__, allowed)
+    return PolygonRegion(region)

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_picture_density
+from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_returned
 
 Points = NDArray[np.float64]
 #: From (N, D) points to their (N,) densities.
@@ -63,12 +63,11 @@ class FunctionDensity:
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return the density at (N, D) points."""
         values = np.asarray(self.function(points), np.float64)
-        if values.shape != (len(points),):
-            raise ValueError(f"density returned shape {values.shape} and must return ({len(points)},), one per point")
-        wrong = np.flatnonzero(~((values >= 0) & (values < np.inf)))
-        if len(wrong):
-            place = points[wrong[0]].tolist()
-            raise ValueError(f"density is {values[wrong[0]]} at {place} and must be finite and >= 0 everywhere")
+        check_returned("density", values, len(points))
+        wrong = ~((values >= 0) & (values < np.inf))
+        if wrong.any():
+            place = points[wrong][0].tolist()
+            check_in_range(f"density at {place}", float(values[wrong][0]), False, "finite and >= 0")
         return values
 
 
@@ -105,8 +104,5 @@ def as_density(density: DensityLike) -> Density:
     if callable(density):
         return FunctionDensity(density)
     if np.ndim(density) == 0:
-        value = float(np.asarray(density))
-        if not 0 < value < np.inf:
-            raise ValueError(f"density={value} must be a finite number > 0, a picture or a function")
-        return ConstantDensity(value)
+        return ConstantDensity(check_positive("density", float(np.asarray(density)), "an image or a function"))
     return PictureDensity(check_picture_density("density", density))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_in_range, check_returned, check_that
 from cvtimg.regions.base import Points, Region, low_discrepancy
 from cvtimg.regions.boxes import Box
 
@@ -47,8 +48,7 @@ class ImplicitRegion(Region):
         object.__setattr__(self, "function", function)
         object.__setattr__(self, "box", Box(lower, upper))
         share = (self._values(self.box.draw(_COUNTED)) <= 0).mean()
-        if share == 0:
-            raise ValueError("the region is empty: function is > 0 everywhere within lower and upper")
+        check_that("function", share > 0, "be <= 0 somewhere within lower and upper: the region is empty")
         object.__setattr__(self, "_measure", float(share) * self.box.measure)
 
     def __repr__(self) -> str:
@@ -118,10 +118,10 @@ class ImplicitRegion(Region):
 
     def _values(self, points: Points) -> NDArray[np.float64]:
         values = np.asarray(self.function(points), np.float64)
-        if values.shape != (len(points),):
-            raise ValueError(f"function returned shape {values.shape} and must return ({len(points)},), one per point")
-        if np.isnan(values).any():
-            raise ValueError(f"function is NaN at {points[np.isnan(values)][0].tolist()}")
+        check_returned("function", values, len(points))
+        unknown = np.isnan(values)
+        if unknown.any():
+            check_in_range(f"function at {points[unknown][0].tolist()}", np.nan, False, "a number")
         return values
 
     def _slopes(self, points: Points, step: float) -> Points:

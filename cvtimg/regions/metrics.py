@@ -9,6 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that
+
 Points = NDArray[np.float64]
 
 
@@ -43,8 +45,7 @@ class LpGauge(Gauge):
     p: float
 
     def __post_init__(self) -> None:
-        if not self.p >= 1:
-            raise ValueError(f"metric={self.p} must be >= 1, the power of a p-norm")
+        check_in_range("metric", self.p, self.p >= 1, ">= 1, the power of a p-norm")
 
     def lengths(self, steps: Points) -> NDArray[np.float64]:
         """Compute the (N,) lengths of (N, D) steps."""
@@ -84,8 +85,9 @@ class PolygonGauge(Gauge):
 
     def __init__(self, corners: ArrayLike) -> None:
         places = np.asarray(corners, np.float64)
-        if places.ndim != 2 or places.shape[1] != 2 or len(places) < 3 or not np.isfinite(places).all():
-            raise ValueError(f"metric of shape {places.shape} must be the (M, 2) corners of a convex polygon, M >= 3")
+        fits = places.ndim == 2 and places.shape[1] == 2 and len(places) >= 3
+        check_shape("metric", places.shape, fits, "the (M, 2) corners of a convex polygon, M >= 3")
+        check_finite("metric", places)
         x, y = places.T
         if (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0:
             places = places[::-1]
@@ -93,8 +95,8 @@ class PolygonGauge(Gauge):
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         outward = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
         offsets = (outward * places).sum(axis=1)
-        if not ((turns > 0).all() and (offsets > 0).all()):
-            raise ValueError("metric must be the corners of a convex polygon around the origin")
+        convex = (turns > 0).all() and (offsets > 0).all()
+        check_that("metric", convex, "be the corners of a convex polygon around the origin")
         object.__setattr__(self, "normals", outward / offsets[:, None])
 
     def lengths(self, steps: Points) -> NDArray[np.float64]:
@@ -138,7 +140,7 @@ def as_gauge(metric: MetricLike) -> Gauge:
     if isinstance(metric, Gauge):
         return metric
     if isinstance(metric, str):
-        if metric not in GAUGES:
-            raise ValueError(f"metric={metric!r} must be one of {', '.join(GAUGES)}, a power p >= 1, or a polygon")
+        named = f"one of {', '.join(GAUGES)}, a power p >= 1, or a polygon"
+        check_in_range("metric", metric, metric in GAUGES, named)
         return GAUGES[metric]
     return LpGauge(float(np.asarray(metric))) if np.ndim(metric) == 0 else PolygonGauge(metric)

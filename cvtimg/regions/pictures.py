@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_shape, check_that, refuse_type
 from cvtimg.regions.base import Points, Region
 
 if TYPE_CHECKING:
@@ -39,10 +40,10 @@ class PictureRegion(Region):
 
     def __init__(self, mask: ArrayLike) -> None:
         array = np.asarray(mask)
-        if array.dtype != np.bool_ or array.ndim not in (2, 3) or 0 in array.shape:
-            raise ValueError(f"mask of type {array.dtype} and shape {array.shape} must be bool, (H, W) or (L, H, W)")
-        if not array.any():
-            raise ValueError("the region is empty: mask is False everywhere")
+        if array.dtype != np.bool_:
+            refuse_type("mask", array.dtype, "bool")
+        check_shape("mask", array.shape, array.ndim in (2, 3) and array.size > 0, "(H, W) or (L, H, W)")
+        check_that("mask", array.any(), "be True somewhere: the region is empty")
         object.__setattr__(self, "mask", array)
 
     def __repr__(self) -> str:
@@ -72,8 +73,7 @@ class PictureRegion(Region):
         """Return the same region as polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
         from cvtimg.regions.polygons import PolygonRegion
 
-        if self.mask.ndim != 2:
-            raise ValueError(f"a mask of shape {self.mask.shape} must be (H, W) to have polygons")
+        check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
         return PolygonRegion.from_labels(self.mask, tolerance=tolerance)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that
 from cvtimg.labels.contours import find_contours
 from cvtimg.regions.base import Points, Region
 
@@ -47,9 +48,9 @@ class PolygonRegion(Region):
         shapely = _shapely()
         geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
         if not shapely.is_valid(geometry):
-            raise ValueError(f"polygons must not cross themselves: {shapely.is_valid_reason(geometry)}")
-        if shapely.get_dimensions(geometry) != 2 or not geometry.area > 0:
-            raise ValueError(f"a {geometry.geom_type} of area {geometry.area:g} must be a polygon with area > 0")
+            check_that("polygons", False, f"not cross themselves: {shapely.is_valid_reason(geometry)}")
+        has_area = shapely.get_dimensions(geometry) == 2 and geometry.area > 0
+        check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
         shapely.prepare(geometry)
         object.__setattr__(self, "geometry", geometry)
 
@@ -68,8 +69,7 @@ class PolygonRegion(Region):
         """
         segments = np.asarray(labels)
         inside = segments == label if label is not None else segments != 0
-        if not inside.any():
-            raise ValueError(f"the region is empty: no pixel has label={label!r}")
+        check_in_range("label", label, inside.any(), "that of a pixel: the region is empty")
         found = find_contours(inside.astype(np.int32), tolerance=tolerance)
         shapely = _shapely()
         return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in found.polygons]))
@@ -162,8 +162,9 @@ def _as_geometry(shape: Any) -> Geometry:
     rings = [shape] if np.ndim(shape[0]) == 1 else list(shape)
     arrays = [np.asarray(ring, np.float64) for ring in rings]
     for ring in arrays:
-        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
-            raise ValueError(f"a ring of shape {ring.shape} must be (N, 2) finite coordinates, N >= 3")
+        is_ring = ring.ndim == 2 and ring.shape[1] == 2 and len(ring) >= 3
+        check_shape("a ring", ring.shape, is_ring, "(N, 2) coordinates, N >= 3")
+        check_finite("a ring", ring)
     return shapely.Polygon(arrays[0], arrays[1:])
 
 
@@ -178,8 +179,8 @@ def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
         return _geojson(shape["geometry"])
     if kind == "GeometryCollection":
         return [each for geometry in shape["geometries"] for each in _geojson(geometry)]
-    if kind not in ("Polygon", "MultiPolygon"):
-        raise ValueError(f"GeoJSON of type {kind!r} must be Polygon, MultiPolygon, Feature or FeatureCollection")
+    allowed = "Polygon, MultiPolygon, Feature or FeatureCollection"
+    check_in_range("GeoJSON type", kind, kind in ("Polygon", "MultiPolygon"), allowed)
     return [read(shape)]
 
 

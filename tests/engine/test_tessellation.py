@@ -297,7 +297,7 @@ def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str,
 @pytest.mark.parametrize(
     ("locked", "message"),
     [
-        ([[1, 2, 3], [4, 5, 6]], r"locked has 2 generators and must have fewer than n_generators=2"),
+        ([[1, 2, 3], [4, 5, 6]], r"locked must have fewer than n_generators=2, not 2"),
         ([[1, 2]], r"locked of shape \(1, 2\) must be \(1, 3\)"),
         ([[1, 2, np.inf]], "locked must be finite"),
     ],

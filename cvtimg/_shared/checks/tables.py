@@ -40,7 +40,7 @@ def check_within(name: str, array: NDArray[Any], low: float, high: float, reason
 def check_fewer(name: str, n_rows: int, n_generators: int) -> None:
     """Refuse so many generators that stay where they are that none is left to move."""
     if n_rows >= n_generators:
-        raise ValueError(f"{name} has {n_rows} generators and must have fewer than n_generators={n_generators}")
+        raise ValueError(f"{name} must have fewer than n_generators={n_generators}, not {n_rows}")
 
 
 def check_returned(name: str, values: NDArray[Any], n_points: int) -> None:

@@ -107,6 +107,12 @@ def check_excluded(name: str, given: bool, **others: object) -> None:
         raise ValueError(f"{name} takes no {' or '.join(wrong)}")
 
 
+def check_one_of(**given: object) -> None:
+    """Refuse several of the arguments that exclude each other, or none; None is not given."""
+    if sum(value is not None for value in given.values()) != 1:
+        raise TypeError(f"one of {' and '.join(given)} must be given, and only one")
+
+
 def check_positive(name: str, value: float, unit: str = "") -> float:
     """Return `value` as a finite float > 0; `unit` says of what, or what else is allowed."""
     number = float(value)
