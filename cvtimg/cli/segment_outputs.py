@@ -141,7 +141,7 @@ def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
     from cvtimg.labels import region_means
 
     means = np.nan_to_num(region_means(labels, image))
-    colors = (np.rint(means) if image.dtype.kind == "u" else means).astype(image.dtype)
+    colors = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)
     picture: NDArray[Any] = colors[labels].reshape(image.shape)
     return picture
 

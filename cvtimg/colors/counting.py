@@ -86,5 +86,5 @@ def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     masses = np.add.reduceat(density, starts)
     sums = [np.add.reduceat(colors[:, dim] * density, starts) for dim in range(colors.shape[1])]
     means = np.stack(sums, axis=1) / masses[:, np.newaxis]
-    colors = (np.rint(means) if samples.colors.dtype.kind == "u" else means).astype(samples.colors.dtype)
+    colors = (np.rint(means) if samples.colors.dtype.kind in "iu" else means).astype(samples.colors.dtype)
     return merge_samples([ColorSamples(colors, masses, samples.in_order, _NO_PIXELS, samples.alpha)])

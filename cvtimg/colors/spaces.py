@@ -119,7 +119,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     Parameters
     ----------
     colors : (N, C) array
-        uint8, uint16, or floating point in 0..1. C is 3 (sRGB) or 1 (grey); any other number only for "rgb".
+        Integers, of which the largest of the type is white, or floating point in 0..1. C is 3 (sRGB) or 1 (grey); any
+        other number only for "rgb".
     space : {"rgb", "linear", "lab", "oklab"}
         "rgb" leaves the colors as they are, in type and unit too.
 
@@ -147,7 +148,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     _check_channels(colors.shape[1], space)
     unit = colors / peak(colors.dtype)
     if colors.dtype.kind in "if" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
-        raise ValueError(f"space={space!r} needs floating point samples in 0..1, not in {unit.min()}..{unit.max()}")
+        allowed = f"{colors.dtype} samples in 0..{peak(colors.dtype):g}"
+        raise ValueError(f"space={space!r} needs {allowed}, not in {colors.min()}..{colors.max()}")
     places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
 
@@ -162,7 +164,7 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
     space : {"rgb", "linear", "lab", "oklab"}
         Where they are. Floating point in "rgb" comes back as it is, whatever its range.
     dtype : numpy.dtype
-        uint8, uint16 or floating point. Integers are rounded.
+        Any integer or floating point type. Integers are rounded.
 
     Returns
     -------
@@ -177,9 +179,7 @@ def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) ->
         _check_channels(n_channels, space)
         full = places if n_channels == 3 else places * chosen.grey
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
-    if dtype.kind in "iu":
-        colors = np.rint(np.clip(colors, np.iinfo(dtype).min, peak(dtype)))
-    return colors.astype(dtype)
+    return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
 
 
 def peak(dtype: np.dtype[Any]) -> float:
@@ -188,18 +188,29 @@ def peak(dtype: np.dtype[Any]) -> float:
 
 
 def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Bring colors to a type, uint8, uint16 or floating point in 0..1: white to white, rounded to integers."""
+    """Bring colors to an integer type or floating point in 0..1: black to black, white to white, integers rounded."""
     if colors.dtype == dtype:
         return colors
-    unit: NDArray[Any] = colors / np.asarray(
-        peak(colors.dtype), np.float32 if colors.dtype.kind == "u" else colors.dtype
-    )
-    if colors.dtype.kind == "f" and not (unit.min() >= 0 and unit.max() <= 1):
-        raise ValueError(f"samples in {unit.min()}..{unit.max()} must be in 0..1 to become {dtype}")
-    unit *= unit.dtype.type(peak(dtype))
-    if dtype.kind == "u":
-        np.rint(unit, out=unit)
+    white = peak(colors.dtype)
+    if colors.dtype.kind in "if" and not (colors.min() >= 0 and colors.max() <= white):
+        raise ValueError(f"samples in {colors.min()}..{colors.max()} must be in 0..{white:g} to become {dtype}")
+    wide = max((one.itemsize for one in (colors.dtype, dtype) if one.kind in "iu"), default=0) > 2
+    working = np.float64 if wide else colors.dtype if colors.dtype.kind == "f" else np.float32
+    unit: NDArray[Any] = colors / np.asarray(white, working)
+    if dtype.kind in "iu":
+        unit *= unit.dtype.type(peak(dtype))
+        return _rounded(unit, dtype)
     return unit.astype(dtype, copy=False)
+
+
+def _rounded(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Round floating point, in place, to the nearest integers of a type."""
+    low, high = float(np.iinfo(dtype).min), peak(dtype)
+    if dtype.itemsize == 8:  # the largest integer of 64 bits would be rounded up, beyond the type
+        high = float(np.nextafter(high, 0))
+    np.rint(values, out=values)
+    np.clip(values, low, high, out=values)
+    return values.astype(dtype)
 
 
 def _check_channels(n_channels: int, space: str) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density
+from cvtimg.colors.spaces import peak
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
@@ -108,8 +109,8 @@ def write_palette(
         properties), .pal (JASC), .txt (paint.net), .aseprite or .png (an image with one square per color). The
         palette is named after the file.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
-        Gray, RGB or RGBA, in sRGB. uint8 is written unchanged; uint16, and floating point in 0..1, are rounded to the
-        8 bits that these formats store.
+        Gray, RGB or RGBA, in sRGB. uint8 is written unchanged; other integers up to their largest value, and
+        floating point in 0..1, are rounded to the 8 bits that these formats store.
     density : (K,) array, optional
         Number of pixels of each color; a .json file stores it as a fraction of all pixels.
     overwrite : bool
@@ -159,12 +160,13 @@ def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
     rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
     if rows.ndim != 2 or len(rows) == 0 or rows.shape[1] not in (1, 3, 4):
         raise ValueError(f"palette of shape {palette.shape} must be (K,), (K, 1), (K, 3) or (K, 4) with K >= 1")
-    if rows.dtype == np.uint16:
-        rows = np.rint(rows / 257)
-    elif rows.dtype.kind == "f":
-        if not ((rows >= 0) & (rows <= 1)).all():  # NaN fails too
-            raise ValueError(f"palette of type {rows.dtype} must be in 0..1 to be written with 8 bits")
-        rows = np.rint(rows * 255)
-    elif rows.dtype != np.uint8:
-        raise TypeError(f"palette of type {rows.dtype} must be uint8, uint16 or floating point")
+    # NumPy's default integers say nothing about white: they hold 8-bit colors as often as others.
+    if rows.dtype.kind not in "iuf" or (rows.dtype.kind in "iu" and rows.dtype.itemsize == 8):
+        raise TypeError(
+            f"palette of type {rows.dtype} must be uint8, other integers of up to 32 bits, or floating point"
+        )
+    if not ((rows >= 0) & (rows <= peak(rows.dtype))).all():  # NaN fails too
+        raise ValueError(f"palette of type {rows.dtype} must be in 0..{peak(rows.dtype):g} to be written with 8 bits")
+    if rows.dtype != np.uint8:
+        rows = np.rint(rows * (255 / peak(rows.dtype)))
     return np.ascontiguousarray(np.repeat(rows, 3, axis=1) if rows.shape[1] == 1 else rows, np.uint8)

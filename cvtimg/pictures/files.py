@@ -54,9 +54,9 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
     -------
     ndarray, (H, W) or (H, W, C), C-contiguous
         uint8 (H, W) for 1-bit and gray; uint8 (H, W, 3) for RGB, palette, CMYK, YCbCr and LAB; uint8 (H, W, 4) for
-        images with transparency; uint16 of the same shapes for 16-bit gray or RGB in PNG and TIFF. Floating point
-        stays float32 or float64. Other integer types become uint16 if all values are in 0..65535, and floating point
-        otherwise. Images whose bands are not colors are (H, W, C) with all bands, C >= 2.
+        images with transparency; uint16 of the same shapes for 16-bit gray or RGB in PNG and TIFF. Other integers keep
+        the type that the file has, and floating point stays float32 or float64. Images whose bands are not colors are
+        (H, W, C) with all bands, C >= 2.
 
     Raises
     ------

@@ -37,31 +37,44 @@ class Levels:
 
 
 def to_levels(samples: NDArray[Any]) -> Levels:
-    """Find the levels of finite samples: uint8, uint16 or floating point, of any shape, at least one."""
-    low, high = float(samples.min()), float(samples.max())
+    """Find the levels of finite samples: integers or floating point, of any shape, at least one."""
+    low, high = samples.min().item(), samples.max().item()
     if low == high:
-        return Levels(np.zeros(samples.shape, np.uint8), low, 1.0)
-    if samples.dtype.kind == "u":
-        step = _step(samples.reshape(-1), int(low))
-        levels = samples if low == 0 and step == 1 else (samples - samples.dtype.type(low)) // step
-        return Levels(levels.astype(_type_for((high - low) / step), copy=False), low, float(step))
-    shares = (samples.astype(np.float64) - low) / (high - low)
-    rounding = 4 * float(np.finfo(samples.dtype).eps) * max(abs(low), abs(high)) / (high - low)
-    n_steps = _even_steps(shares, rounding)
+        return Levels(np.zeros(samples.shape, np.uint8), float(low), 1.0)
+    if samples.dtype.kind in "iu" and (whole := _whole_levels(samples, low, high)):
+        return whole
+    span = float(high) - float(low)
+    shares = (samples.astype(np.float64) - low) / span
+    n_steps = 0
+    if samples.dtype.kind == "f":
+        n_steps = _even_steps(shares, 4 * float(np.finfo(samples.dtype).eps) * max(abs(low), abs(high)) / span)
     if n_steps == 0:
-        return Levels(shares.astype(np.float32), low, high - low)
-    return Levels(np.rint(shares * n_steps).astype(_type_for(n_steps)), low, (high - low) / n_steps)
+        return Levels(shares.astype(np.float32), float(low), span)
+    return Levels(np.rint(shares * n_steps).astype(_type_for(n_steps)), float(low), span / n_steps)
 
 
-def _step(samples: NDArray[Any], low: int) -> int:
-    """Return the greatest common divisor of integers minus the least."""
-    some = samples[:: max(1, samples.size // _SOME)].astype(np.int64) - low
-    step = int(np.gcd.reduce(some))
+def _whole_levels(samples: NDArray[Any], low: int, high: int) -> Levels | None:
+    """Find the levels of integers in low..high; None if there are too many."""
+    if high - low >= 1 << 63:  # beyond int64
+        return None
+    steps = samples if low == 0 else (samples.astype(np.int64) if low < 0 else samples) - low
+    step = _step(steps.reshape(-1), high - low)
+    if high - low > _MOST_LEVELS * step:
+        return None
+    levels = steps if step == 1 else steps // step
+    return Levels(levels.astype(_type_for((high - low) // step), copy=False), float(low), float(step))
+
+
+def _step(steps: NDArray[Any], most: int) -> int:
+    """Return the greatest common divisor of integers in 0..most, which are not all 0."""
+    step = int(np.gcd.reduce(steps[:: max(1, steps.size // _SOME)].astype(np.int64)))
     if step == 1:
         return step
-    present = np.zeros(int(samples.max()) + 1, bool)
-    present[samples] = True
-    return int(np.gcd.reduce(np.flatnonzero(present) - low))
+    if most > _MOST_LEVELS:
+        return int(np.gcd.reduce(steps))
+    present = np.zeros(most + 1, bool)
+    present[steps] = True
+    return int(np.gcd.reduce(np.flatnonzero(present)))
 
 
 def _type_for(largest: float) -> type[np.uint8] | type[np.uint16]:

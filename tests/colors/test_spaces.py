@@ -85,7 +85,7 @@ def test_bad_spaces_and_colors_are_refused() -> None:
         to_space(CUBE, "hsv")
     with pytest.raises(ValueError, match="space='lab' needs colors of 1 or 3 channels, not 5"):
         to_space(np.zeros((4, 5)), "lab")
-    with pytest.raises(ValueError, match=r"needs floating point samples in 0\.\.1"):
+    with pytest.raises(ValueError, match=r"needs float64 samples in 0\.\.1"):
         to_space(np.array([[0.5, 2.0, 0]]), "linear")
 
 

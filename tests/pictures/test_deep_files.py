@@ -220,17 +220,15 @@ def test_a_tiff_says_of_its_last_band_whether_it_is_alpha(tmp_path: Path, n_band
 @pytest.mark.parametrize(
     ("stored", "expected"),
     [
-        (GREY.astype(np.int64), GREY),
-        (GREY.astype(np.uint32), GREY),
-        (GREY.astype(np.int32) - 70000, GREY.astype(np.float32) - 70000),
-        (GREY.astype(np.int64) << 20, GREY.astype(np.float64) * 2**20),
+        *((GREY.astype(dtype), GREY.astype(dtype)) for dtype in (np.int8, np.int16, np.int32, np.int64, np.uint64)),
+        (GREY.astype(">u4"), GREY.astype(np.uint32)),
         (GREY > 9, (GREY > 9) * np.uint8(255)),
         (np.arange(6).reshape(2, 3).astype(np.float16), np.arange(6, dtype=np.float32).reshape(2, 3)),
         (FLOATS.astype(">f8"), FLOATS.astype(np.float64)),
         (np.asfortranarray(GREY), GREY),
     ],
 )
-def test_an_array_keeps_its_values_in_a_type_that_holds_them(
+def test_an_array_keeps_its_values_and_an_integer_type(
     tmp_path: Path, stored: NDArray[Any], expected: NDArray[Any]
 ) -> None:
     np.save(tmp_path / "a.npy", stored)
@@ -240,10 +238,21 @@ def test_an_array_keeps_its_values_in_a_type_that_holds_them(
     assert image.flags.writeable
 
 
-def test_32_bit_integers_beyond_half_keep_their_sign(tmp_path: Path) -> None:
-    stored = np.array([[3_000_000_000, 1]], np.uint32)
-    tifffile.imwrite(tmp_path / "a.tif", stored)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), stored.astype(np.float64))
+@pytest.mark.parametrize("dtype", ["int8", "<i2", ">i2", "int32", ">u4", "int64", "uint64"])
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (5, 7, 5)])
+def test_integers_in_tiff_keep_their_type(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
+    ends = np.iinfo(dtype)
+    stored = RNG.integers(ends.min, ends.max, shape, np.dtype(dtype).newbyteorder("="), endpoint=True)
+    bands = {"photometric": "minisblack", "planarconfig": "contig"} if len(shape) == 3 else {}
+    tifffile.imwrite(tmp_path / "a.tif", stored.astype(dtype), byteorder=">" if dtype[0] == ">" else "<", **bands)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), stored, strict=True)
+
+
+def test_a_graymap_of_12_bits_is_scaled_to_its_white(tmp_path: Path) -> None:
+    (tmp_path / "a.pgm").write_bytes(b"P5 3 1 4095\n" + np.array([0, 2048, 4095], ">u2").tobytes())
+    image, info = read_image(tmp_path / "a.pgm"), image_info(tmp_path / "a.pgm")
+    np.testing.assert_array_equal(image, np.array([[0, 32776, 65535]], np.uint16), strict=True)
+    assert info.bits == 16
 
 
 def test_nan_is_read_as_it_is(tmp_path: Path) -> None:

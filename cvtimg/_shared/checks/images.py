@@ -14,9 +14,16 @@ from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 
 
 def check_image(name: str, image: Any) -> NDArray[Any]:
-    """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of samples."""
+    """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of its own type.
+
+    Booleans become 0 and 255, and float16 float32.
+    """
     array = array_of(image)
     _check_image_form(name, array)
+    if array.dtype.kind == "b":
+        return np.ascontiguousarray(array * np.uint8(255))
+    if array.dtype.kind in "iu":
+        return np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     return as_samples(name, array)
 
 

@@ -1,4 +1,4 @@
-"""Convert samples of any type to the types that cvtimg supports, and read .npy files."""
+"""Bring samples of any type to native byte order, and read .npy files."""
 
 from __future__ import annotations
 
@@ -12,31 +12,20 @@ from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 __all__ = ["NPY_MAGIC", "as_samples", "decode_npy", "npy_header", "upright"]
 
 NPY_MAGIC = b"\x93NUMPY"
-_EXACT = {np.float32: 1 << 24, np.float64: 1 << 53}
 
 
 def as_samples(values: NDArray[Any]) -> NDArray[Any]:
-    """Convert samples to the narrowest of uint8, uint16, float32 and float64 that holds them exactly.
+    """Return samples C-contiguous in native byte order: integers in their own type, which says what white is.
 
-    Other integer types become uint16 if all values are in 0..65535, and floating point otherwise.
+    Booleans become 0 and 255, and floating point float32 or float64.
     """
     kind, size = values.dtype.kind, values.dtype.itemsize
-    narrow: type[np.generic]
     if kind == "b":
         return values * np.uint8(255)
-    if kind == "f":
-        narrow = np.float32 if size <= 4 else np.float64
-    elif kind == "u" and size <= 2:
-        narrow = np.uint8 if size == 1 else np.uint16
-    elif kind in "iu":
-        low, high = int(values.min()), int(values.max())
-        if low >= 0 and high <= 65535:
-            narrow = np.uint16
-        else:
-            narrow = np.float32 if max(-low, high) <= _EXACT[np.float32] else np.float64
-    else:
+    if kind not in "iuf":
         raise UnfitContentError(f"has samples of type {values.dtype}, which are not real numbers")
-    return np.ascontiguousarray(values, narrow)
+    floating = np.dtype(np.float32 if size <= 4 else np.float64)
+    return np.ascontiguousarray(values, floating if kind == "f" else values.dtype.newbyteorder("="))
 
 
 def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:

@@ -14,7 +14,7 @@ __all__ = ["BAND_PIXELS", "SAMPLES", "Band", "Bands", "Form", "band_height", "in
 #: Approximate number of pixels in a band; a few bands are in memory at a time.
 BAND_PIXELS = 1 << 23
 #: Sample types that can be read in bands.
-SAMPLES = ("uint8", "uint16", "float32", "float64")
+SAMPLES = (*(f"{kind}{bits}" for bits in (8, 16, 32, 64) for kind in ("uint", "int")), "float32", "float64")
 
 Band: TypeAlias = NDArray[Any]
 
@@ -28,7 +28,7 @@ class Form:
     shape : tuple of int
         (H, W) or (H, W, C).
     dtype : numpy.dtype
-        uint8, uint16, float32 or float64.
+        Any integer type, float32 or float64.
     alpha : bool
         Whether the last of several bands is transparency.
     icc : bytes or None

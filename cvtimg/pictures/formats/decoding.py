@@ -76,7 +76,8 @@ def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> 
     turn = _UPRIGHT.get(orientation(image))
     upright = image if turn is None else image.transpose(turn)
     if image.mode.startswith(("I", "F")):
-        return as_samples(np.array(upright))
+        values = np.array(upright)
+        return as_samples(values.astype(np.uint16) if bits == 16 else values)
     return np.array(to_srgb(upright, keep_profile=keep_profile))
 
 
@@ -88,6 +89,8 @@ def depth(image: ImageFile.ImageFile) -> int:
             return int(coded[1])
     if image.format == "TIFF":
         return Layout.of(tags_of(image)).bits
+    if image.mode == "I" and image.format == "PPM":  # which Pillow scales to 0..65535
+        return 16
     return {"1": 1, "I": 32, "F": 32}.get(image.mode, 16 if image.mode.startswith("I;16") else 8)
 
 

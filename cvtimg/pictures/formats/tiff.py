@@ -44,6 +44,7 @@ _BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES = 258, 262, 274, 277
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
 _OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
 _GREYS, _RGB = (0, 1), 2
+_UNSIGNED = 1
 _PREMULTIPLIED = 1
 #: The description of an ImageJ file begins within this many bytes.
 _START = 1 << 12
@@ -87,7 +88,7 @@ class Layout:
         # An unspecified fourth sample is a band, such as near infrared.
         alpha = n_samples == n_colors + 1 and extra in _ALPHA
         bands = n_samples > n_colors + alpha
-        deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(_SAMPLE_FORMAT, 1)) > 3
+        deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(_SAMPLE_FORMAT, 1)) != _UNSIGNED
         for_pillow = photometric not in (*_GREYS, _RGB) or not (bands or deep)
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
 
@@ -269,9 +270,9 @@ def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
 
 def _divide_by_alpha(values: NDArray[Any]) -> NDArray[Any]:
     alpha = values[..., -1:].astype(np.float64)
-    top = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1.0
+    top = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
     colors = np.divide(values[..., :-1] * np.float64(top), alpha, out=np.zeros(values[..., :-1].shape), where=alpha > 0)
-    if values.dtype.kind == "u":
+    if values.dtype.kind in "iu":
         colors = np.rint(np.minimum(colors, top))
     return np.concatenate([colors.astype(values.dtype), values[..., -1:]], axis=-1)
 

@@ -20,7 +20,10 @@ def open_zarr(path: StrPath) -> Bands:
     """Open an array, or the array "0" of a group."""
     array = _zarr_array(path)
     if array.ndim not in (2, 3) or 0 in array.shape or str(array.dtype) not in SAMPLES:
-        raise OSError(f"{path}: holds {array.dtype} of shape {array.shape}; it must be (H, W) or (H, W, C), {SAMPLES}")
+        raise OSError(
+            f"{path}: holds {array.dtype} of shape {array.shape}; it must be (H, W) or (H, W, C), "
+            "of integers, float32 or float64"
+        )
     form = Form(array.shape, np.dtype(array.dtype))
 
     def read() -> Iterator[Band]:
