@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES
 from cvtimg.colors.samples import ColorSamples
-from cvtimg.colors.spaces import from_space, peak, to_space
+from cvtimg.colors.spaces import from_space, peak, to_space, white_of
 
 #: Kinds of colors.
 CLEAR, PARTLY, OPAQUE = range(3)
@@ -76,7 +76,7 @@ def opaque_end(n_channels: int, space: str, dtype: np.dtype[Any]) -> float:
 
 def _middle(n_channels: int, space: str, dtype: np.dtype[Any]) -> tuple[NDArray[np.float64], float]:
     """Return the middle between black and white, and how far both are from it."""
-    ends = np.array([[0], [peak(dtype)]], dtype).repeat(n_channels, axis=1)
+    ends = np.array([[0], [white_of(dtype)]], dtype).repeat(n_channels, axis=1)
     black, white = to_space(ends, space).astype(np.float64)
     return (black + white) / 2, float(np.linalg.norm(white - black) / 2)
 
@@ -103,7 +103,7 @@ def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, ND
 
 def with_alpha(colors: NDArray[Any]) -> NDArray[Any]:
     """Give colors an alpha channel, opaque."""
-    return np.concatenate([colors, np.full_like(colors[:, :1], peak(colors.dtype))], axis=1)
+    return np.concatenate([colors, np.full_like(colors[:, :1], white_of(colors.dtype))], axis=1)
 
 
 def widen(colors: NDArray[Any], alpha: bool, n_seen: int, to_alpha: bool) -> NDArray[Any]:

@@ -187,6 +187,11 @@ def peak(dtype: np.dtype[Any]) -> float:
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
 
+def white_of(dtype: np.dtype[Any]) -> Any:
+    """Return white as a sample of a type: `peak`, which is a float, rounds integers of 64 bits."""
+    return dtype.type(np.iinfo(dtype).max if dtype.kind in "iu" else 1)
+
+
 def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Bring colors to an integer type or floating point in 0..1: black to black, white to white, integers rounded."""
     if colors.dtype == dtype:

@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, kinds_of
-from cvtimg.colors.spaces import peak
+from cvtimg.colors.spaces import peak, white_of
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
@@ -89,8 +89,8 @@ def quantize_file(
     Parameters
     ----------
     source : path
-        A TIFF or BigTIFF in tiles or strips, or a Zarr array in a folder that ends in .zarr: uint8, uint16 or floating
-        point, (H, W) or (H, W, C). The last band is alpha if the file says so.
+        A TIFF or BigTIFF in tiles or strips, or a Zarr array in a folder that ends in .zarr: any integer type,
+        float32 or float64, (H, W) or (H, W, C). The last band is alpha if the file says so.
     target : path
         Ends in .tif, .tiff or .zarr. Up to 256 colors of 8-bit RGB are written as an indexed TIFF; a Zarr array holds
         the image in its new colors. A TIFF keeps the color profile and the georeference.
@@ -157,7 +157,7 @@ class _Mapping:
     def __init__(self, bands: Bands, palette: NDArray[Any], space: str, may_be_indexed: bool) -> None:
         # One pixel shows how a palette and an image of unequal channels agree.
         form = bands.form
-        white = np.full((1, 1, *form.shape[2:]), peak(form.dtype), form.dtype)
+        white = np.full((1, 1, *form.shape[2:]), white_of(form.dtype), form.dtype)
         pixel = map_to_palette(white, palette, alpha=form.alpha, space=space)
         self.palette, self.alpha = palette, pixel.alpha and pixel.palette.shape[1] == np.shape(palette)[1]
         self.energy = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_edge_weight, check_excluded, check_non_negative
-from cvtimg.colors.spaces import peak, to_space
+from cvtimg.colors.spaces import to_space, white_of
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import align as align_versions
@@ -190,7 +190,7 @@ def restore(
 
 def _level(versions: Versions, space: str) -> float:
     """Return an 8-bit level in the units of the first version's color space."""
-    white = np.array([[peak(versions.dtype)]], versions.dtype)
+    white = np.array([[white_of(versions.dtype)]], versions.dtype)
     return float(to_space(white, space)[0, 0]) / 255
 
 

@@ -46,12 +46,12 @@ def segment(
 
     Labels depend on neither the type nor the scale of the image: an 8-bit image and the same image in 16 bits or in
     floating point have the same segments. Weights and prices are in squared 8-bit levels: they count as if white,
-    which is 65535 in 16 bits and 1 in floating point, were 255 in any space.
+    which is the largest integer of the type and 1 in floating point, were 255 in any space.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point, with any number of bands. Pixels that are NaN or infinite in any band, or
+        Any integer or floating point type, with any number of bands. Pixels that are NaN or infinite in any band, or
         masked in a masked array, are left out.
     n_segments : int or "auto"
         K; an image with fewer distinct colors has one segment per color. "auto" takes the elbow of `segment_curve`,

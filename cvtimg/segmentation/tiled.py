@@ -100,8 +100,8 @@ def segment_file(
     Parameters
     ----------
     source : path
-        A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: uint8, uint16 or
-        floating point, (H, W) or (H, W, C). Pixels that are NaN or infinite in any band are left out.
+        A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: any integer type,
+        float32 or float64, (H, W) or (H, W, C). Pixels that are NaN or infinite in any band are left out.
     target : path
         Ends in .tif, .tiff or .zarr. Labels start at 1, from dark to bright; 0 marks pixels that are left out. They
         have 8 bits for up to 255 segments, otherwise 16. A TIFF keeps its georeference.

@@ -58,7 +58,7 @@ def write(image: NDArray[Any], **layout: Any) -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_bands_are_the_picture(layout: dict[str, Any]) -> None:
-    for image in (PICTURE, PICTURE[..., 0], PICTURE.astype(np.uint16) * 257):
+    for image in (PICTURE, PICTURE[..., 0], PICTURE.astype(np.uint16) * 257, PICTURE.astype(np.int16) - 90):
         write(image, **layout)
         bands = list(tiles.open_bands("a.tif"))
         assert len(bands) > 2

@@ -237,10 +237,12 @@ def test_an_edge_weight_means_the_same_at_every_depth() -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.2), seed=0)
     eight = [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
     others = [[version / 255 for version in eight], [version.astype(np.uint16) * 257 for version in eight]]
+    others += [[(version // 2).astype(np.int16) * 258 for version in eight]]
     results = [restore(some, 4, masks=known, edge_weight=200) for some in (eight, *others)]
-    for result in results:
+    for result, some in zip(results, (eight, *others), strict=True):
         np.testing.assert_array_equal(result.labels, results[0].labels)
         assert result.edge_weight == 200
+        assert result.image.dtype == some[0].dtype
 
 
 def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: NDArray[Any]) -> None:

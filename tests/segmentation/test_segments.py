@@ -79,11 +79,24 @@ def test_labels_depend_neither_on_the_type_nor_on_the_scale(photograph: NDArray[
         257: picture * np.uint16(257),
         1 / 255: (picture / 255).astype(np.float32),
         1.0 / 255: picture / 255,
+        16843009: picture * np.uint32(16843009),
     }
     for scale, other in same.items():
         result = segment(other, 4, **way)
         np.testing.assert_array_equal(result.labels, expected.labels)
         np.testing.assert_allclose(result.generators, expected.generators * scale, rtol=1e-5)
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.int16, np.int32, np.int64])
+def test_signed_integers_have_the_white_of_their_type(dtype: type) -> None:
+    white = np.iinfo(dtype).max
+    picture = np.clip(np.rint(noisy_shapes(0.3, 1)[0][:60, :60] * 60 + 30), 0, 127).astype(np.int64)
+    image = (picture * (white // 127)).astype(dtype)
+    result, expected = segment(image, 2, edge_weight="auto"), segment(picture / 127, 2, edge_weight="auto")
+    np.testing.assert_array_equal(result.labels, expected.labels)
+    np.testing.assert_allclose(result.edge_weight, expected.edge_weight, rtol=0.02)
+    np.testing.assert_allclose(result.generators / white, expected.generators, rtol=0.01)
+    np.testing.assert_array_equal(segment(image - dtype(100), 2, edge_weight="auto").labels, expected.labels)
 
 
 @pytest.mark.parametrize("way", [way for way in WAYS if not {"border_price", "space"} & set(way)], ids=str)

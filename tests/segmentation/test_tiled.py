@@ -60,6 +60,7 @@ KINDS = {
     "grey": lambda photograph: photograph[..., 1],
     "rgb": lambda photograph: photograph,
     "deep": lambda photograph: photograph.astype(np.uint16) * 200,
+    "signed": lambda photograph: photograph.astype(np.int16) * 100 - 9000,
     "bands": lambda photograph: np.concatenate([photograph, photograph[..., :2][:, ::-1]], axis=2),
     "float": lambda photograph: (photograph / 255).astype(np.float32),
 }
