@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import SAMPLE_DTYPES
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 
@@ -119,6 +120,8 @@ def pack(
         if rows.dtype.kind == "u":
             center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
     scale = 1.0
+    if rows.dtype not in SAMPLE_DTYPES:  # other integers
+        rows = rows.astype(np.float64)
     if rows.dtype.kind == "f":
         size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
         scale = scale_for_float32(size)
