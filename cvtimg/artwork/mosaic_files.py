@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_non_negative
+from cvtimg._shared.checks import check_channels, check_choice, check_non_negative
 from cvtimg.artwork._mosaics import label_triangles
 from cvtimg.artwork.polygons import Polygons
 from cvtimg.artwork.svg import drawing, hexadecimal, number, numbers, write_text
@@ -79,8 +79,7 @@ class TileDrawing:
     def _eight_bits(self) -> NDArray[np.uint8]:
         """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
         n_channels = self.colors.shape[1]
-        if n_channels > 4:
-            raise ValueError(f"a mosaic of {n_channels} channels has no colors to draw")
+        check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
         colors = to_depth(self.colors, np.dtype(np.uint8))
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 

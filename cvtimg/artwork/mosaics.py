@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_colors, check_count, check_image
+from cvtimg._shared.checks import check_at_least, check_channels, check_choice, check_colors, check_count, check_image
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
 from cvtimg.artwork.starts import detail_density, place_corners
@@ -207,8 +207,8 @@ def mosaic(
     samples = samples.reshape(*samples.shape[:2], -1)
     height, width = samples.shape[:2]
     check_count("n_cells", n_cells, height * width, "the number of pixels")
-    if shape == "triangles" and n_cells < 2:
-        raise ValueError(f"n_cells={n_cells} must be >= 2: a rectangle has at least two triangles")
+    least = 2 if shape == "triangles" else 1
+    check_at_least("n_cells", n_cells, least, "because a rectangle has at least two triangles")
     bands, has_alpha = _bands(samples, space)
     ends = [
         _descended(bands, n_cells, shape, uniform, _STEPS[effort], callback or (lambda step, energy: None))
@@ -293,8 +293,7 @@ def _restricted(
         chosen = from_space(found, "rgb", colors.dtype)
     else:
         chosen = check_colors("palette", palette, colors.dtype)
-        if chosen.shape[1] != shown.shape[1]:
-            raise ValueError(f"palette has {chosen.shape[1]} channels, and the image {shown.shape[1]} without alpha")
+        check_channels("palette", chosen.shape[1], (shown.shape[1],), "as the image has without alpha")
     from scipy.spatial import cKDTree
 
     nearest = cKDTree(chosen.astype(np.float64)).query(shown.astype(np.float64))[1]

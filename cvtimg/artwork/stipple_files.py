@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg.artwork.polygons import Polygons
 from cvtimg.artwork.svg import drawing, hexadecimal, layer, number, numbers, write_text
 from cvtimg.files.text_tables import write_csv
@@ -50,8 +50,8 @@ class Paper:
     def __post_init__(self) -> None:
         check_choice("marks", self.marks, MARKS)
         for name, value in (("width", self.width), ("pen_width", self.pen_width)):
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name}={value} must be a finite number > 0, in millimeters")
+            if value is not None:
+                check_positive(name, value, "in millimeters")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_unit_range
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_in_unit_range, check_needs
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, share_dots
 from cvtimg.artwork.separations import PROCESS_COLORS, palette_coverages, process_coverages
 from cvtimg.artwork.stipples import Stipples
@@ -86,13 +86,11 @@ def stipple(
     """
     check_choice("dots", dots, DOTS)
     check_in_unit_range("white_cutoff", white_cutoff)
-    if not check_in_unit_range("max_ink", max_ink) > 0:
-        raise ValueError(f"max_ink={max_ink!r} must be > 0")
+    check_in_range("max_ink", max_ink, check_in_unit_range("max_ink", max_ink) > 0, "> 0")
     if radius_range is not None:
         _check_radii(radius_range, dots)
     if layers is not None:
-        if invert:
-            raise ValueError("invert=True needs layers=None: inks darken the paper")
+        check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
         return _in_colors(image, layers, n_dots, dots, max_ink, white_cutoff, radius_range)
     coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert)
     check_count("n_dots", n_dots, coverage.size, "the number of pixels")
@@ -143,11 +141,10 @@ def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _check_radii(radius_range: tuple[float, float], dots: str) -> None:
-    if dots != "sized":
-        raise ValueError(f'radius_range={radius_range} needs dots="sized", not {dots!r}')
+    check_needs(f"radius_range={radius_range}", True, f'dots="sized", not {dots!r}', dots == "sized")
     least, greatest = radius_range
-    if not 0 < least <= greatest < np.inf:
-        raise ValueError(f"radius_range={radius_range} must be two finite numbers > 0, the least first")
+    ordered = 0 < least <= greatest < np.inf
+    check_in_range("radius_range", radius_range, ordered, "two finite numbers > 0, the least first")
 
 
 def _together(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_image
+from cvtimg._shared.checks import check_channels, check_image, check_within
 from cvtimg.colors.spaces import peak, to_space
 
 Floats32 = NDArray[np.float32]
@@ -44,8 +44,7 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
     mask = np.ma.getmask(image)
     samples = _as_samples(image)
     n_channels = samples.shape[2]
-    if n_channels > 4:
-        raise ValueError(f"image has {n_channels} channels, and must have 1 or 3, and perhaps alpha")
+    check_channels("image", n_channels, (1, 2, 3, 4), "gray or RGB, perhaps with alpha")
     n_colors = n_channels - (n_channels in (2, 4))
     light = np.empty((*samples.shape[:2], n_colors), np.float32)
     if samples.dtype.kind == "u":
@@ -71,8 +70,8 @@ def _as_samples(image: Any) -> NDArray[Any]:
     """Return (H, W, C) samples of uint8, uint16, or floating point in 0..1."""
     plain = np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image
     samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(np.asarray(plain)))
-    if samples.dtype.kind == "f" and not (samples.min() >= 0 and samples.max() <= 1):
-        raise ValueError(f"image has floating point samples in {samples.min()}..{samples.max()}, not in 0..1")
+    if samples.dtype.kind == "f":
+        check_within("image", samples, 0, 1, ", as floating point samples")
     return samples.reshape(*samples.shape[:2], -1)
 
 
@@ -82,10 +81,8 @@ def _narrowed(array: NDArray[Any]) -> NDArray[Any]:
     if kind == "b":
         return array * np.uint8(255)
     if kind in "iu" and array.size and (kind == "i" or n_bytes > 2):
-        low, high = int(array.min()), int(array.max())
-        if not 0 <= low <= high <= 65535:
-            raise ValueError(f"image has integers in {low}..{high}, which must be in 0..65535")
-        return array.astype(np.uint8 if high <= 255 else np.uint16)
+        check_within("image", array, 0, 65535)
+        return array.astype(np.uint8 if array.max() <= 255 else np.uint16)
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_rows
+from cvtimg._shared.checks import check_rows, check_shape
 from cvtimg.artwork._tours import improve, join, walk
 
 #: Neighbors among which better connections are looked for.
@@ -44,8 +44,7 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     [0, 2, 3, 1]
     """
     places = check_rows("points", points).astype(np.float64)
-    if places.shape[1] != 2:
-        raise ValueError(f"points of shape {places.shape} must be (N, 2)")
+    check_shape("points", places.shape, places.shape[1] == 2, "(N, 2)")
     tour, near = _greedy_path(places)
     where = np.empty_like(tour)
     where[tour] = np.arange(len(tour), dtype=np.int32)

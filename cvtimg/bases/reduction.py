@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
 from cvtimg.bases.subspaces import distances, find_subspaces, principal_axes
@@ -124,8 +124,7 @@ class Basis:
             If their shape is not that of the training snapshots.
         """
         given = as_snapshots(snapshots)
-        if given.shape != self.shape:
-            raise ValueError(f"snapshots of shape {given.shape} must have shape {self.shape}, as the basis has")
+        check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
         parts = list(self._projected(given))
         return Projection(*(np.concatenate([part[at] for part in parts]) for at in range(3)))
 
@@ -267,8 +266,7 @@ def reduced_basis(
     """
     check_choice("kind", kind, KINDS)
     check_count("passes", passes, 64, "an even number")
-    if passes % 2:
-        raise ValueError(f"passes={passes} must be an even number in 2..64")
+    check_in_range("passes", passes, passes % 2 == 0, "an even number in 2..64")
     given = as_snapshots(snapshots)
     most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
     asked = min(_MOST_AUTO_MODES, most)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg.files.finding import find_images
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.frames import Frames, is_animated, read_frames
@@ -58,9 +59,9 @@ class Snapshots:
         for start in range(0, self.n_snapshots, n_rows):
             stop = min(start + n_rows, self.n_snapshots)
             block = np.asarray(self.read(start, stop), self.dtype).reshape(stop - start, self.n_dims)
-            if not np.isfinite(block).all():
-                bad = start + int(np.argmin(np.isfinite(block).all(axis=1)))
-                raise ValueError(f"snapshots must be finite: number {bad} contains NaN or infinity")
+            finite = np.isfinite(block).all(axis=1)
+            first = f"be finite: number {start + int(np.argmin(finite))} contains NaN or infinity"
+            check_that("snapshots", finite.all(), first)
             yield slice(start, stop), block
 
 
@@ -102,11 +103,9 @@ def as_snapshots(snapshots: Any) -> Snapshots:
 
 
 def _of_array(array: Any) -> Snapshots:
-    if len(array.shape) < 2 or 0 in array.shape:
-        raise ValueError(f"snapshots of shape {tuple(array.shape)} must be (N, ...) with at least one value each")
-    dtype = np.dtype(array.dtype)
-    if dtype.kind not in "biuf":
-        raise TypeError(f"snapshots of type {dtype} must be real numbers")
+    shape, dtype = tuple(array.shape), np.dtype(array.dtype)
+    check_shape("snapshots", shape, len(shape) >= 2 and 0 not in shape, "(N, ...) with at least one value each")
+    check_numbers("snapshots", dtype)
     # float32 holds 8-bit and 16-bit images exactly, and lets a file of them pass at half the cost.
     single = dtype.itemsize <= 2 or dtype == np.float32
     return Snapshots(

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import SAMPLE_DTYPES
+from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import from_space, peak, to_space, white_of
 
@@ -32,8 +32,7 @@ def kinds_of(colors: NDArray[Any], alpha: bool) -> NDArray[np.uint8]:
     if not alpha:
         return np.full(len(colors), OPAQUE, np.uint8)
     values, white = colors[:, -1], peak(colors.dtype)
-    if values.size and not (values.min() >= 0 and values.max() <= white):
-        raise ValueError(f"alpha in {values.min()}..{values.max()} must be in 0..{white:g} for {colors.dtype}")
+    check_within("alpha", values, 0, white, f" for {colors.dtype}")
     return np.where(values == 0, CLEAR, np.where(values == white, OPAQUE, PARTLY)).astype(np.uint8)
 
 
@@ -90,8 +89,8 @@ def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, ND
     n_colors = n_channels - samples.alpha
     if given == n_channels:
         return samples, colors
-    if given > 4 or n_colors not in (1, 3):
-        raise ValueError(f"colors of {given} channels must have {n_channels}, as the image has")
+    allowed = range(1, 5) if n_colors in (1, 3) else (n_channels,)
+    check_channels("palette", given, allowed, f"for an image of {n_channels}")
     alpha = has_alpha(given)
     if alpha and not samples.alpha and (kinds_of(colors, alpha) == OPAQUE).all():
         colors, alpha = colors[:, :-1], False

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_channels, check_choice, check_within
 
 _Floats = NDArray[np.float64]
 
@@ -147,9 +147,8 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
         return colors
     _check_channels(colors.shape[1], space)
     unit = colors / peak(colors.dtype)
-    if colors.dtype.kind in "if" and colors.size and not (unit.min() >= 0 and unit.max() <= 1):
-        allowed = f"{colors.dtype} samples in 0..{peak(colors.dtype):g}"
-        raise ValueError(f"space={space!r} needs {allowed}, not in {colors.min()}..{colors.max()}")
+    if colors.dtype.kind in "if":
+        check_within(f"{colors.dtype} samples", colors, 0, peak(colors.dtype), f" for space={space!r}")
     places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
 
@@ -197,8 +196,8 @@ def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     if colors.dtype == dtype:
         return colors
     white = peak(colors.dtype)
-    if colors.dtype.kind in "if" and not (colors.min() >= 0 and colors.max() <= white):
-        raise ValueError(f"samples in {colors.min()}..{colors.max()} must be in 0..{white:g} to become {dtype}")
+    if colors.dtype.kind in "if":
+        check_within("samples", colors, 0, white, f" to become {dtype}")
     wide = max((one.itemsize for one in (colors.dtype, dtype) if one.kind in "iu"), default=0) > 2
     working = np.float64 if wide else colors.dtype if colors.dtype.kind == "f" else np.float32
     unit: NDArray[Any] = colors / np.asarray(white, working)
@@ -219,5 +218,4 @@ def _rounded(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _check_channels(n_channels: int, space: str) -> None:
-    if n_channels not in (1, 3):
-        raise ValueError(f"space={space!r} needs colors of 1 or 3 channels, not {n_channels}")
+    check_channels("an image", n_channels, (1, 3), f"for space={space!r}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_shape, check_that
 from cvtimg.designs._unit import check_unit_points
 from cvtimg.designs.discrepancy import star_discrepancy
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, Cells, exact_cells
@@ -117,13 +118,10 @@ def _moments(cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _nearest_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
     from scipy.spatial import cKDTree
 
-    if len(points) < 2:
-        raise ValueError(f"points of shape {points.shape} must be at least two")
+    check_shape("points", points.shape, len(points) >= 2, "at least two")
     inside = points % 1.0 if periodic else points
     distances: NDArray[np.float64] = cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1]
-    if distances.min() == 0:
-        first = int(np.argmin(distances))
-        raise ValueError(
-            f"points must differ from each other: number {first}, {points[first].tolist()}, is there twice"
-        )
+    first = int(np.argmin(distances))
+    twice = f"differ from each other: number {first}, {points[first].tolist()}, is there twice"
+    check_that("points", distances[first] > 0, twice)
     return distances

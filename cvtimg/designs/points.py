@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count
+from cvtimg._shared.checks import (
+    check_alone,
+    check_choice,
+    check_count,
+    check_density,
+    check_in_range,
+    check_returned,
+    check_shape,
+    check_that,
+)
 from cvtimg.designs.descent import Cube, place, place_latin
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
 from cvtimg.designs.measures import PointMeasures, point_measures
@@ -86,8 +95,7 @@ class Design:
         suffix = check_choice("suffix", Path(path).suffix.lower(), SUFFIXES)
         n_dims = self.points.shape[1]
         header = names or [f"x{axis + 1}" for axis in range(n_dims)]
-        if len(header) != n_dims:
-            raise ValueError(f"names={header} must be {n_dims}, one for each axis")
+        check_in_range("names", header, len(header) == n_dims, f"{n_dims}, one for each axis")
         if suffix == ".csv":
             write_csv(path, header, self.points.tolist(), overwrite=overwrite)
             return
@@ -206,16 +214,15 @@ def _checked(
     check_choice("effort", effort, EFFORTS)
     low, high = _checked_bounds(bounds)
     everywhere = density is None and feasible is None
-    if latin and not everywhere:
-        raise ValueError("latin=True must not be given with density or feasible: then slices cannot all have a point")
-    if periodic and not everywhere:
-        raise ValueError("periodic=True must not be given with density or feasible")
+    if not everywhere:
+        given = [name for name, value in (("latin=True", latin), ("periodic=True", periodic)) if value]
+        check_alone("density or feasible", given)
     old = _checked_existing(existing, low, high)
     asked = _SAMPLES_PER_POINT[effort] * (n_points + len(old))
     samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), rng)
     samples, weights = _weighted(samples, low, high, density, feasible)
-    if len(samples) < n_points + len(old):
-        raise ValueError(f"feasible holds for {len(samples)} of the samples of the box; {n_points} points need more")
+    enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"
+    check_that("feasible", len(samples) >= n_points + len(old), enough)
     worth_it = periodic or effort == "best"
     exact = everywhere and len(low) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
     cube = Cube(samples, weights, periodic, exact)
@@ -227,10 +234,10 @@ def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
         n_dims = check_count("bounds", int(bounds), _MAX_DIMS, "the most dimensions")
         return np.zeros(n_dims), np.ones(n_dims)
     array = np.asarray(bounds, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 2 or not 1 <= len(array) <= _MAX_DIMS:
-        raise ValueError(f"bounds of shape {array.shape} must be (d, 2), d in 1..{_MAX_DIMS}")
-    if not np.isfinite(array).all() or not (array[:, 0] < array[:, 1]).all():
-        raise ValueError(f"bounds={array.tolist()} must be finite, the first of each axis below the second")
+    fits = array.ndim == 2 and array.shape[1] == 2 and 1 <= len(array) <= _MAX_DIMS
+    check_shape("bounds", array.shape, fits, f"(d, 2), d in 1..{_MAX_DIMS}")
+    ordered = np.isfinite(array).all() and (array[:, 0] < array[:, 1]).all()
+    check_in_range("bounds", array.tolist(), ordered, "finite, the first of each axis below the second")
     return array[:, 0].copy(), array[:, 1].copy()
 
 
@@ -240,11 +247,10 @@ def _checked_existing(existing: ArrayLike | None, low: _Floats, high: _Floats) -
     array = (
         np.asarray(existing, dtype=np.float64).reshape(-1, len(low)) if np.size(existing) == 0 else np.asarray(existing)
     )
-    if array.ndim != 2 or array.shape[1] != len(low):
-        raise ValueError(f"existing of shape {array.shape} must be (L, {len(low)}), a row for each point")
+    fits = array.ndim == 2 and array.shape[1] == len(low)
+    check_shape("existing", array.shape, fits, f"(L, {len(low)}), a row for each point")
     unit: _Floats = (array - low) / (high - low)
-    if not ((unit >= 0) & (unit <= 1)).all():
-        raise ValueError("existing must be finite and lie within the bounds")
+    check_that("existing", ((unit >= 0) & (unit <= 1)).all(), "be finite and lie within the bounds")
     return unit
 
 
@@ -255,14 +261,11 @@ def _weighted(
     weights = None
     if feasible is not None:
         allowed = np.asarray(feasible(low + samples * (high - low)))
-        if allowed.shape != (len(samples),):
-            raise ValueError(f"feasible gave an array of shape {allowed.shape} for {len(samples)} points, not one each")
+        check_returned("feasible", allowed, len(samples))
         samples = samples[allowed.astype(bool)]
     if density is not None and len(samples):
         weights = np.asarray(density(low + samples * (high - low)), dtype=np.float64)
-        if weights.shape != (len(samples),):
-            raise ValueError(f"density gave an array of shape {weights.shape} for {len(samples)} points, not one each")
-        if not (np.isfinite(weights).all() and weights.min() >= 0 and weights.any()):
-            raise ValueError("density must be finite and >= 0, and not 0 everywhere")
+        check_returned("density", weights, len(samples))
+        check_density(weights, len(samples))
         samples, weights = samples[weights > 0], weights[weights > 0]
     return samples, weights

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_needs
 from cvtimg.colors import fidelity
 
 _Floats = NDArray[np.float64]
@@ -38,9 +39,9 @@ class Scale:
 
     def psnr(self, energies: _Floats) -> _Floats:
         """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""
-        if self.peak is None:
-            raise ValueError("rule='psnr' needs colors in the space rgb: other samples have no peak")
-        ratios: _Floats = fidelity.psnr(energies / self.n_values, self.peak)
+        peak = self.peak or np.nan
+        check_needs("rule='psnr'", True, "colors in the space rgb: other samples have no peak", self.peak is not None)
+        ratios: _Floats = fidelity.psnr(energies / self.n_values, peak)
         return ratios
 
     def floor(self, energies: _Floats) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_labels
+from cvtimg._shared.checks import check_choice, check_labels, check_within
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.formats.numbers import shortest
@@ -57,8 +57,8 @@ def write_labels(
     numbers = check_labels("labels", labels)
     suffix = check_choice("suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     n_bytes = next(size for size in (1, 2, 4) if numbers.max() < 256**size)
-    if suffix == ".png" and n_bytes == 4:
-        raise ValueError(f"{path}: has labels up to {numbers.max()}, and .png holds 65535; use .tif or .npy")
+    if suffix == ".png":
+        check_within("labels", numbers, 0, 65535, ", which .png holds; use .tif or .npy")
     stored = numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}")
     palette = label_colors(int(numbers.max())) if suffix == ".png" and n_bytes == 1 else None
     write_image(path, stored, palette=palette, metadata=metadata, overwrite=overwrite)

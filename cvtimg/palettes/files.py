@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_density
+from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg.colors.spaces import peak
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.palettes.swatches import Swatches
@@ -158,15 +158,12 @@ def write_palette(
 def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
     """Convert any palette to (K, 3) or (K, 4) uint8."""
     rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
-    if rows.ndim != 2 or len(rows) == 0 or rows.shape[1] not in (1, 3, 4):
-        raise ValueError(f"palette of shape {palette.shape} must be (K,), (K, 1), (K, 3) or (K, 4) with K >= 1")
+    fits = rows.ndim == 2 and len(rows) > 0 and rows.shape[1] in (1, 3, 4)
+    check_shape("palette", palette.shape, fits, "(K,), (K, 1), (K, 3) or (K, 4) with K >= 1")
     # NumPy's default integers say nothing about white: they hold 8-bit colors as often as others.
     if rows.dtype.kind not in "iuf" or (rows.dtype.kind in "iu" and rows.dtype.itemsize == 8):
-        raise TypeError(
-            f"palette of type {rows.dtype} must be uint8, other integers of up to 32 bits, or floating point"
-        )
-    if not ((rows >= 0) & (rows <= peak(rows.dtype))).all():  # NaN fails too
-        raise ValueError(f"palette of type {rows.dtype} must be in 0..{peak(rows.dtype):g} to be written with 8 bits")
+        refuse_type("palette", rows.dtype, "uint8, other integers of up to 32 bits, or floating point")
+    check_within(f"palette of type {rows.dtype}", rows, 0, peak(rows.dtype), " to be written with 8 bits")
     if rows.dtype != np.uint8:
         rows = np.rint(rows * (255 / peak(rows.dtype)))
     return np.ascontiguousarray(np.repeat(rows, 3, axis=1) if rows.shape[1] == 1 else rows, np.uint8)

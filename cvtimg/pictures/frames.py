@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageFile
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_in_range, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
@@ -47,16 +47,13 @@ class Frames:
     plays: int
 
     def __post_init__(self) -> None:
-        if not self.images or len(self.images) != len(self.durations):
-            counts = f"{len(self.images)} images and {len(self.durations)} durations"
-            raise ValueError(f"{counts} must be equally many, at least one")
+        counts = f"{len(self.images)} images and {len(self.durations)} durations"
+        check_that(counts, 0 < len(self.images) == len(self.durations), "be equally many, at least one")
         shapes = {image.shape for image in self.images}
-        if len(shapes) > 1:
-            raise ValueError(f"images of shapes {sorted(shapes)} must have the same shape")
-        if not all(0 <= duration < math.inf for duration in self.durations):
-            raise ValueError(f"durations {self.durations} must be finite milliseconds >= 0")
-        if self.plays < 0:
-            raise ValueError(f"plays={self.plays} must be >= 0")
+        check_that(f"images of shapes {sorted(shapes)}", len(shapes) == 1, "have the same shape")
+        finite = all(0 <= duration < math.inf for duration in self.durations)
+        check_in_range("durations", self.durations, finite, "finite milliseconds >= 0")
+        check_in_range("plays", self.plays, self.plays >= 0, ">= 0")
         for image in self.images:
             image.flags.writeable = False
 
@@ -201,16 +198,16 @@ def _cels(
 ) -> list[Cel]:
     """Check images and palettes, and pair each frame with its palette."""
     if palettes is None:
-        if any(image.dtype != np.uint8 or image.shape[2:] not in ((), (3,), (4,)) for image in images):
-            raise ValueError("images without palettes must be (H, W), (H, W, 3) or (H, W, 4) uint8")
+        eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in images)
+        check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")
         return [Cel(image, None) for image in images]
     each = [palettes] if isinstance(palettes, np.ndarray) else list(palettes)
     shared = isinstance(palettes, np.ndarray)
     each = _alike_palettes(each)
     if shared:
         each *= len(images)  # the same object, which tells a writer that it is shared
-    if len(each) != len(images):
-        raise ValueError(f"{len(each)} palettes must be one for each of the {len(images)} frames, or one array")
+    one_each = f"be one for each of the {len(images)} frames, or one array"
+    check_that(f"{len(each)} palettes", len(each) == len(images), one_each)
     for image, palette in zip(images, each, strict=True):
         check_indexed(image, palette)
     if indexed_png and not shared:  # a PNG holds only one palette

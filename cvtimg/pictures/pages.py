@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.encoding import check_indexed
@@ -55,15 +55,14 @@ class Pages:
     has_alpha: bool = False
 
     def __post_init__(self) -> None:
-        if not self.images:
-            raise ValueError("images must contain at least one page")
+        check_that("images", len(self.images) > 0, "contain at least one page")
         forms = {(image.shape, image.dtype) for image in self.images}
-        if len(forms) > 1:
-            raise ValueError(f"images of shapes {sorted(shape for shape, _ in forms)} must have one shape and type")
+        shapes = sorted(shape for shape, _ in forms)
+        check_that(f"images of shapes {shapes}", len(forms) == 1, "have one shape and type")
         if not self.shape:
             object.__setattr__(self, "shape", (len(self.images),))
-        if len(self.shape) != len(self.axes) or math.prod(self.shape) != len(self.images):
-            raise ValueError(f"axes={self.axes!r} of shape {self.shape} must hold {len(self.images)} images")
+        fits = len(self.shape) == len(self.axes) and math.prod(self.shape) == len(self.images)
+        check_that(f"axes={self.axes!r} of shape {self.shape}", fits, f"hold {len(self.images)} images")
         for image in self.images:
             image.flags.writeable = False
 

@@ -9,7 +9,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alone
+from cvtimg._shared.checks import check_alone, check_given
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
@@ -133,9 +133,8 @@ def quantize_frames(
         check_alone("palette", [name for name, value in others.items() if value is not None])
         given = np.array(palette)
         found = [Palette(given, None, given.shape[1:] == (4,))]
-    elif n_colors is None:
-        raise TypeError("n_colors or palette must be given")
     else:
+        n_colors = check_given("n_colors or palette", n_colors)
         found = [find_palette(whole, n_colors, space=space, locked=locked, **engine) for whole in wholes]
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0

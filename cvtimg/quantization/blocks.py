@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_image_shape
 from cvtimg._shared.pixels import with_mark
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
@@ -71,8 +72,7 @@ def quantize_blocks(
     import dask.array
     from dask.delayed import delayed
 
-    if image.ndim not in (2, 3) or 0 in image.shape:
-        raise ValueError(f"image of shape {image.shape} must be (H, W) or (H, W, C), none of them 0")
+    check_image_shape("image", image.shape)
     whole: Any = image
     if image.ndim == 3:
         whole = whole.rechunk({2: -1})

@@ -10,7 +10,15 @@ from typing import Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alone, check_alpha, check_count, check_keywords, check_non_negative
+from cvtimg._shared.checks import (
+    check_alone,
+    check_alpha,
+    check_count,
+    check_given,
+    check_keywords,
+    check_non_negative,
+    refuse,
+)
 from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
@@ -113,20 +121,19 @@ def quantize(
         check_alone("palette", [name for name, value in others.items() if value is not None])
         return source.mapped(palette)
     if psnr is None:
-        if n_colors is None:
-            raise TypeError("n_colors, psnr or palette must be given")
-        if n_colors == "auto":
-            n_colors, curve = source.elbow(engine)
-            return source.quantized(n_colors, engine, curve)
-        return source.quantized(n_colors, engine)
+        wanted: int | Literal["auto"] = check_given("n_colors, psnr or palette", n_colors)
+        if wanted == "auto":
+            at_elbow, curve = source.elbow(engine)
+            return source.quantized(at_elbow, engine, curve)
+        return source.quantized(wanted, engine)
     quality = check_non_negative("psnr", psnr)
     if n_colors == "auto":
-        raise ValueError("n_colors='auto' and psnr exclude each other")
+        refuse("n_colors", n_colors, "a number with psnr")
     most = MAX_COLORS if n_colors is None else n_colors
     results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
     if True not in results:
         best = results[False]
-        raise ValueError(f"psnr={psnr} is not reached by {len(best.palette)} colors, only {best.psnr:.2f} dB")
+        refuse("psnr", psnr, f"at most {best.psnr:.2f} dB, which {len(best.palette)} colors reach")
     return results[True]
 
 
@@ -189,9 +196,7 @@ def quantize_to_size(
     results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
     if False not in results:
         fewest = results[True]
-        raise ValueError(
-            f"max_bytes={max_bytes} must be at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}"
-        )
+        refuse("max_bytes", max_bytes, f"at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}")
     found = results[False]
     if len(found.palette) == 1 < found.n_distinct:
         warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=2)

@@ -8,7 +8,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_colors, check_count, check_keywords
+from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -161,8 +161,7 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
 def check_room(n_colors: int, least: int) -> None:
     """Refuse a size beyond the largest palette, or below the number of colors that must be in it."""
     check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
-    if n_colors < least:
-        raise ValueError(f"n_colors={n_colors} must be at least {least}: locked colors, opaque and transparent pixels")
+    check_at_least("n_colors", n_colors, least, "for locked colors, opaque and transparent pixels")
 
 
 def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_colors
+from cvtimg._shared.checks import check_at_most, check_choice, check_colors
 from cvtimg._shared.pixels import array_of, with_mark
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
@@ -214,8 +214,7 @@ def map_samples(
     kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]
     if (kinds[0] == CLEAR).any() and not (kinds[1] == CLEAR).any():
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
-    if len(colors) > MAX_COLORS:
-        raise ValueError(f"palette has {len(colors)} colors and must have at most {MAX_COLORS}")
+    check_at_most("palette", len(colors), MAX_COLORS, "colors")
     dtype = np.uint8 if len(colors) <= 256 else np.uint16
     if dither is None:
         labels, energy = _map(samples, colors, space)

@@ -10,6 +10,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.checks import refuse
 from cvtimg._shared.pixels import says_alpha
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.colors.places import widen_samples, without_idle_alpha
@@ -66,7 +67,7 @@ def shared_palette(
     """
     samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
     if samples is None:
-        raise ValueError("pictures must be at least one")
+        refuse("pictures", [], "at least one")
     return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
 
 

@@ -11,7 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_colors
+from cvtimg._shared.checks import check_choice, check_colors, check_one_of
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, kinds_of
@@ -125,8 +125,7 @@ def quantize_file(
     ([[[11, 12, 200], [11, 202, 201], [11, 12, 200]]], 2.0)
     """
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
-    if (n_colors is None) == (palette is None):
-        raise TypeError("either n_colors or palette must be given")
+    check_one_of(n_colors=n_colors, palette=palette)
     bands = open_bands(source)
     counter = Counter(alpha=bands.form.alpha)
     for band in bands:

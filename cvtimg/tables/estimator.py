@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count
+from cvtimg._shared.checks import check_count, check_shape, check_that
 from cvtimg.engine.points import assign, cell_energies, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -268,8 +268,6 @@ def _weights(sample_weight: ArrayLike | None, n_samples: int) -> NDArray[np.floa
     weights: NDArray[np.float64] = check_array(
         sample_weight, ensure_2d=False, dtype=np.float64, input_name="sample_weight"
     )
-    if weights.shape != (n_samples,):
-        raise ValueError(f"sample_weight of shape {weights.shape} must be ({n_samples},), one weight for each sample")
-    if not (weights.min() >= 0 and weights.any()):
-        raise ValueError("sample_weight must be >= 0, and not zero for all samples")
+    check_shape("sample_weight", weights.shape, weights.shape == (n_samples,), f"({n_samples},), one per sample")
+    check_that("sample_weight", weights.min() >= 0 and weights.any(), "be >= 0, and not zero for all samples")
     return weights

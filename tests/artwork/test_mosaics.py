@@ -126,9 +126,9 @@ def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ({"n_cells": 0}, "n_cells=0 must be in 1..4"),
         ({"n_cells": 5}, "n_cells=5 must be in 1..4"),
-        ({"n_cells": 1, "shape": "triangles"}, "n_cells=1 must be >= 2"),
+        ({"n_cells": 1, "shape": "triangles"}, "n_cells=1 must be an integer >= 2"),
         ({"n_cells": 1, "shape": "squares"}, "shape='squares' must be one of cells, triangles"),
-        ({"n_cells": 2, "palette": [[1, 2, 3]]}, "palette has 3 channels"),
+        ({"n_cells": 2, "palette": [[1, 2, 3]]}, "palette of 3 channels must have 1"),
     ],
 )
 def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:

@@ -73,10 +73,10 @@ def test_the_image_is_left_as_it_was() -> None:
 @pytest.mark.parametrize(
     ("image", "message"),
     [
-        (np.array([[2.0]]), "not in 0..1"),
+        (np.array([[2.0]]), "must be in 0..1"),
         (np.array([[-5]]), "must be in 0..65535"),
         (np.array([[np.nan]]), "must be finite"),
-        (np.zeros((2, 2, 5), np.uint8), "has 5 channels"),
+        (np.zeros((2, 2, 5), np.uint8), "of 5 channels must have 1, 2, 3 or 4"),
         (np.zeros((0, 2)), "none of them 0"),
     ],
 )

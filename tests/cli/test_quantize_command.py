@@ -113,7 +113,7 @@ def test_a_size_that_leaves_one_color_is_warned_of(
 
 def test_targets_out_of_reach_are_named(run: Run, picture: NDArray[Any]) -> None:
     assert "max_bytes=9 must be at least" in run("in.png", "--max-bytes", "9")["error"]
-    assert "psnr=70.0 is not reached by 8 colors" in run("in.png", "--psnr", "70", "-k", "8")["error"]
+    assert "psnr=70.0 must be at most" in run("in.png", "--psnr", "70", "-k", "8")["error"]
     assert not Path("out.png").exists()
 
 

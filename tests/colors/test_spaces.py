@@ -83,9 +83,9 @@ def test_depths_agree_and_integers_are_rounded() -> None:
 def test_bad_spaces_and_colors_are_refused() -> None:
     with pytest.raises(ValueError, match="space='hsv' must be one of rgb, linear, lab, oklab"):
         to_space(CUBE, "hsv")
-    with pytest.raises(ValueError, match="space='lab' needs colors of 1 or 3 channels, not 5"):
+    with pytest.raises(ValueError, match="an image of 5 channels must have 1 or 3, for space='lab'"):
         to_space(np.zeros((4, 5)), "lab")
-    with pytest.raises(ValueError, match=r"needs float64 samples in 0\.\.1"):
+    with pytest.raises(ValueError, match=r"float64 samples in .* must be in 0\.\.1 for space"):
         to_space(np.array([[0.5, 2.0, 0]]), "linear")
 
 

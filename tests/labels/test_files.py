@@ -93,7 +93,7 @@ def test_labels_in_a_png_can_be_seen_apart(tmp_path: Path) -> None:
 
 
 def test_labels_that_a_file_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"labels up to 65536, and \.png holds 65535; use \.tif or \.npy"):
+    with pytest.raises(ValueError, match=r"must be in 0\.\.65535, which \.png holds; use \.tif or \.npy"):
         write_labels(tmp_path / "a.png", [[65536]])
     with pytest.raises(ValueError, match=r"suffix='\.jpg' must be one of \.png, \.tif, \.tiff, \.npy"):
         write_labels(tmp_path / "a.jpg", [[1]])

@@ -70,7 +70,7 @@ def test_grey_stays_grey_unless_a_locked_color_is_none(photograph: NDArray[Any])
         ([[1, 2, -3]], "locked must be whole numbers"),
         ([[1, 2, 3.5]], "locked must be whole numbers"),
         ([[1, 2, np.nan]], "locked must be whole numbers"),
-        (np.zeros((2, 5)), "colors of 5 channels must have 3"),
+        (np.zeros((2, 5)), "palette of 5 channels must have"),
         (np.zeros((0, 3)), r"locked of shape \(0, 3\)"),
         ([["a"]], "locked of shape"),
     ],

@@ -64,7 +64,7 @@ def test_grey_takes_the_fewest_levels_of_all(photograph: NDArray[Any]) -> None:
 
 
 def test_a_quality_out_of_reach_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=r"psnr=60 is not reached by 16 colors, only \d\d\.\d\d dB"):
+    with pytest.raises(ValueError, match=r"psnr=60 must be at most \d\d\.\d\d dB, which 16 colors reach"):
         quantize(photograph[::4, ::4], 16, psnr=60)
 
 
@@ -108,5 +108,5 @@ def test_a_size_that_leaves_one_color_is_warned_of(photograph: NDArray[Any]) -> 
 
 
 def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match="n_colors=2 must be at least 3: locked colors"):
+    with pytest.raises(ValueError, match="n_colors=2 must be an integer >= 3, for locked colors"):
         quantize(photograph, 2, psnr=30, locked=[[1, 2, 3], [4, 5, 6], [7, 8, 9]])

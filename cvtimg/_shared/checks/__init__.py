@@ -20,6 +20,7 @@ from cvtimg._shared.checks.images import (
 )
 from cvtimg._shared.checks.tables import (
     SAMPLE_DTYPES,
+    check_channels,
     check_density,
     check_fewer,
     check_finite,
@@ -66,6 +67,7 @@ __all__ = [
     "check_alpha",
     "check_at_least",
     "check_at_most",
+    "check_channels",
     "check_choice",
     "check_colors",
     "check_count",

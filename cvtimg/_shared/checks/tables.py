@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,14 @@ def check_shape(name: str, shape: tuple[int, ...], is_allowed: bool, allowed: st
         raise ValueError(f"{name} of shape {tuple(shape)} must be {allowed}")
 
 
+def check_channels(name: str, n_channels: int, allowed: Collection[int], reason: str) -> None:
+    """Refuse a number of channels that is not allowed; `reason` says where that comes from."""
+    if n_channels not in allowed:
+        numbers = [str(number) for number in allowed]
+        several = " or ".join([*([", ".join(numbers[:-1])] if numbers[1:] else []), numbers[-1]])
+        raise ValueError(f"{name} of {n_channels} channels must have {several}, {reason}")
+
+
 def check_numbers(name: str, dtype: np.dtype[Any]) -> None:
     """Refuse an array that is not of real numbers."""
     if dtype.kind not in "biuf":
@@ -34,7 +43,8 @@ def check_finite(name: str, array: NDArray[Any]) -> None:
 def check_within(name: str, array: NDArray[Any], low: float, high: float, reason: str = "") -> None:
     """Refuse an array with numbers that are not in low..high; `reason` says what sets these limits."""
     if array.size and not (array.min() >= low and array.max() <= high):  # NaN fails too
-        raise ValueError(f"{name} in {array.min():g}..{array.max():g} must be in {low:g}..{high:g}{reason}")
+        least, most = (f"{end:g}" if array.dtype.kind == "f" else f"{end}" for end in (array.min(), array.max()))
+        raise ValueError(f"{name} in {least}..{most} must be in {low:.15g}..{high:.15g}{reason}")
 
 
 def check_fewer(name: str, n_rows: int, n_generators: int) -> None:

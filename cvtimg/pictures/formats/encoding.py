@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
@@ -136,10 +137,7 @@ def encoder(
     optimize: bool,
 ) -> Callable[[BinaryIO], None]:
     """Check that an image fits a format, and return the function that writes it to a file."""
-    suffix = suffix.lower()
-    if suffix not in _FORMATS:
-        raise ValueError(f"suffix {suffix!r} must be one of {', '.join(_FORMATS)}")
-    form = _FORMATS[suffix]
+    form = _FORMATS[check_choice("suffix", suffix := suffix.lower(), _FORMATS)]
     if palette is not None and not form.lossless:
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
@@ -197,11 +195,9 @@ def _direct(image: NDArray[Any], alpha: bool) -> Image.Image | _Samples:
     """Check an array, and return it as a Pillow image if there is a matching mode."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
-    if image.ndim not in (2, 3) or not (numbers or (image.dtype == bool and image.ndim == 2)) or image.size == 0:
-        raise ValueError(
-            f"image with shape={image.shape} and dtype={image.dtype} must be (H, W) or (H, W, C) integers, float32 "
-            "or float64, or (H, W) bool, and have pixels"
-        )
+    fits = image.ndim in (2, 3) and (numbers or (image.dtype == bool and image.ndim == 2)) and image.size > 0
+    allowed = "be (H, W) or (H, W, C) integers, float32 or float64, or (H, W) bool, and have pixels"
+    check_that(f"image of shape {image.shape} and type {image.dtype}", fits, allowed)
     values = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
     samples = _Samples(values, alpha)
     return samples if _mode(samples) in (*_DEEP, _OTHER) else Image.fromarray(values)
@@ -242,16 +238,10 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
 
 def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
     """Check that a palette fits a file, and that all indices are in its range."""
-    shape = palette.shape
-    if palette.dtype != np.uint8 or palette.ndim != 2 or shape[1] not in (3, 4):
-        raise ValueError(f"palette with shape={shape} and dtype={palette.dtype} must be (K, 3) or (K, 4) uint8")
-    if not 1 <= len(palette) <= 256:
-        raise ValueError(f"palette with {len(palette)} colors must have 1..256")
-    if indices.ndim != 2 or indices.dtype.kind not in "iu" or indices.size == 0:
-        raise ValueError(
-            f"image with shape={indices.shape} and dtype={indices.dtype} must be (H, W) integer "
-            "indices into the palette, and have pixels"
-        )
-    low, high = indices.min(), indices.max()
-    if low < 0 or high >= len(palette):
-        raise ValueError(f"indices {low}..{high} must be in 0..{len(palette) - 1}, the palette")
+    fits = palette.dtype == np.uint8 and palette.ndim == 2 and palette.shape[1] in (3, 4)
+    given = f"palette of shape {palette.shape} and type {palette.dtype}"
+    check_that(given, fits and 1 <= len(palette) <= 256, "be (K, 3) or (K, 4) uint8, K in 1..256")
+    fits = indices.ndim == 2 and indices.dtype.kind in "iu" and indices.size > 0
+    given = f"image of shape {indices.shape} and type {indices.dtype}"
+    check_that(given, fits, "be (H, W) integer indices into the palette, and have pixels")
+    check_within("indices", indices, 0, len(palette) - 1, ", the palette")

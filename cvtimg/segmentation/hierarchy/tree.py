@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_non_negative
+from cvtimg._shared.checks import check_alone, check_at_least, check_choice, check_count, check_non_negative
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.whole import StrPath, whole_file
@@ -347,12 +347,9 @@ class RegionHierarchy:
         if n_regions is None:
             least = check_count("min_regions", min_regions, self.n_leaves, "the number of leaves")
             return max(self.n_regions(DEFAULT_THRESHOLD if threshold is None else threshold), least)
-        if threshold is not None:
-            raise ValueError("n_regions must not be given with threshold")
+        check_alone("n_regions", ["threshold"] if threshold is not None else [])
         check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
-        if n_regions < self.n_parts:
-            raise ValueError(f"n_regions={n_regions} must be at least {self.n_parts}, the parts that the mask leaves")
-        return n_regions
+        return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
 
     def _cut(self, n_regions: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
