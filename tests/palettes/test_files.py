@@ -376,7 +376,7 @@ def test_16_bits_go_to_the_nearest_of_8(tmp_path: Path, offset: int) -> None:
         (np.zeros((0, 3), np.uint8), ValueError, r"palette of shape \(0, 3\) must be .*K >= 1"),
         (np.zeros((4, 2), np.uint8), ValueError, r"palette of shape \(4, 2\) must be \(K,\), \(K, 1\)"),
         (np.zeros((4, 3), np.int64), TypeError, "palette of type int64 must be uint8"),
-        (np.array([[0.0, 1.5, 0.0]]), ValueError, r"palette in 0\.\.1\.5 must be in 0\.\.1"),
+        (np.array([[0.0, 1.5, 0.0]]), ValueError, r"palette of type float64 in 0\.\.1\.5 must be in 0\.\.1"),
         (np.array([[0.0, np.nan, 0.0]]), ValueError, r"must be in 0\.\.1"),
     ],
 )

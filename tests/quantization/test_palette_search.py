@@ -40,7 +40,7 @@ def test_locked_colors_leave_the_others_where_they_are_best(photograph: NDArray[
 def test_all_colors_can_be_locked(photograph: NDArray[Any]) -> None:
     result = quantize(photograph, 2, locked=LOCKED)
     assert rows(result.palette) == rows(LOCKED)
-    with pytest.raises(ValueError, match="n_colors=1 must be at least 2: locked colors"):
+    with pytest.raises(ValueError, match="n_colors=1 must be an integer >= 2, for locked colors"):
         quantize(photograph, 1, locked=LOCKED)
 
 

@@ -120,7 +120,7 @@ def test_parts_that_a_mask_keeps_apart_never_merge() -> None:
     assert hierarchy.cut(2)[0, ::10].tolist() == [1, 1, 0, 2, 2, 2]
     assert hierarchy.tree[-1, 2] == np.inf
     assert hierarchy.contour_map()[:, 15:40].any()
-    with pytest.raises(ValueError, match="n_regions=1 must be at least 2"):
+    with pytest.raises(ValueError, match="n_regions=1 must be an integer >= 2"):
         hierarchy.cut(1)
     np.testing.assert_array_equal(hierarchy.cut(threshold=99), hierarchy.cut(2))
 
