@@ -76,7 +76,7 @@ def test_depths_agree_and_integers_are_rounded() -> None:
         unit = to_depth(colors, np.dtype(np.float64))
         assert (unit.min(), unit.max()) == (0, 1)
         np.testing.assert_array_equal(to_depth(unit, colors.dtype), colors)
-    with pytest.raises(ValueError, match=r"samples in 0\.0\.\.2\.0 must be in 0\.\.1 to become uint8"):
+    with pytest.raises(ValueError, match=r"samples in 0\.\.2 must be in 0\.\.1 to become uint8"):
         to_depth(np.array([[0.0, 2.0]]), np.dtype(np.uint8))
 
 
