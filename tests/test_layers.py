@@ -38,6 +38,17 @@ FACES = {
     for alias in node.names
 }
 
+#: Modules that raise errors about the contents of files, or about options that an input cannot follow.
+ABOUT_FILES = (
+    "bases.snapshots",
+    "cli.",
+    "palettes.formats.",
+    "pictures.formats.",
+    "segmentation.hierarchy.tree",
+    "tables.columns",
+    "tables.files",
+)
+
 
 def imported(path: Path) -> set[str]:
     """Return the modules of cvtimg that a file imports, at its top or in a function."""
@@ -73,6 +84,15 @@ def test_modules_do_not_import_each_other_in_circles() -> None:
 @pytest.mark.parametrize("name", sorted(MODULES))
 def test_no_module_is_too_long(name: str) -> None:
     assert len(MODULES[name].read_text().splitlines()) <= 440
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_arguments_are_checked_in_one_package(name: str) -> None:
+    if name.startswith(("_shared.checks", *ABOUT_FILES)):
+        return
+    calls = [node.exc for node in ast.walk(ast.parse(MODULES[name].read_text())) if isinstance(node, ast.Raise)]
+    raised = {call.func.id for call in calls if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)}
+    assert raised & {"ValueError", "TypeError"} == set()
 
 
 def test_no_module_is_named_like_a_public_function() -> None:
