@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.placement import PixelMoments, place_in_picture
+from cvtimg.artwork.equal_masses import share_equally
+from cvtimg.artwork.tone_balance import balance_tones
+from cvtimg.placement import place_in_picture
 from cvtimg.placement.pictures import picture_moments
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 DOTS = ("equal", "equal-mass", "sized")
-#: Moves of dots to the centers of their power cells, steps of Newton's method after the last, and how far each goes.
-_MOVES, _LAST_STEPS, _DAMPING = 8, 4, 0.8
-#: How often a step is halved that makes masses less equal, as between lines with paper around them.
-_HALVED = 4
-#: Ink between dots that have paper between them, as a part of their own, so that all dots hang together.
-_LEAST_INK = 0.1
-#: Steps of the solver, and the residual, as a part of the first, at which it ends.
-_SOLVER_STEPS, _SOLVED = 60, 1e-2
+#: Moves of dots to the centers of the ink of their cells at the end.
+_TO_INK = {"equal": 1, "sized": 2}
 #: Steps of the tones that sizes of dots are told by, and of the search for how they grow.
 _TONES, _HALVINGS = 1024, 40
 
@@ -66,18 +61,25 @@ def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float,
         return DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), 0.0)
     # In a tessellation of density rho there are rho^(1/2) dots in an area. Dots of one size must be as many as the ink.
     amount = ink if radius_range is None else ink / _disk_areas(ink, n_dots, radius_range)
-    placement = place_in_picture(amount * amount, n_dots, effort="balanced" if dots == "equal" else "fast")
-    points, weights, energy = placement.points, np.zeros(n_dots), placement.energy
+    points, weights = place_in_picture(amount * amount, n_dots, effort="fast").points, np.zeros(n_dots)
+    moments = picture_moments(ink, n_dots)
+    if dots != "sized" or radius_range is not None:
+        points = balance_tones(amount, points)
     if dots == "equal-mass":
-        points, weights, energy = _share_equally(ink, points)
+        points, weights = share_equally(moments, points)
+    else:
+        # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
+        for _ in range(_TO_INK[dots]):
+            points = moments(points).centroids
     points = into_ink(points, ink)
-    masses = picture_moments(ink, n_dots)(points, weights).masses
+    found = moments(points, weights)
+    masses = found.masses
     radii = np.full(n_dots, np.sqrt(total / n_dots / np.pi))
     if dots == "sized":
         radii = np.sqrt(masses / np.pi)
         if radius_range is not None:
             radii = np.clip(radii, *radius_range)
-    return DotLayer(points, radii, masses, weights, energy)
+    return DotLayer(points, radii, masses, weights, found.energy)
 
 
 def share_dots(dots: DotLayer, inks: Sequence[Floats32], order: NDArray[np.intp]) -> list[DotLayer]:
@@ -105,88 +107,6 @@ def share_dots(dots: DotLayer, inks: Sequence[Floats32], order: NDArray[np.intp]
         DotLayer(dots.points[own], dots.radii[own], dots.masses[own], dots.weights[own], energy)
         for own, energy in zip(parts, energies, strict=True)
     ]
-
-
-def _share_equally(ink: Floats32, points: Floats) -> tuple[Floats, Floats, float]:
-    """Find power cells of equal mass whose generators are near their centers of mass.
-
-    Weights follow from Newton's method on the lack of mass of each cell. A move to the center of mass carries ink over
-    long ways, after which weights begin anew.
-
-    M. Balzer, T. Schloemer, O. Deussen, Capacity-constrained point distributions: a variant of Lloyd's method, ACM
-    Trans. Graphics 28 (2009), doi 10.1145/1531326.1531392; by weights as in F. de Goes, K. Breeden, V. Ostromoukhov,
-    M. Desbrun, Blue noise through optimal transport, ACM Trans. Graphics 31 (2012), doi 10.1145/2366145.2366190.
-    """
-    weights = np.zeros(len(points))
-    if len(points) == 1:
-        return points, weights, picture_moments(ink, 1)(points).energy
-    moments = picture_moments(ink, len(points))
-    share = moments.mass / len(points)
-    for _ in range(_MOVES):
-        exchange = _exchange(ink, points, share)
-        weights = _balanced(moments, points, np.zeros(len(points)), share, exchange)
-        if not weights.any():
-            break
-        points = moments(points, weights).centroids
-    exchange, weights = _exchange(ink, points, share), np.zeros(len(points))
-    for _ in range(_LAST_STEPS):
-        weights = _balanced(moments, points, weights, share, exchange)
-    return points, weights, moments(points, weights).energy
-
-
-def _balanced(moments: PixelMoments, points: Floats, weights: Floats, share: float, exchange: Any) -> Floats:
-    """Step towards weights whose power cells have equal masses, or stay where no step leads there."""
-    lack = share - moments(points, weights).masses
-    step = _DAMPING * _solve(exchange, lack)
-    for _ in range(_HALVED):
-        there = weights + step
-        if np.square(share - moments(points, there).masses).sum() < np.square(lack).sum():
-            return there
-        step /= 2
-    return weights
-
-
-def _exchange(ink: Floats32, points: Floats, share: float) -> Any:
-    """Return the (N, N) sparse matrix of how masses change with weights, for cells that are nearly hexagons.
-
-    A border of length l between generators at distance d moves by 1 / (2 d) for each unit of weight, and l / d is
-    3^(-1/2) in a lattice of hexagons. Neighbors are the six nearest points.
-    """
-    from scipy.sparse import csr_array, dia_array
-    from scipy.spatial import cKDTree
-
-    n_points = len(points)
-    gaps, near = cKDTree(points).query(points, min(7, n_points))
-    own, others = np.repeat(np.arange(n_points), near.shape[1] - 1), near[:, 1:].ravel()
-    middles = np.clip((points[own] + points[others]) / 2, 0, np.array(ink.shape[::-1]) - 1).astype(np.intp)
-    least = _LEAST_INK * share / np.maximum(gaps[:, 1] ** 2, 1e-6)
-    flow = np.maximum(ink[middles[:, 1], middles[:, 0]], least[own]) / (2 * np.sqrt(3))
-    one_way = csr_array((flow, (own, others)), shape=(n_points, n_points))
-    both_ways = one_way.maximum(one_way.T)
-    return dia_array((both_ways.sum(axis=1)[np.newaxis] * (1 + 1e-4), [0]), shape=both_ways.shape) - both_ways
-
-
-def _solve(matrix: Any, right: Floats) -> Floats:
-    """Solve a positive definite system by conjugate gradients, roughly.
-
-    Not by SciPy, whose products go through a BLAS: its threads change bits, and spin while they wait.
-    """
-    scale = 1 / matrix.diagonal()
-    solution = np.zeros_like(right)
-    rest = right.copy()
-    direction = scale * rest
-    product = first = float(np.einsum("k,k", rest, direction))
-    for _ in range(_SOLVER_STEPS):
-        if product <= _SOLVED**2 * first:
-            break
-        image = matrix @ direction
-        length = product / float(np.einsum("k,k", direction, image))
-        solution += length * direction
-        rest -= length * image
-        scaled = scale * rest
-        before, product = product, float(np.einsum("k,k", rest, scaled))
-        direction = scaled + product / before * direction
-    return solution
 
 
 def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -> Floats32:

@@ -51,7 +51,7 @@ class Stipples:
     max_ink : float
         Coverage of what is black in the image; all tones are scaled by it.
     energy : float
-        Integral of density times squared distance to the nearest dot, summed over layers.
+        Integral of the ink times the squared distance to the dot of the cell, summed over layers.
     """
 
     points: NDArray[np.float64]

@@ -157,11 +157,11 @@ def place_by_levels(
     """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
     n_free = n_generators - len(fixed)
     start = _start(moments, n_free, effort.n_levels, fixed, method, effort, rng, watch)
-    project = _WhereMassIs(moments)
+    project = WhereMassIs(moments)
     return _descend(moments, project(start, start), fixed, method, effort.stopping, watch, project)
 
 
-class _WhereMassIs:
+class WhereMassIs:
     """The projection of points to pixels with mass: a cell may have its center of mass in a gap.
 
     Parameters
@@ -176,6 +176,7 @@ class _WhereMassIs:
         self._nearest: NearestPixel | None = None  # made when it is needed first
 
     def __call__(self, there: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Move points without mass below them to the nearest pixel that has some."""
         if self._everywhere:
             return there
         places = there * self._scale

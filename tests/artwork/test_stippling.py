@@ -8,8 +8,11 @@ from skimage import data
 from cvtimg import stipple
 from cvtimg.artwork import Stipples, ink_coverage
 from cvtimg.artwork.dot_layers import DOTS
+from cvtimg.artwork.dots import draw_dots
+from cvtimg.placement import place_in_picture
 
 PHOTO = data.camera()[::2, ::2]
+STRIPES = np.tile(np.where(np.arange(160) % 40 < 10, 225, 60).astype(np.uint8), (160, 1))
 RAMP = np.tile(np.linspace(0, 255, 160).astype(np.uint8), (120, 1))
 
 
@@ -47,6 +50,26 @@ def test_equal_masses_are_equal() -> None:
     assert np.ptp(result.radii) == 0
     plain = stipple(PHOTO, 2000)
     assert result.masses.std() < 0.5 * plain.masses.std()
+
+
+@pytest.mark.parametrize("n_dots", [300, 1000, 3000])
+def test_masses_are_equal_where_light_lies_beside_dark(n_dots: int) -> None:
+    masses = stipple(STRIPES, n_dots, dots="equal-mass").masses
+    assert masses.std() < 0.03 * masses.mean()
+
+
+def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:
+    coverage = np.float32(0.6) * ink_coverage(STRIPES)
+    light = coverage[0] < 0.3
+    result = stipple(STRIPES, 1000, max_ink=0.6)
+
+    def lightness(points: np.ndarray) -> float:
+        drawn = draw_dots(points, result.radii, STRIPES.shape, 5).reshape(160, 5, 160, 5).mean(axis=(1, 3))
+        difference = gaussian_filter(drawn, 5) - gaussian_filter(coverage, 5)
+        return abs(float(difference[:, light].mean()))
+
+    # A plain tessellation of the squared ink leaves the light stripes too light.
+    assert lightness(result.points) < 0.25 * lightness(place_in_picture(coverage**2, 1000).points)
 
 
 def test_sizes_stay_in_their_range_and_large_dots_are_dark() -> None:
