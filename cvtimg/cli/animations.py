@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.cli.known_pixels import known_in_all
+from cvtimg.cli.quantize_options import QuantizeOptions
 
 if TYPE_CHECKING:
     from cvtimg.pictures import ImageInfo
@@ -31,20 +33,23 @@ def stays_animated(task: Task, header: ImageInfo) -> bool:
 def quantize_animation(
     task: Task,
     stopwatch: Stopwatch,
-    given: Mapping[str, Any],
+    header: ImageInfo,
+    how: QuantizeOptions,
     *,
-    psnr: float | None,
-    max_bytes: int | None,
-    per_frame: bool,
-    keep_metadata: bool,
     overwrite: bool,
 ) -> Row:
-    """Quantize all frames of an animation; `given` are options of `quantize_frames`."""
+    """Quantize all frames of an animation."""
     from cvtimg import quantize_frames
     from cvtimg.pictures import read_frames, read_metadata, write_frames
 
     frames = read_frames(task.source)
-    metadata = read_metadata(task.source) if keep_metadata else None
+    metadata = read_metadata(task.source) if how.keep_metadata else None
+    known = known_in_all(frames.images, header, how.mask, how.nodata, "frame")
+    given = {**how.search, **how.mapping, **how.colors, "per_frame": how.per_frame}
+    most: int | None = given.get("n_colors")
+    if not all(one.all() for one in known):
+        given["masks"] = known
+        most = min(most or _MOST_COLORS, _MOST_COLORS - 1)  # one more is transparent
     stopwatch.lap("read")
 
     def write(path: Path, result: QuantizedFrames, overwrite: bool) -> None:
@@ -52,14 +57,15 @@ def quantize_animation(
         write_frames(path, shown, palettes=palettes, metadata=metadata, overwrite=overwrite)
 
     def quantized(**size: int) -> QuantizedFrames:
-        return quantize_frames(frames, per_frame=per_frame, **{**given, **size})
+        return quantize_frames(frames, **{**given, **size})
 
+    psnr = how.target.get("psnr")
     if psnr is not None:
-        result = _fewest_colors(quantized, psnr, given.get("n_colors"))
-    elif max_bytes is not None:
-        result = _most_colors(quantized, max_bytes, given.get("n_colors"), task.output.suffix, write)
+        result = _fewest_colors(quantized, psnr, most)
+    elif how.max_bytes is not None:
+        result = _most_colors(quantized, how.max_bytes, most, task.output.suffix, write)
     else:
-        result = quantized()
+        result = quantized(**({"n_colors": most} if most and "n_colors" in given else {}))
     stopwatch.lap("cluster")
     write(task.output, result, overwrite)
     if "--save-palette" in task.outputs:
@@ -71,6 +77,7 @@ def quantize_animation(
         "height": frames.images[0].shape[0],
         "channels": max(one.palette.shape[1] for one in result.results),
         "frames": len(frames.images),
+        "left_out": sum(int((~one).sum()) for one in known),
         "distinct_colors": result.n_distinct,
         "k": max(len(one.palette) for one in result.results),
         "elbow": None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
 
     from cvtimg.pictures.files import ImageInfo
 
-__all__ = ["known_pixels"]
+__all__ = ["known_in_all", "known_pixels"]
 
 
 def known_pixels(image: NDArray[Any], header: ImageInfo, mask: Path | None, nodata: float | None) -> NDArray[np.bool_]:
@@ -19,27 +20,51 @@ def known_pixels(image: NDArray[Any], header: ImageInfo, mask: Path | None, noda
 
     `nodata` is the value in all bands of pixels without data; by default what the header of the file says.
     """
-    import numpy as np
+    return _known(image, header, None if mask is None else _read_masks(mask, 1)[0], mask, nodata)
 
-    bands = image.reshape(*image.shape[:2], -1)
-    if header.has_alpha and bands.shape[2] == 4:
-        bands = bands[:, :, :3]
-    known = np.ones(bands.shape[:2], np.bool_)
-    if bands.dtype.kind == "f":
-        known &= np.isfinite(bands).all(axis=2)
+
+def known_in_all(
+    images: Sequence[NDArray[Any]], header: ImageInfo, mask: Path | None, nodata: float | None, noun: str
+) -> list[NDArray[np.bool_]]:
+    """Find the pixels that count in each page or frame; a mask is for all of them, or has as many.
+
+    Raises
+    ------
+    ValueError
+        If a page or frame, which the message calls by `noun`, has no pixel that counts.
+    """
+    masks = [None] * len(images) if mask is None else _read_masks(mask, len(images))
+    found = []
+    for number, (image, own) in enumerate(zip(images, masks, strict=True), start=1):
+        known = _known(image, header, own, mask, nodata)
+        if not known.any():
+            raise ValueError(f"{noun} {number} of {len(images)} has no pixel that counts: all are left out")
+        found.append(known)
+    return found
+
+
+def _known(
+    image: NDArray[Any], header: ImageInfo, shown: NDArray[Any] | None, mask: Path | None, nodata: float | None
+) -> NDArray[np.bool_]:
+    from cvtimg.pictures.known import not_missing
+
     missing = header.nodata if nodata is None else nodata
-    if missing is not None:
-        known &= (bands != missing).any(axis=2)
-    return known if mask is None else known & _read_mask(mask, known.shape)
+    known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
+    if shown is None:
+        return known
+    if shown.shape[:2] != known.shape:
+        (height, width), (rows, columns) = known.shape, shown.shape[:2]
+        raise ValueError(f"has {width} x {height} pixels, but the mask {mask} has {columns} x {rows}")
+    kept: NDArray[np.bool_] = shown.reshape(*known.shape, -1)[:, :, :3].max(axis=2) > 0
+    return known & kept
 
 
-def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Read a mask: the pixels that are not black."""
-    from cvtimg import read_image
+def _read_masks(path: Path, n: int) -> Sequence[NDArray[Any]]:
+    """Read a mask for each of n images: its pages or frames, or its only one for all."""
+    from cvtimg.pictures import is_animated, read_frames, read_pages
 
-    picture = read_image(path)
-    if picture.shape[:2] != shape:
-        height, width = picture.shape[:2]
-        raise ValueError(f"has {shape[1]} x {shape[0]} pixels, but the mask {path} has {width} x {height}")
-    kept: NDArray[np.bool_] = picture.reshape(*shape, -1)[:, :, :3].max(axis=2) > 0
-    return kept
+    masks = read_frames(path).images if is_animated(path) else read_pages(path).images
+    if len(masks) not in (1, n):
+        wanted = "1" if n == 1 else f"1 or {n}"
+        raise ValueError(f"needs a mask of {wanted} pages or frames, and {path} has {len(masks)}")
+    return masks if len(masks) == n else list(masks) * n

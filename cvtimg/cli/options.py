@@ -179,7 +179,10 @@ VolumePower = Annotated[
 ]
 Averaging = Annotated[AveragingName, Option(help="Smooth noise, before or after pixels are assigned to segments.")]
 
-Mask = Annotated[Path | None, Option(metavar="FILE", help="Image of the same size: leave out pixels that are black.")]
+Mask = Annotated[
+    Path | None,
+    Option(metavar="FILE", help="Image of the same size (one, or one per page or frame): leave out black pixels."),
+]
 NoData = Annotated[
     float | None,
     Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),

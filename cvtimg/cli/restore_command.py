@@ -16,6 +16,7 @@ from typer import Option
 from cvtimg.batch import InputsFailedError, Missing, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+from cvtimg.cli.sample_types import as_stored
 
 if TYPE_CHECKING:
     import numpy as np
@@ -243,7 +244,7 @@ def _restore(
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
-    _write(task.outputs, result, read, how, overwrite)
+    notes = _write(task.outputs, result, read, how, overwrite)
     stopwatch.lap("write")
     return {
         "inputs": read.names,
@@ -261,6 +262,7 @@ def _restore(
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
         "converged": result.converged,
+        **({"warning": "; ".join(notes)} if notes else {}),
     }
 
 
@@ -272,12 +274,14 @@ def _with_names(message: str, read: Versions) -> str:
 
 def _write(
     outputs: Mapping[str, Path], result: Restoration, read: Versions, how: Mapping[str, Any], overwrite: bool
-) -> None:
+) -> list[str]:
+    """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
     from cvtimg import write_image
 
-    write_image(outputs["-o"], result.image, overwrite=overwrite)
+    stored, notes = as_stored(result.image, outputs["-o"])
+    write_image(outputs["-o"], stored, overwrite=overwrite)
     if "--labels" in outputs:
         kind = np.uint8 if len(result.colors) < 256 else np.uint16
         write_image(outputs["--labels"], result.labels.astype(kind), overwrite=overwrite)
@@ -285,6 +289,7 @@ def _write(
         from cvtimg.plotting.sheets import contact_sheet
 
         write_image(outputs["--sheet"], contact_sheet(_panels(result, read, how)), overwrite=overwrite)
+    return notes
 
 
 def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list[list[Panel]]:

@@ -13,7 +13,7 @@ from typer import Option
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
-from cvtimg.cli.known_pixels import known_pixels
+from cvtimg.cli.known_pixels import known_in_all, known_pixels
 from cvtimg.cli.pages import has_pages, segment_pages
 from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
@@ -203,7 +203,6 @@ class SegmentOptions:
             "--superpixels": self.superpixels,
             "--hierarchy": self.hierarchy,
             "-k auto": self.number == "auto",
-            "--mask": self.mask,
         }
         given |= {
             f"--{name.replace('_', '-')}": value for name, value in self.keywords.items() if name not in _IN_TILES
@@ -273,8 +272,6 @@ def segment(
     from cvtimg import find_images
 
     if volume:
-        if mask:
-            raise WrongUsageError("--mask and --volume exclude each other")
         _exclude(
             "--volume",
             hierarchy=hierarchy,
@@ -359,16 +356,18 @@ def _segment(
 
     if _needs_tiles(task):
         check_fit(task.source, how.unfit, max_pixels)
-        return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, {**how.in_tiles, "overwrite": overwrite})
+        given = {**how.in_tiles, "mask": how.mask, "overwrite": overwrite}
+        return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, given)
     header = image_info(task.source)
     divide = partial(_divide, how=how, header=header)
     if has_pages(header):
         if [kind_of(option) for option in task.outputs] != ["labels"]:
             raise ValueError("has several pages, of which only labels are written")
-        return segment_pages(task, stopwatch, divide, volume=how.volume, overwrite=overwrite)
+        find = partial(known_in_all, header=header, mask=how.mask, nodata=how.nodata, noun="page")
+        return segment_pages(task, stopwatch, divide, find, volume=how.volume, overwrite=overwrite)
     image = read_image(task.source)
     stopwatch.lap("read")
-    image, result = divide(image)
+    image, result = divide(image, known_pixels(image, header, how.mask, how.nodata))
     stopwatch.lap("cluster")
     tree = getattr(result, "hierarchy", None)
     Subject(task.source, image, result.labels, header, style, overwrite, tree).write(task.outputs)
@@ -387,9 +386,10 @@ def _segment(
     }
 
 
-def _divide(image: NDArray[Any], *, how: SegmentOptions, header: ImageInfo) -> tuple[NDArray[Any], Segmentation]:
+def _divide(
+    image: NDArray[Any], known: NDArray[np.bool_], *, how: SegmentOptions, header: ImageInfo
+) -> tuple[NDArray[Any], Segmentation]:
     """Segment an image; return the bands that count, and the result."""
-    known = known_pixels(image, header, how.mask, how.nodata)
     if header.has_alpha and image.shape[2:] == (4,):
         image, known = image[:, :, :3], known & (image[:, :, 3] > 0)
     return image, how.segments(image, known)

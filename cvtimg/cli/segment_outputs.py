@@ -129,8 +129,9 @@ def _place(subject: Subject, nodata: float | None = None) -> Metadata | None:
 
 def _write_mean(subject: Subject, path: Path) -> None:
     from cvtimg import write_image
+    from cvtimg.cli.sample_types import as_stored
 
-    mean = _mean_picture(subject.image, subject.labels)
+    mean, _ = as_stored(_mean_picture(subject.image, subject.labels), path)
     write_image(path, mean, alpha=False, metadata=_place(subject), overwrite=subject.overwrite)
 
 

@@ -59,6 +59,7 @@ def quantize_in_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, An
         "width": result.shape[1],
         "height": result.shape[0],
         "channels": result.palette.shape[1],
+        "left_out": result.n_left_out,
         "distinct_colors": result.n_distinct,
         "exact": result.exact,
         "k": len(result.palette),

@@ -9,7 +9,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alone, check_given
+from cvtimg._shared.checks import check_alone, check_given, check_that
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
@@ -17,7 +17,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.frames import Frames, write_frames
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
-from cvtimg.quantization.remapping import Quantized, map_to_palette
+from cvtimg.quantization.remapping import Quantized, keep_outside, map_to_palette
 
 __all__ = ["QuantizedFrames", "quantize_frames"]
 
@@ -59,7 +59,8 @@ class QuantizedFrames:
     @property
     def mse(self) -> float:
         """Mean squared error per sample over all frames."""
-        return float(np.mean([result.mse for result in self.results]))
+        counts = [one.indices.size if one.inside is None else int(np.count_nonzero(one.inside)) for one in self.results]
+        return float(np.average([result.mse for result in self.results], weights=counts))
 
     @property
     def psnr(self) -> float:
@@ -84,6 +85,8 @@ def quantize_frames(
     n_colors: int | None = None,
     *,
     per_frame: bool = False,
+    alpha: bool | None = None,
+    masks: Sequence[ArrayLike | None] | None = None,
     space: str = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
@@ -103,6 +106,11 @@ def quantize_frames(
         Size of a palette, in 1..65536; a .gif holds up to 256. Not allowed with `palette`.
     per_frame : bool
         Find a palette for each frame. This lowers the error, but colors that stand still may change between frames.
+    alpha : bool, optional
+        Whether the last channel is alpha; by default if there are four channels.
+    masks : sequence of (H, W) array or None, optional
+        For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
+        value, and become transparent in indexed files.
     space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
@@ -125,7 +133,13 @@ def quantize_frames(
     >>> [int(one.image[0, 0]) for one in result.results]
     [11, 11, 200]
     """
-    several = [color_samples(image, alpha=image.shape[2:] == (4,)) for image in frames.images]
+    n_frames = len(frames.images)
+    given_masks = [None] * n_frames if masks is None else list(masks)
+    check_that("masks", len(given_masks) == n_frames, f"be {n_frames}, one for each frame, not {len(given_masks)}")
+    has_alpha = frames.images[0].shape[2:] == (4,) if alpha is None else alpha
+    several = [
+        color_samples(image, alpha=has_alpha, mask=mask) for image, mask in zip(frames.images, given_masks, strict=True)
+    ]
     wholes = several if per_frame else [merge_samples(several)]
     n_distinct = max(samples.n_colors for samples in wholes)
     if palette is not None:
@@ -139,7 +153,7 @@ def quantize_frames(
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0
     results = []
-    for samples, one in zip(several, found if per_frame else found * len(several), strict=True):
+    for image, samples, one in zip(frames.images, several, found if per_frame else found * n_frames, strict=True):
         result = map_to_palette(samples, one.colors, space=space, dither=dither, dither_strength=dither_strength)
-        results.append(replace(result, tessellation=one.tessellation))
+        results.append(keep_outside(replace(result, tessellation=one.tessellation), image))
     return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import prod
 from pathlib import Path
 from typing import Any, Unpack
@@ -11,13 +12,14 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_colors, check_one_of
+from cvtimg._shared.checks import check_choice, check_colors, check_one_of, check_that
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, kinds_of
 from cvtimg.colors.spaces import peak, white_of
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
+from cvtimg.pictures.known import with_known
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
 from cvtimg.quantization.palette_search import EngineOptions, find_palette
 from cvtimg.quantization.remapping import map_to_palette
@@ -43,6 +45,8 @@ class QuantizedFile:
     exact : bool
         Whether the palette was found from all distinct colors. Beyond 2^22 (`cvtimg.colors.counting.MOST_COLORS`),
         neighboring colors were merged first.
+    n_left_out : int
+        Number of pixels that do not count.
     """
 
     palette: NDArray[Any]
@@ -52,6 +56,7 @@ class QuantizedFile:
     n_distinct: int
     exact: bool
     alpha: bool = False
+    n_left_out: int = 0
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""
@@ -61,7 +66,8 @@ class QuantizedFile:
     @property
     def mse(self) -> float:
         """Mean squared error per sample, alpha not counted."""
-        return float(self.energy / (prod(self.shape[:2]) * (self.palette.shape[1] - self.alpha)))
+        n_pixels = prod(self.shape[:2]) - self.n_left_out
+        return float(self.energy / (n_pixels * (self.palette.shape[1] - self.alpha)))
 
     @property
     def psnr(self) -> float:
@@ -77,6 +83,8 @@ def quantize_file(
     space: str = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
+    mask: StrPath | None = None,
+    nodata: float | None = None,
     overwrite: bool = False,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFile:
@@ -98,6 +106,12 @@ def quantize_file(
         Size of the palette, in 1..65536; not allowed with `palette`.
     space, palette, locked, method, init, effort, volume_power, rng
         As in `quantize`.
+    mask : path, optional
+        Image of the same size, whose black pixels are left out: they have no influence and keep their value, or become
+        transparent in 8-bit gray and RGB.
+    nodata : float, optional
+        Pixels with this value in all bands are left out, as are those that are NaN or infinite. If the file declares
+        the same value, they keep it.
     overwrite : bool
         Replace an existing file.
 
@@ -128,8 +142,11 @@ def quantize_file(
     check_one_of(n_colors=n_colors, palette=palette)
     bands = open_bands(source)
     counter = Counter(alpha=bands.form.alpha)
-    for band in bands:
-        counter.add(band)
+    known = partial(with_known, bands, mask, nodata, has_alpha=bands.form.alpha)
+    for band, inside in known():
+        if inside.any():
+            counter.add(band if inside.all() else band[inside][None])
+    check_that("image", counter.has_any, "have at least one pixel that is not left out")
     samples, exact = counter.samples(), counter.exact
     tessellation = None
     if palette is None:
@@ -143,35 +160,72 @@ def quantize_file(
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
     n_distinct = counter.n_distinct
     del samples, counter  # which take more memory than the bands
-    mapping = _Mapping(bands, colors, space, Path(target).suffix.lower() != ".zarr")
+    leaves_out = mask is not None or nodata is not None
+    mapping = _Mapping(bands, known, colors, space, Path(target).suffix.lower() != ".zarr", leaves_out)
     write_bands(target, mapping.form, mapping, palette=mapping.indexed, overwrite=overwrite)
     return QuantizedFile(
-        mapping.palette, bands.form.shape, mapping.energy, tessellation, n_distinct, exact, mapping.alpha
+        palette=mapping.palette,
+        shape=bands.form.shape,
+        energy=mapping.energy,
+        tessellation=tessellation,
+        n_distinct=n_distinct,
+        exact=exact,
+        alpha=mapping.alpha,
+        n_left_out=mapping.n_left_out,
     )
 
 
 class _Mapping:
     """The strips of an image in the colors of a palette, and the energy of those done so far."""
 
-    def __init__(self, bands: Bands, palette: NDArray[Any], space: str, may_be_indexed: bool) -> None:
+    def __init__(
+        self,
+        bands: Bands,
+        known: Callable[[], Iterator[tuple[Band, NDArray[np.bool_]]]],
+        palette: NDArray[Any],
+        space: str,
+        may_be_indexed: bool,
+        leaves_out: bool,
+    ) -> None:
         # One pixel shows how a palette and an image of unequal channels agree.
         form = bands.form
         white = np.full((1, 1, *form.shape[2:]), white_of(form.dtype), form.dtype)
         pixel = map_to_palette(white, palette, alpha=form.alpha, space=space)
         self.palette, self.alpha = palette, pixel.alpha and pixel.palette.shape[1] == np.shape(palette)[1]
-        self.energy = 0.0
-        self._bands, self._space, self._alpha = bands, space, form.alpha
+        self.energy, self.n_left_out = 0.0, 0
+        self._known, self._space, self._alpha = known, space, form.alpha
         n_channels = pixel.palette.shape[1]
-        fits = len(palette) <= 256 and palette.dtype == np.uint8 and n_channels == 3
-        self.indexed = pixel.palette if may_be_indexed and fits else None
+        keeps_nodata = leaves_out and form.nodata is not None and not (palette == form.nodata).all(axis=1).any()
+        eight_bit = palette.dtype == np.uint8 and n_channels in (1, 3)
+        fits = len(palette) <= 256 and eight_bit and n_channels == 3
+        self.indexed = pixel.palette if may_be_indexed and fits and not leaves_out else None
+        self._clears = leaves_out and eight_bit and not keeps_nodata
+        # A color that is the mean of others, or an index, is not the value of unknown pixels.
+        nodata = form.nodata if keeps_nodata else None
         shape = form.shape[:2] if n_channels == 1 or self.indexed is not None else (*form.shape[:2], n_channels)
-        # An index, or a color that is the mean of others, is not the value of unknown pixels.
-        nodata = None if self.indexed is not None else form.nodata
-        alpha = form.alpha and shape == form.shape
+        if self._clears:
+            shape = (*form.shape[:2], 4)
+        alpha = self._clears or (form.alpha and shape == form.shape)
         self.form = replace(form, shape=shape, alpha=alpha, nodata=nodata)
 
     def __iter__(self) -> Iterator[Band]:
-        for band in self._bands:
-            result = map_to_palette(band, self.palette, alpha=self._alpha, space=self._space)
+        for band, inside in self._known():
+            self.n_left_out += int(np.count_nonzero(~inside))
+            if not inside.any():
+                yield self._left_out(band)
+                continue
+            mask = None if inside.all() else inside
+            result = map_to_palette(band, self.palette, alpha=self._alpha, mask=mask, space=self._space)
             self.energy += result.energy
-            yield result.indices if self.indexed is not None else result.image.reshape(len(band), *self.form.shape[1:])
+            if self.indexed is not None:
+                yield result.indices
+            elif self._clears:
+                colors = np.broadcast_to(result.palette, (len(result.palette), 3))[result.indices]
+                yield np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2)
+            else:
+                yield result.image.reshape(len(band), *self.form.shape[1:])
+
+    def _left_out(self, band: Band) -> Band:
+        """Return a band of which no pixel counts."""
+        shape = (len(band), *self.form.shape[1:])
+        return band if band.shape == shape and not self._clears else np.zeros(shape, self.form.dtype)

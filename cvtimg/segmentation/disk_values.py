@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_needs, check_that
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.spaces import peak, to_space
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.known import mask_bands, not_missing
 from cvtimg.pictures.tiles import Bands
 from cvtimg.segmentation.disk_rows import DiskRows
 from cvtimg.segmentation.values import PictureValues, unit_of
@@ -39,6 +41,8 @@ class DiskValues:
         The last band is alpha: pixels where it is 0 are outside.
     nodata : float, optional
         Pixels with this value in all bands that have color are outside.
+    mask : path, optional
+        Image of the same size; its black pixels are outside.
 
     Attributes
     ----------
@@ -51,7 +55,16 @@ class DiskValues:
         Whether they distinguish all distinct colors.
     """
 
-    def __init__(self, bands: Bands, path: Path, space: str, *, has_alpha: bool, nodata: float | None) -> None:
+    def __init__(
+        self,
+        bands: Bands,
+        path: Path,
+        space: str,
+        *,
+        has_alpha: bool,
+        nodata: float | None,
+        mask: StrPath | None = None,
+    ) -> None:
         form = bands.form
         n_bands = form.shape[2] if len(form.shape) > 2 else 1
         check_needs("has_alpha", has_alpha, f"more bands than {n_bands}", n_bands > 1)
@@ -62,7 +75,13 @@ class DiskValues:
         self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
         self._has_alpha, self._nodata = has_alpha, nodata
         self._pixels = DiskRows(path, (*self.shape, n_bands), form.dtype)
+        self._mask = None if mask is None else DiskRows(path.with_suffix(".mask"), self.shape, np.bool_)
         try:
+            if self._mask is not None and mask is not None:
+                top = 0
+                for rows in mask_bands(mask, self.shape):
+                    self._mask.write(top, rows)
+                    top += len(rows)
             self.values, self.exact = self._count(bands, space)
         except BaseException:
             self.close()
@@ -75,7 +94,7 @@ class DiskValues:
         for band in bands:
             rows = band.reshape(*band.shape[:2], -1)
             self._pixels.write(top, rows)
-            colors, inside = self._split(rows)
+            colors, inside = self._split(rows, top)
             if inside.any():
                 counter.add(colors if inside.all() else colors[inside][None])
             top += len(rows)
@@ -89,19 +108,18 @@ class DiskValues:
             values = PictureValues(np.empty((0, 0), np.bool_), samples, 1.0, 0.0, space, dtype)
         return values, counter.exact
 
-    def _split(self, rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Separate colors from where they are known."""
-        colors = rows[:, :, : self.n_dims]
-        inside = rows[:, :, -1] > 0 if self._has_alpha else np.ones(rows.shape[:2], np.bool_)
-        if rows.dtype.kind == "f":
-            inside &= np.isfinite(colors).all(axis=2)
-        if self._nodata is not None:
-            inside &= (colors != self._nodata).any(axis=2)
-        return colors, inside
+    def _split(self, rows: NDArray[Any], top: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Separate the colors of rows, of which `top` is the first, from where they are known."""
+        inside = not_missing(rows, self._nodata, has_alpha=self._has_alpha)
+        if self._has_alpha:
+            inside &= rows[:, :, -1] > 0
+        if self._mask is not None:
+            inside &= self._mask.read(top, top + len(rows))
+        return rows[:, :, : self.n_dims], inside
 
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
-        colors, inside = self._split(self._pixels.read(first, last))
+        colors, inside = self._split(self._pixels.read(first, last), first)
         if inside.all():
             return self._field(colors.reshape(-1, self.n_dims)).reshape(colors.shape), inside
         field = np.zeros(colors.shape, np.float32)
@@ -126,5 +144,7 @@ class DiskValues:
         return float((samples.density @ steps**2).sum() / samples.density.sum())
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the files."""
         self._pixels.close()
+        if self._mask is not None:
+            self._mask.close()

@@ -87,6 +87,7 @@ def segment_file(
     edge_radius: int = 3,
     has_alpha: bool = False,
     nodata: float | None = None,
+    mask: StrPath | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
     overwrite: bool = False,
@@ -113,6 +114,8 @@ def segment_file(
         Whether the last band is alpha; pixels where it is 0 are left out.
     nodata : float, optional
         Pixels with this value in all bands are left out.
+    mask : path, optional
+        Image of the same size, whose black pixels are left out.
     overwrite : bool
         Replace an existing file.
 
@@ -146,7 +149,7 @@ def segment_file(
     weight = check_edge_weight(edge_weight)
     bands = open_bands(source)
     with scratch_folder(target) as folder, ExitStack() as stack:
-        picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata)
+        picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata, mask=mask)
         stack.callback(picture.close)
         noise = np.zeros((1, 1)) if weight == 0 else _noise(picture)
         if weight is None:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from cvtimg import quantize, read_image, read_palette, write_image
 from cvtimg.cli import app as cli
-from cvtimg.pictures import image_info
+from cvtimg.pictures import image_info, read_frames, read_pages
 
 Run = Callable[..., dict[str, Any]]
 
@@ -104,31 +104,127 @@ def test_a_shared_palette_is_of_known_pixels(run: Run) -> None:
     assert read_palette("p.hex").tolist() == read_palette("known_p.hex").tolist()
 
 
-@pytest.mark.parametrize("option", [["--mask", "mask.png"], ["--nodata", "0"]])
-def test_pages_and_animations_and_tiles_refuse_to_leave_pixels_out(run: Run, option: list[str]) -> None:
+def test_pages_leave_out_the_pixels_of_one_mask_or_of_as_many(run: Run) -> None:
+    other = LEFT_OUT[:, ::-1]
+    masks = {"one.png": np.stack([~LEFT_OUT] * 2), "two.tif": np.stack([~LEFT_OUT, ~other])}
+    write_image("one.png", ~LEFT_OUT)
+    tifffile.imwrite("two.tif", masks["two.tif"].astype(np.uint8), photometric="minisblack")
+    for name, inside in masks.items():
+        found = []
+        for left_out in (-3000, 2000):
+            pages = np.where(inside, np.stack([COLORS[..., 0], COLORS[..., 1]]).astype(np.int16) - 150, left_out)
+            tifffile.imwrite("pages.tif", pages.astype(np.int16), photometric="minisblack")
+            row = run("pages.tif", "-k", "4", "--mask", name, "-o", "out.tif")
+            assert (row["status"], row["left_out"]) == (0, (~inside).sum())
+            reduced = tifffile.imread("out.tif")
+            assert reduced.dtype == np.int16
+            assert (reduced[~inside] == left_out).all()
+            found.append(reduced[inside])
+        np.testing.assert_array_equal(*found)
+        assert len(np.unique(found[0])) == 4
+
+
+def test_left_out_pixels_of_8_bit_pages_become_transparent(run: Run) -> None:
     write_image("mask.png", ~LEFT_OUT)
-    tifffile.imwrite("pages.tif", np.stack([COLORS[..., 0]] * 2), photometric="minisblack")
-    first, second = (Image.fromarray(COLORS[..., at]) for at in (0, 1))
-    first.save("film.gif", save_all=True, append_images=[second])
-    write_image("in.tif", COLORS)
-    for source, target, why in (
-        ("pages.tif", "out.tif", "has several pages"),
-        ("film.gif", "out.gif", "is an animation"),
+    tifffile.imwrite("pages.tif", np.stack([COLORS] * 3), photometric="rgb")
+    assert run("pages.tif", "-k", "4", "--mask", "mask.png", "-o", "out.tif")["left_out"] == 3 * LEFT_OUT.sum()
+    pages = read_pages("out.tif")
+    assert pages.has_alpha
+    for page in pages.images:
+        np.testing.assert_array_equal(page[..., 3] == 0, LEFT_OUT)
+
+
+@pytest.mark.parametrize("mask", ["one.png", "all.gif"])
+def test_animations_leave_out_pixels_of_each_frame(run: Run, mask: str) -> None:
+    frames = [np.where(LEFT_OUT[..., None], np.uint8(value), COLORS) for value in (0, 255)]
+    first, second = map(Image.fromarray, frames)
+    first.save("film.png", save_all=True, append_images=[second])
+    write_image("one.png", ~LEFT_OUT)
+    inside = [np.where(LEFT_OUT, np.uint8(0), np.uint8(level)) for level in (255, 254)]  # equal frames become one
+    Image.fromarray(inside[0]).save("all.gif", save_all=True, append_images=[Image.fromarray(inside[1])])
+    for target in ("out.png", "out.gif"):
+        row = run("film.png", "-k", "256", "--mask", mask, "-o", target)
+        assert (row["status"], row["left_out"], row["frames"]) == (0, 2 * LEFT_OUT.sum(), 2)
+        for image in read_frames(target).images:
+            np.testing.assert_array_equal(image[..., 3] == 0, LEFT_OUT)
+
+
+def test_masks_of_another_number_and_pages_without_pixels_are_refused(run: Run) -> None:
+    tifffile.imwrite("pages.tif", np.stack([COLORS[..., 0]] * 3), photometric="minisblack")
+    tifffile.imwrite("two.tif", np.stack([~LEFT_OUT] * 2).astype(np.uint8), photometric="minisblack")
+    none = np.stack([~LEFT_OUT, np.zeros_like(LEFT_OUT), ~LEFT_OUT]).astype(np.uint8)
+    tifffile.imwrite("none.tif", none, photometric="minisblack")
+    for mask, why in (
+        ("two.tif", "needs a mask of 1 or 3 pages or frames, and two.tif has 2"),
+        ("none.tif", "page 2 of 3 has no pixel that counts"),
     ):
-        row = run(source, "-k", "4", *option, "-o", target)
+        row = run("pages.tif", "-k", "4", "--mask", mask, "-o", "out.tif")
         assert row["status"] == 1
-        assert f"{why}, which {option[0]} cannot be used for" in row["error"]
-    pytest.importorskip("zarr")
-    row = run("in.tif", "-k", "4", *option, "-o", "out.zarr")
-    assert f"is read in tiles, and {option[0]} needs the whole picture" in row["error"]
+        assert why in row["error"]
+        assert not Path("out.tif").exists()
 
 
-def test_pages_and_tiles_warn_of_nodata_that_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_raster("pages.tif", np.stack([COLORS[..., 0]] * 2), "0", photometric="minisblack")
-    assert "nodata value 0 count in files of several pages" in run("pages.tif", "-k", "4", "-o", "p.tif")["warning"]
+@pytest.mark.parametrize("mask", ["mask.png", "mask.tif"])
+@pytest.mark.parametrize("kind", ["gray", "color", "int16"])
+def test_tiles_leave_out_what_the_whole_image_does(
+    run: Run, monkeypatch: pytest.MonkeyPatch, mask: str, kind: str
+) -> None:
+    color = COLORS if kind == "color" else COLORS[..., 0].astype(np.int16 if kind == "int16" else np.uint8)
+    tifffile.imwrite("in.tif", color, rowsperstrip=5, photometric="rgb" if kind == "color" else "minisblack")
+    inside = ~LEFT_OUT
+    inside[5:11] = False  # whole bands
+    write_image("mask.png", inside)
+    tifffile.imwrite("mask.tif", inside.astype(np.uint8), rowsperstrip=7, photometric="minisblack")
+    whole = run("in.tif", "-k", "4", "--mask", mask, "-o", "whole.tif")
     monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
-    write_raster("in.tif", COLORS[..., 0], "0")
-    assert "nodata value 0 count in tiles" in run("in.tif", "-k", "4", "-o", "t.tif")["warning"]
+    monkeypatch.setattr("cvtimg.pictures.formats.bands.BAND_PIXELS", 100)
+    tiled = run("in.tif", "-k", "4", "--mask", mask, "-o", "tiled.tif")
+    assert (tiled["status"], tiled["left_out"]) == (0, (~inside).sum())
+    assert [tiled[name] for name in ("k", "mse", "left_out")] == pytest.approx(
+        [whole[name] for name in ("k", "mse", "left_out")]
+    )
+    np.testing.assert_array_equal(read_image("tiled.tif"), read_image("whole.tif"))
+
+
+def test_tiles_keep_nodata(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    write_raster("in.tif", np.where(LEFT_OUT, -32768, COLORS[..., 0].astype(np.int16)), "-32768")
+    assert run("in.tif", "-k", "4", "-o", "t.tif")["left_out"] == LEFT_OUT.sum()
+    np.testing.assert_array_equal(read_image("t.tif") == -32768, LEFT_OUT)
+    assert image_info("t.tif").nodata == -32768
+
+
+GEO = [
+    (33550, "d", 3, (10.0, 20.0, 0.0), True),
+    (33922, "d", 6, (0.0, 0.0, 0.0, 500000.0, 4600000.0, 0.0), True),
+    (34735, "H", 12, (1, 1, 0, 2, 1025, 0, 1, 1, 3072, 0, 1, 32633), True),
+    (42113, "s", 0, "-9999", True),
+]
+
+
+def test_an_elevation_model_keeps_type_place_and_nodata(run: Run) -> None:
+    heights = np.where(LEFT_OUT, -9999, COLORS[..., 0].astype(np.int16) * 10 - 1200).astype(np.int16)
+    tifffile.imwrite("dem.tif", heights, extratags=GEO)
+    row = run("dem.tif", "-k", "4", "-o", "out.tif")
+    reduced, info = read_image("out.tif"), image_info("out.tif")
+    assert reduced.dtype == np.int16
+    assert (info.epsg, info.nodata, info.geo_transform) == (32633, -9999, (10, 0, 500000, 0, -20, 4600000))
+    np.testing.assert_array_equal(reduced == -9999, LEFT_OUT)
+    assert row["psnr"] == pytest.approx(10 * np.log10(32767**2 / row["mse"]))
+
+
+def test_a_type_that_a_format_cannot_hold_is_said(run: Run) -> None:
+    write_image("in.tif", COLORS[..., 0].astype(np.int16))
+    row = run("in.tif", "-k", "4", "-o", "out.png")
+    assert "int16 samples are written as uint16 with the same values" in row["warning"]
+    np.testing.assert_array_equal(
+        read_image("out.png"), quantize(COLORS[..., 0].astype(np.int16), 4).image.astype(np.uint16), strict=True
+    )
+    write_image("in.tif", COLORS[..., 0].astype(np.int16) - 120, overwrite=True)
+    row = run("in.tif", "-k", "4", "-o", "low.png")
+    assert row["status"] == 1
+    assert ".png cannot hold; write .tif or .tiff or .npy" in row["error"]
+    assert not Path("low.png").exists()
 
 
 def test_a_mask_of_another_size_is_refused(run: Run) -> None:

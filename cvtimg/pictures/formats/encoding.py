@@ -17,7 +17,7 @@ from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
 from cvtimg.pictures.formats.tiff import encode_tiff
 
-__all__ = ["check_indexed", "encode_image", "encoder", "lossless_suffixes"]
+__all__ = ["SUFFIXES_OF_ANY_TYPE", "check_indexed", "encode_image", "encoder", "lossless_suffixes"]
 
 
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
@@ -77,6 +77,8 @@ _FORMATS = {
     ".npy": _Format("NPY", (*_PLAIN, _OTHER), True, {}),
     **({".avif": _AVIF} if find_spec("PIL._avif") else {}),
 }
+#: Suffixes of formats that hold samples of any type.
+SUFFIXES_OF_ANY_TYPE = tuple(suffix for suffix, form in _FORMATS.items() if _OTHER in form.modes)
 _WIDER = {"1": "L", "L": "RGB"}
 _CONTENT = {
     "1": "1-bit images",
@@ -86,7 +88,7 @@ _CONTENT = {
     "RGBA": "transparency",
     "RGB;16": "16-bit RGB images",
     "RGBA;16": "16-bit RGBA images",
-    _OTHER: "floating point samples or bands that are not colors",
+    _OTHER: "floating point samples, integers other than uint8 and uint16, or bands that are not colors",
 }
 
 
