@@ -8,6 +8,7 @@ from . import (
     engine,
     files,
     labels,
+    meshes,
     palettes,
     pictures,
     placement,
@@ -31,6 +32,7 @@ from .files.finding import find_images
 from .labels.contours import find_contours
 from .labels.edges import find_edges
 from .palettes.files import read_palette, write_palette
+from .meshes.meshing import mesh_labels, mesh_region
 from .pictures.files import read_image, write_image
 from .placement.place import place_generators
 from .quantization.animations import quantize_frames
@@ -63,6 +65,9 @@ __all__ = [
     "key_frames",
     "labels",
     "latinize",
+    "mesh_labels",
+    "mesh_region",
+    "meshes",
     "mosaic",
     "palettes",
     "pictures",

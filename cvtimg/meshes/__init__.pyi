@@ -1,0 +1,19 @@
+from .files import MESH_FORMATS
+from .measures import MeshMeasures, TriangleMeasures, measure_mesh, measure_triangles
+from .meshing import EFFORTS, Effort, mesh_labels, mesh_region
+from .result import Mesh
+from .sizes import MeshSize
+
+__all__ = [
+    "EFFORTS",
+    "MESH_FORMATS",
+    "Effort",
+    "Mesh",
+    "MeshMeasures",
+    "MeshSize",
+    "TriangleMeasures",
+    "measure_mesh",
+    "measure_triangles",
+    "mesh_labels",
+    "mesh_region",
+]

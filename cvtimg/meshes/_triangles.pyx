@@ -1,0 +1,168 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled passes over triangulations: flips, moments of cells, moves and polish, and location of points.
+
+Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. N is the number of
+vertices, T that of triangles. A metric has xx, xy and yy in a row.
+"""
+from libc.stdint cimport int32_t, uint8_t
+
+cdef extern from "topology.h" nogil:
+    struct c_mesh "triangulation":
+        const double *points
+        int32_t *vertices
+        int32_t *twins
+        uint8_t *borders
+        int32_t *corners
+
+    double twice_area(const double *a, const double *b, const double *c)
+    int32_t next_corner(int32_t corner)
+    int32_t last_corner(int32_t corner)
+
+cdef extern from "flips.h" nogil:
+    Py_ssize_t flip_to_delaunay(
+        c_mesh *mesh, const double *metric, int32_t n_edges, Py_ssize_t most, int32_t *stack, uint8_t *waiting,
+    )
+
+cdef extern from "cell_moments.h" nogil:
+    struct c_sums "sums":
+        double *inertia
+        double *pull
+        double energy
+
+    void add_triangle(const c_mesh *mesh, const double *metric, int32_t t, c_sums *sums)
+
+cdef extern from "quality.h" nogil:
+    void move_vertex(c_mesh *mesh, double *place, int32_t vertex, double *step)
+    int polish_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, double below)
+
+
+cdef c_mesh as_mesh(
+    const double[:, ::1] points, int32_t[:, ::1] triangles, int32_t[:, ::1] twins, uint8_t[:, ::1] borders,
+    int32_t[::1] corners,
+) noexcept:
+    cdef c_mesh mesh
+    mesh.points = &points[0, 0]
+    mesh.vertices = &triangles[0, 0]
+    mesh.twins = &twins[0, 0]
+    mesh.borders = &borders[0, 0]
+    mesh.corners = &corners[0]
+    return mesh
+
+
+def flip(
+    const double[:, ::1] points,   # IN (N, 2)
+    const double[:, ::1] metric,   # IN (N, 3), or None for the Euclidean one
+    int32_t[:, ::1] triangles,     # INOUT (T, 3)
+    int32_t[:, ::1] twins,         # INOUT (T, 3)
+    uint8_t[:, ::1] borders,       # INOUT (T, 3)
+    int32_t[::1] corners,          # INOUT (N,)
+    Py_ssize_t most,               # IN: flips at most
+    int32_t[::1] stack,            # scratch (3 T,)
+    uint8_t[::1] waiting,          # scratch (3 T,)
+):
+    """Flip edges until the triangulation is constrained Delaunay; return how many."""
+    cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
+    cdef const double *given = NULL if metric is None else &metric[0, 0]
+    cdef Py_ssize_t n_flips
+    with nogil:
+        n_flips = flip_to_delaunay(&mesh, given, <int32_t>(3 * triangles.shape[0]), most, &stack[0], &waiting[0])
+    return n_flips
+
+
+def sum_cells(
+    const double[:, ::1] points,   # IN (N, 2)
+    const double[:, ::1] metric,   # IN (N, 3)
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    int32_t[:, ::1] twins,         # IN (T, 3)
+    uint8_t[:, ::1] borders,       # IN (T, 3)
+    int32_t[::1] corners,          # IN (N,)
+    double[:, ::1] inertia,        # OUT (N, 3): mass times metric of each cell
+    double[:, ::1] pull,           # OUT (N, 2): that times the step from the vertex to the centroid
+):
+    """Sum the moments of the cells in their metric; return the energy."""
+    cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
+    cdef c_sums sums
+    cdef int32_t t
+    inertia[:] = 0
+    pull[:] = 0
+    sums.inertia = &inertia[0, 0]
+    sums.pull = &pull[0, 0]
+    sums.energy = 0
+    with nogil:
+        for t in range(<int32_t>triangles.shape[0]):
+            add_triangle(&mesh, &metric[0, 0], t, &sums)
+    return sums.energy
+
+
+def move(
+    double[:, ::1] points,         # INOUT (N, 2)
+    const uint8_t[::1] fixed,      # IN (N,): vertices that stay
+    double[:, ::1] steps,          # INOUT (N, 2): wanted steps; those that were made
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    int32_t[:, ::1] twins,         # IN (T, 3)
+    uint8_t[:, ::1] borders,       # IN (T, 3)
+    int32_t[::1] corners,          # IN (N,)
+):
+    """Move vertices one after the other, by a part of their steps where a triangle would turn over."""
+    cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
+    cdef int32_t vertex
+    with nogil:
+        for vertex in range(<int32_t>points.shape[0]):
+            if fixed[vertex]:
+                steps[vertex, 0] = steps[vertex, 1] = 0
+            else:
+                move_vertex(&mesh, &points[vertex, 0], vertex, &steps[vertex, 0])
+
+
+def polish(
+    double[:, ::1] points,         # INOUT (N, 2)
+    const double[:, ::1] metric,   # IN (N, 3)
+    const uint8_t[::1] fixed,      # IN (N,)
+    double below,                  # IN: vertices whose worst triangle has less quality are moved
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    int32_t[:, ::1] twins,         # IN (T, 3)
+    uint8_t[:, ::1] borders,       # IN (T, 3)
+    int32_t[::1] corners,          # IN (N,)
+):
+    """Move vertices to where their worst triangle is better; return how many."""
+    cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
+    cdef int32_t vertex
+    cdef Py_ssize_t n_moved = 0
+    with nogil:
+        for vertex in range(<int32_t>points.shape[0]):
+            if not fixed[vertex]:
+                n_moved += polish_vertex(&mesh, &points[vertex, 0], vertex, &metric[vertex, 0], below)
+    return n_moved
+
+
+def locate(
+    const double[:, ::1] points,     # IN (N, 2)
+    const int32_t[:, ::1] triangles, # IN (T, 3)
+    const int32_t[:, ::1] twins,     # IN (T, 3)
+    const double[:, ::1] places,     # IN (M, 2)
+    int32_t[::1] found,              # INOUT (M,): where to begin; the triangle of each place, or the last on the way
+    double[:, ::1] shares,           # OUT (M, 3): barycentric coordinates there, < 0 if it is outside
+):
+    """Walk to the triangles that hold places."""
+    cdef Py_ssize_t i, steps, most = 3 * triangles.shape[0]
+    cdef int32_t t, k, worst, beyond
+    cdef double area, share[3]
+    with nogil:
+        for i in range(places.shape[0]):
+            t = found[i]
+            for steps in range(most):
+                area = twice_area(&points[triangles[t, 0], 0], &points[triangles[t, 1], 0], &points[triangles[t, 2], 0])
+                worst = 0
+                for k in range(3):
+                    share[k] = twice_area(
+                        &places[i, 0], &points[triangles[t, (k + 1) % 3], 0], &points[triangles[t, (k + 2) % 3], 0],
+                    ) / area
+                    if share[k] < share[worst]:
+                        worst = k
+                beyond = twins[t, worst]
+                if share[worst] >= -1e-12 or beyond < 0:
+                    break
+                t = beyond // 3
+            found[i] = t
+            for k in range(3):
+                shares[i, k] = share[k]

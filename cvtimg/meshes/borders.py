@@ -1,0 +1,141 @@
+"""Vertices along borders: corners, and as many between them as sizes ask for, closer where borders crowd."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.meshes.fields import Field
+from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.triangulation import Borders
+
+Points = NDArray[np.float64]
+
+#: A line is sampled at steps of at most this part of an edge.
+_STEP = 0.34
+#: A vertex must not be nearer to the edge of another line than this part of that edge.
+_NEAR = 0.4
+#: Rounds of making crowded edges shorter; in the last ones, only where they cross.
+_ROUNDS, _LAST_ROUNDS = 12, 5
+#: The sizes around follow edges that are shorter than this part of what was wanted.
+_SHORT = 0.75
+
+
+def place_on_borders(outline: Outline, field: Field, grade: float, min_size: float) -> tuple[Borders, Field]:
+    """Place vertices on the lines of an outline; return them with the field that follows their edges.
+
+    Raises
+    ------
+    ValueError
+        If edges cross however short they are.
+    """
+    for round_ in range(_ROUNDS):
+        borders = _spaced(outline, field)
+        lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
+        crossed, near = _crowded(borders, lengths)
+        if round_ >= _ROUNDS - _LAST_ROUNDS:
+            near[:] = False
+        halved = crossed | near & (lengths > 2 * min_size)
+        if not halved.any() and round_ > 0:
+            return borders, field
+        middles = borders.points[borders.edges].mean(axis=1)
+        wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
+        sizes = lengths / np.maximum(wanted, 1e-300)
+        low = np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths)
+        changed = halved | (wanted < _SHORT)
+        if changed.any():
+            field = field.lowered(middles[changed], low[changed], grade)
+    at = borders.points[borders.edges[crossed][0]].mean(axis=0).tolist()
+    raise ValueError(f"borders cross or touch at {at}")
+
+
+def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
+    """Return the lengths (N,) of steps (N, 2) in metrics (N, 3)."""
+    (xx, xy, yy), (x, y) = metric.T, steps.T
+    lengths: NDArray[np.float64] = np.sqrt(xx * x * x + 2 * xy * x * y + yy * y * y)
+    return lengths
+
+
+def _spaced(outline: Outline, field: Field) -> Borders:
+    """Place vertices at equal steps, in the metric, along each line."""
+    places, line_of = _sampled(outline.lines, field)
+    starts = np.flatnonzero(np.append(True, np.diff(line_of) > 0))
+    stops = np.append(starts[1:], len(places)) - 1
+    steps = np.diff(places, axis=0)
+    lengths = lengths_of(field.metric((places[1:] + places[:-1]) / 2), steps)
+    lengths[stops[:-1]] = 0  # from a line to the next
+    along = np.append(0, np.cumsum(lengths))
+    totals = along[stops] - along[starts]
+    is_closed = (places[starts] == places[stops]).all(axis=1)
+    n_edges = np.maximum(np.rint(totals).astype(np.intp), np.where(is_closed, 3, 1))
+    own = np.repeat(np.arange(len(starts)), n_edges - 1)
+    number = np.arange(len(own)) - np.repeat(np.cumsum(n_edges - 1) - (n_edges - 1), n_edges - 1) + 1
+    at = along[starts][own] + number / n_edges[own] * totals[own]
+    inner = np.stack([np.interp(at, along, places[:, axis]) for axis in (0, 1)], axis=1)
+    ends = np.concatenate([places[starts], places[stops]])
+    nodes, index = np.unique(ends, axis=0, return_inverse=True)
+    first, last = index.reshape(2, -1)
+    # The points of each line in order: its first node, its inner points, its last node.
+    offsets = np.cumsum(n_edges + 1) - (n_edges + 1)
+    chain = np.empty(int((n_edges + 1).sum()), np.int32)
+    chain[offsets], chain[offsets + n_edges] = first, last
+    chain[offsets[own] + number] = len(nodes) + np.arange(len(own))
+    joined = np.ones(len(chain) - 1, bool)
+    joined[offsets[1:] - 1] = False
+    edges = np.stack([chain[:-1][joined], chain[1:][joined]], axis=1)
+    of_line = np.repeat(np.arange(len(starts)), n_edges)
+    return Borders(np.concatenate([nodes, inner]), edges, outline.sides[of_line])
+
+
+def _sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
+    """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
+    places = np.concatenate(lines)
+    line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    for _ in range(3):
+        metric, steps = field.metric(places), np.diff(places, axis=0)
+        longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
+        longest[np.diff(line_of) > 0] = 0
+        n_parts = np.append(np.maximum(np.ceil(longest / _STEP).astype(np.intp), 1), 1)
+        own = np.repeat(np.arange(len(places)), n_parts)
+        part = (np.arange(len(own)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)) / n_parts[own]
+        places = places[own] + part[:, None] * np.append(steps, [[0.0, 0.0]], axis=0)[own]
+        line_of = line_of[own]
+    return places, line_of
+
+
+def _crowded(borders: Borders, lengths: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Find edges (E,) that meet other than at their ends, and those that have a vertex of another line near."""
+    import shapely
+
+    points, edges = borders.points, borders.edges
+    segments = shapely.linestrings(points[edges])
+    tree = shapely.STRtree(segments)
+    crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
+    crossed[tree.query(segments, predicate="crosses")[0]] = True
+    keys = np.sort(edges, axis=1).astype(np.int64) @ np.array([len(points), 1])
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    crossed |= counts[inverse] > 1
+    reach = np.zeros(len(points))
+    for end in (0, 1):
+        np.maximum.at(reach, edges[:, end], lengths)
+    point, edge = tree.query(shapely.points(points), predicate="dwithin", distance=_NEAR * reach)
+    apart = (edges[edge] != point[:, None]).all(axis=1)
+    point, edge = point[apart], edge[apart]
+    gaps = shapely.distance(shapely.points(points[point]), segments[edge])
+    crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
+    close = gaps < _NEAR * lengths[edge]
+    near[edge[close & ~_share_a_corner(edges, point, edge, len(points))]] = True
+    return crossed, near
+
+
+def _share_a_corner(
+    edges: NDArray[np.int32], point: NDArray[np.intp], edge: NDArray[np.intp], n: int
+) -> NDArray[np.bool_]:
+    """Tell whether an edge leads from the point to an end of the other edge: sharp corners are narrow."""
+    ends = edges.astype(np.int64)
+    keys = np.minimum(*ends.T) * n + np.maximum(*ends.T)
+    linked = np.zeros(len(point), bool)
+    for end in (0, 1):
+        other = ends[edge, end]
+        linked |= np.isin(np.minimum(point, other) * n + np.maximum(point, other), keys)
+    return linked

@@ -1,0 +1,108 @@
+"""Size fields: how long edges should be at each place, where that comes from an image or is constant in one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.meshes import _sizes
+from cvtimg.placement.starts import along_hilbert_curve
+
+Points = NDArray[np.float64]
+
+#: Vertices in an area of 1 where edges have length 1: two triangles each.
+PER_AREA = 2 / 3**0.5
+#: Sweeps over a picture at most, until no size changes.
+_SWEEPS = 20
+
+
+class Field(Protocol):
+    """Sizes or metrics at all places of a region."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether edges are as long in all directions."""
+
+    @property
+    def count(self) -> float:
+        """About how many vertices a mesh has, but for half of those on its boundary."""
+
+    def metric(self, points: Points) -> Points:
+        """Return metrics (N, 3), xx, xy and yy, in which edges should have length 1, at (N, 2) points."""
+
+    def scaled(self, factor: float) -> Field:
+        """Return the field with all edges longer by a factor."""
+
+    def limited(self, grade: float, least: float) -> Field:
+        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each unit of length."""
+
+    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> Field:
+        """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
+
+    def seeds(self, n: int, rng: np.random.Generator) -> Points:
+        """Draw (n, 2) points, in order along a curve, with about one for each vertex that a mesh has."""
+
+
+def metric_of(sizes: NDArray[np.float64]) -> Points:
+    """Return the metrics (N, 3) of (N,) sizes."""
+    per_square = sizes**-2.0
+    return np.stack([per_square, np.zeros_like(per_square), per_square], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureField:
+    """Sizes at the centers of pixels.
+
+    Attributes
+    ----------
+    sizes : (H, W) float32 array
+    inside : (H, W) bool array
+        The pixels that are meshed.
+    """
+
+    sizes: NDArray[np.float32]
+    inside: NDArray[np.bool_]
+
+    @property
+    def isotropic(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def count(self) -> float:
+        """About how many vertices a mesh has, but for half of those on its boundary."""
+        return PER_AREA * float((self.sizes[self.inside].astype(np.float64) ** -2.0).sum())
+
+    def metric(self, points: Points) -> Points:
+        """Return metrics (N, 3) at (N, 2) points."""
+        sizes = np.empty(len(points))
+        _sizes.interpolate_picture(self.sizes, np.ascontiguousarray(points), sizes)
+        return metric_of(sizes)
+
+    def scaled(self, factor: float) -> PictureField:
+        """Return the field with all sizes multiplied by a factor."""
+        return replace(self, sizes=self.sizes * np.float32(factor))
+
+    def limited(self, grade: float, least: float) -> PictureField:
+        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each pixel."""
+        sizes = np.maximum(self.sizes, np.float32(least))
+        for _ in range(_SWEEPS):
+            if not _sizes.limit_picture(sizes, grade, grade * 2**0.5):
+                break
+        return replace(self, sizes=sizes)
+
+    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> PictureField:
+        """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
+        values = self.sizes.copy()
+        x, y = (np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(points.T, values.shape[::-1], strict=True))
+        np.minimum.at(values, (y, x), sizes.astype(np.float32))
+        return PictureField(values, self.inside).limited(grade, 0)
+
+    def seeds(self, n: int, rng: np.random.Generator) -> Points:
+        """Draw (n, 2) points along a Hilbert curve."""
+        density = np.where(self.inside, self.sizes, np.inf).astype(np.float32)
+        low = float(density.min())
+        return along_hilbert_curve((density / np.float32(low)) ** np.float32(-4), n, rng)

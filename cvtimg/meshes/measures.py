@@ -1,0 +1,201 @@
+"""How good a mesh is: the measures of its Voronoi cells and of its triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_places
+from cvtimg.placement.measures import measure_cells
+from cvtimg.regions import PolygonRegion
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MeshMeasures:
+    """Measures of a triangulation; the smaller the first eight are, the more regular it is.
+
+    Write h_i for the greatest distance from vertex i to a point of its Voronoi cell, clipped to the mesh, gamma_i for
+    that to the nearest other vertex, and R and r for the radii of the circumcircle and the incircle of a triangle.
+
+    Attributes
+    ----------
+    h : float
+        The largest h_i.
+    chi : float
+        The largest 3^(1/2) h_i / gamma_i; 1 for regular hexagons.
+    tau : float
+        The largest deviation of the trace of the second moments of a cell, by its area, from the mean of all.
+    d : float
+        The largest determinant of the deviatoric part of these second moments.
+    alpha : float
+        The largest area of a triangle by the mean one.
+    beta : float
+        60 degrees by the least angle.
+    q : float
+        The largest R / (2 r); 1 for equilateral triangles.
+    p : float
+        Standard deviation of R by its mean.
+    least_angle : float
+        In degrees.
+    mean_quality : float
+        Mean of 2 r / R; 1 for equilateral triangles.
+    below_30 : float
+        Share of the triangles that have an angle below 30 degrees.
+
+    References
+    ----------
+    L. Nguyen, J. Burkardt, M. Gunzburger, L. Ju, Y. Saka, Constrained CVT meshes and a comparison of triangular mesh
+    generators, Computational Geometry 42 (2009) 1-19, doi 10.1016/j.comgeo.2008.04.002.
+    """
+
+    h: float
+    chi: float
+    tau: float
+    d: float
+    alpha: float
+    beta: float
+    q: float
+    p: float
+    least_angle: float
+    mean_quality: float
+    below_30: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriangleMeasures:
+    """Measures of each of T triangles.
+
+    Attributes
+    ----------
+    areas : (T,) float64 array
+    least_angles : (T,) float64 array
+        In degrees.
+    circumradii : (T,) float64 array
+    qualities : (T,) float64 array
+        2 r / R, from 0 for triangles without area to 1 for equilateral ones.
+    """
+
+    areas: NDArray[np.float64]
+    least_angles: NDArray[np.float64]
+    circumradii: NDArray[np.float64]
+    qualities: NDArray[np.float64]
+
+
+def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasures:
+    """Measure each triangle.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+    triangles : (T, 3) integer array
+        Indices of points, in either direction.
+
+    Returns
+    -------
+    TriangleMeasures
+
+    Examples
+    --------
+    >>> from cvtimg.meshes import measure_triangles
+    >>> measures = measure_triangles([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
+    >>> measures.areas.tolist(), measures.least_angles.round(9).tolist()
+    ([0.5], [45.0])
+    """
+    places, corners = check_places("points", points, 2), check_triangles(triangles, len(np.asarray(points)))
+    a, b, c = (places[corners[:, k]] for k in range(3))
+    sides = np.sort([np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0)
+    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    areas = np.abs(turn) / 2
+    short, middle, long = sides
+    with np.errstate(divide="ignore", invalid="ignore"):
+        circumradii = np.where(areas > 0, short * middle * long / (4 * areas), np.inf)
+        inradii = 2 * areas / (short + middle + long)
+        qualities = np.where(areas > 0, 2 * inradii / circumradii, 0.0)
+    # The least angle is between the longer sides; its tangent is exact for narrow angles, too.
+    cosine = middle**2 + long**2 - short**2
+    angles = np.degrees(np.arctan2(4 * areas, cosine))
+    return TriangleMeasures(areas, angles, circumradii, qualities)
+
+
+def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
+    """Measure any triangulation, with Voronoi cells that are clipped exactly to it.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+        Vertices; those that no triangle has are left out.
+    triangles : (T, 3) integer array
+        Indices of points. They may touch but not overlap.
+
+    Returns
+    -------
+    MeshMeasures
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here.
+
+    Examples
+    --------
+    >>> from cvtimg.meshes import measure_mesh
+    >>> measures = measure_mesh([[0, 0], [1, 0], [0.5, 0.75**0.5]], [[0, 1, 2]])
+    >>> round(measures.alpha, 9), round(measures.beta, 9), round(measures.q, 9), round(measures.chi, 9)
+    (1.0, 1.0, 1.0, 1.0)
+    """
+    import shapely
+
+    places = check_places("points", points, 2)
+    corners = check_triangles(triangles, len(places))
+    used, inverse = np.unique(corners, return_inverse=True)
+    places, corners = places[used], inverse.reshape(-1, 3)
+    each = measure_triangles(places, corners)
+    if not (each.areas > 0).all():
+        raise ValueError(f"triangles[{int(np.flatnonzero(each.areas == 0)[0])}] has no area")
+    domain = shapely.union_all(_boundary_polygons(places, corners))
+    cells = measure_cells(places, PolygonRegion(domain))
+    return MeshMeasures(
+        h=cells.h,
+        chi=cells.chi * 0.75**0.5,
+        tau=cells.tau,
+        d=cells.d,
+        alpha=float(each.areas.max() / each.areas.mean()),
+        beta=60 / float(each.least_angles.min()),
+        q=1 / float(each.qualities.min()),
+        p=float(each.circumradii.std() / each.circumradii.mean()),
+        least_angle=float(each.least_angles.min()),
+        mean_quality=float(each.qualities.mean()),
+        below_30=float((each.least_angles < 30).mean()),
+    )
+
+
+def boundary_edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the (B, 2) edges that only one triangle has, as it goes around."""
+    edges = np.stack([triangles[:, [0, 1, 2]].ravel(), triangles[:, [1, 2, 0]].ravel()], axis=1)
+    _, inverse, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return edges[counts[inverse.reshape(-1)] == 1]
+
+
+def check_triangles(triangles: ArrayLike, n_points: int) -> NDArray[np.int32]:
+    """Return triangles as a (T, 3) int32 array of indices of points."""
+    corners = np.asarray(triangles)
+    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or corners.dtype.kind not in "iu":
+        raise ValueError(f"triangles of shape {corners.shape} and type {corners.dtype} must be (T, 3) integers, T >= 1")
+    if corners.min() < 0 or corners.max() >= n_points:
+        raise ValueError(f"triangles in {corners.min()}..{corners.max()} must be in 0..{n_points - 1}, as the points")
+    return corners.astype(np.int32, copy=False)
+
+
+def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:
+    """Polygons that cover a mesh: its rings, where they are nested, as a polygon with holes."""
+    import shapely
+
+    rings = shapely.get_parts(shapely.polygonize(shapely.linestrings(points[boundary_edges(triangles)])))
+    # Faces between rings: those that hold the middle of a triangle are inside.
+    tree = shapely.STRtree(rings)
+    middles = shapely.points(points[triangles].mean(axis=1))
+    return list(rings[np.unique(tree.query(middles, predicate="intersects")[1])])

@@ -1,0 +1,257 @@
+"""Meshes of regions and of segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_choice, check_count, check_labels, check_non_negative, check_places
+from cvtimg.meshes.borders import place_on_borders
+from cvtimg.meshes.fields import Field
+from cvtimg.meshes.interior import place_inside
+from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
+from cvtimg.meshes.relaxation import relax
+from cvtimg.meshes.result import Mesh
+from cvtimg.meshes.sizes import SizeLike, size_field
+from cvtimg.meshes.triangulation import Borders, Triangulation
+from cvtimg.regions import as_region
+
+Points = NDArray[np.float64]
+
+#: More vertices than this need more memory than machines have.
+_MOST_VERTICES = 1 << 26
+#: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
+_ROUNDS, _NEAR = 8, 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long vertices move: moves at most, when they rest, and rounds of polish."""
+
+    moves: int
+    tolerance: float
+    polish: int
+
+
+#: The registry: names for `effort`.
+EFFORTS: dict[str, Effort] = {
+    "fast": Effort(15, 1e-2, 2),
+    "balanced": Effort(60, 1e-3, 3),
+    "best": Effort(400, 1e-4, 6),
+}
+#: Vertices around which a triangle has less quality are polished.
+_POOR = 0.85
+
+
+def mesh_region(
+    region: Any,
+    *,
+    n: int | None = None,
+    edge_length: float | None = None,
+    size: SizeLike | None = None,
+    grade: float = 0.2,
+    min_size: float = 0.0,
+    fixed: ArrayLike | None = None,
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+) -> Mesh:
+    """Divide a region of the plane into triangles whose vertices are generators of a centroidal Voronoi tessellation.
+
+    Parameters
+    ----------
+    region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
+        What `cvtimg.regions.as_region` takes. Corners of polygons, where the boundary turns by more than 30 degrees,
+        become vertices. The contour of a mask is smoothed by up to 0.7 pixels.
+    n : int, optional
+        Number of vertices. With `size`, only the ratios of sizes count then.
+    edge_length : float, optional
+        Length of edges, the same everywhere.
+    size : (H, W) array or callable, optional
+        Length of edges at each place: an image, at places (x, y) in pixels; or a function from (M, 2) points to (M,)
+        sizes, such as a `MeshSize`. Give `n`, `edge_length`, `size`, or `n` and `size`.
+    grade : float
+        How much sizes may grow for each unit of length, > 0.
+    min_size : float
+        The least size, and the size of details of polygons that are left out.
+    fixed : (F, 2) array, optional
+        Points of the region that become vertices.
+    effort : {"fast", "balanced", "best"}
+        How long vertices move.
+    rng : int or numpy.random.Generator
+        Seed. The same seed gives the same bits.
+
+    Returns
+    -------
+    Mesh
+        With exactly `n` vertices, if that is given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or if the boundary needs more than `n` vertices; the message names it.
+    ImportError
+        If PythonCDT or shapely is not installed: ``pip install cvtimg[mesh]``.
+
+    Notes
+    -----
+    Vertices on the boundary are placed first, at equal steps by the sizes, and closer where two parts of the boundary
+    are near to each other. A constrained Delaunay triangulation follows, in which inner vertices move to the centers
+    of mass of their cells, with density size^-4, while edges flip.
+
+    References
+    ----------
+    Q. Du, M. Gunzburger, Grid generation and optimization based on centroidal Voronoi tessellations, Applied
+    Mathematics and Computation 133 (2002) 591-607, doi 10.1016/S0096-3003(01)00260-0.
+
+    Examples
+    --------
+    >>> from cvtimg import mesh_region
+    >>> mesh = mesh_region([[0, 0], [3, 0], [3, 1], [0, 1]], n=100)
+    >>> mesh, round(mesh.area, 9)
+    (Mesh(100 vertices, 166 triangles), 3.0)
+    """
+    least = check_non_negative("min_size", min_size)
+    outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
+    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least), fixed, effort, rng)
+
+
+#: How far contours of masks and labels are moved to make them smoother, in pixels.
+_TOLERANCE = 0.7
+
+
+def mesh_labels(
+    labels: ArrayLike,
+    image: Any = None,
+    *,
+    n: int | None = None,
+    edge_length: float | None = None,
+    size: ArrayLike | None = None,
+    grade: float = 0.2,
+    min_size: float = 0.0,
+    tolerance: float = _TOLERANCE,
+    effort: str = "balanced",
+    rng: int | np.random.Generator = 0,
+) -> Mesh:
+    """Divide all segments of an image into triangles; segments side by side share the vertices on their border.
+
+    Parameters
+    ----------
+    labels : (H, W) integer array
+        Segment of each pixel; 0 for what is not meshed.
+    image : (H, W) or (H, W, C) array, optional
+        The segmented image, for borders between the centers of pixels, as `cvtimg.find_contours` has them.
+    n, edge_length, size, grade, min_size, effort, rng
+        As in `mesh_region`; sizes as an image.
+    tolerance : float
+        How far borders may be moved to make them smoother, in pixels.
+
+    Returns
+    -------
+    Mesh
+        With the label of each triangle in `tags`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or if borders need more than `n` vertices; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import mesh_labels
+    >>> mesh = mesh_labels(np.repeat([[1, 2]], 8, axis=0).repeat(8, axis=1), n=60)
+    >>> len(mesh.points), sorted(set(mesh.tags.tolist())), round(mesh.area, 9)
+    (60, [1, 2], 128.0)
+    """
+    segments = check_labels("labels", labels)
+    least = check_non_negative("min_size", min_size)
+    outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
+    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least), None, effort, rng)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wanted:
+    """How many vertices, or how long edges."""
+
+    n: int | None
+    size: SizeLike
+    grade: float
+    least: float
+
+    @classmethod
+    def checked(
+        cls, n: int | None, edge_length: float | None, size: SizeLike | None, grade: float, least: float
+    ) -> _Wanted:
+        if n is not None:
+            check_count("n", n, _MOST_VERTICES, "what memory holds")
+        given = [name for name, value in (("n", n), ("edge_length", edge_length), ("size", size)) if value is not None]
+        if given not in (["n"], ["edge_length"], ["size"], ["n", "size"]):
+            raise ValueError(f"give n, edge_length, size, or n and size, not {' and '.join(given) or 'none of them'}")
+        if edge_length is not None and not 0 < float(edge_length) < np.inf:
+            raise ValueError(f"edge_length={edge_length} must be a finite number > 0")
+        if not 0 < float(grade) < np.inf:
+            raise ValueError(f"grade={grade} must be a finite number > 0")
+        return cls(n, next((each for each in (edge_length, size) if each is not None), 1.0), float(grade), least)
+
+
+def _mesh(
+    outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, effort: str, rng: int | np.random.Generator
+) -> Mesh:
+    check_choice("effort", effort, EFFORTS)
+    random = np.random.default_rng(rng)
+    outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
+    borders, field = _borders(outline, wanted, alone)
+    n = wanted.n if wanted.n is not None else _number(borders, field)
+    inner = place_inside(borders, field, n - len(borders.points), random)
+    mesh = Triangulation.constrained(borders, inner)
+    settings = EFFORTS[effort]
+    relaxed = relax(
+        mesh, field.metric, isotropic=field.isotropic, most=settings.moves, tolerance=settings.tolerance
+    )
+    for _ in range(settings.polish):
+        if not mesh.polish(metric := field.metric(mesh.points), _POOR):
+            break
+        mesh.flip(None if field.isotropic else metric)
+    return Mesh(
+        mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
+    )
+
+
+def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders, Field]:
+    """Place vertices on borders, with sizes that come to the wanted number of vertices."""
+    ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
+    start = size_field(outline, wanted.size, wanted.n, wanted.least, ends)
+    factor = 1.0
+    for _ in range(_ROUNDS):
+        field = start.scaled(factor).limited(wanted.grade, wanted.least)
+        borders, field = place_on_borders(outline, field, wanted.grade, wanted.least)
+        borders, field = _with_alone(borders, field, alone, wanted.grade)
+        if wanted.n is None:
+            return borders, field
+        ratio = _number(borders, field) / wanted.n
+        if abs(ratio - 1) < _NEAR:
+            break
+        factor *= ratio**0.5
+    if len(borders.points) > wanted.n:
+        raise ValueError(f"n={wanted.n} must be at least {len(borders.points)}, the vertices that the border needs")
+    return borders, field
+
+
+def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:
+    """Add fixed points that are on no border; sizes around them are no larger than their distances."""
+    if not len(alone):
+        return borders, field
+    from scipy.spatial import cKDTree
+
+    points = np.concatenate([borders.points, alone])
+    gaps = cKDTree(points).query(alone, 2)[0][:, 1]
+    return Borders(points, borders.edges, borders.sides), field.lowered(alone, gaps, grade)
+
+
+def _number(borders: Borders, field: Field) -> int:
+    """About how many vertices a mesh has: two triangles for each inner vertex, by Euler's formula."""
+    n_boundary = int((borders.sides.min(axis=1) <= 0).sum())
+    return max(round(field.count + n_boundary / 2 + 1), len(borders.points))

@@ -1,0 +1,206 @@
+"""Outlines of what is meshed: lines that run from corner to corner, with the labels on both of their sides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.labels.contours import find_contours
+from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region
+
+Points = NDArray[np.float64]
+
+#: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays.
+_POLYGON_CORNER = 30.0
+#: Contours of labels are jagged by their pixels: there it must turn by more, between segments of this many pixels.
+_CONTOUR_CORNER, _CONTOUR_SEGMENT = 45.0, 2.0
+#: A fixed point this near to a line, by the diameter of all, is on it.
+_ON_LINE = 1e-9
+#: Cells along each axis by which the boundary of an implicit region is found.
+_IMPLICIT_CELLS = 512
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Borders of what is meshed.
+
+    Attributes
+    ----------
+    lines : tuple of (L, 2) float64 arrays
+        From corner to corner, or closed, if the last point is the first; lines meet at their ends only.
+    sides : (M, 2) int32 array
+        Labels of both sides of each line, as in `Borders`.
+    bounds : (2, 2) float64 array
+        Least and greatest coordinates.
+    mask : (H, W) bool array or None
+        The pixels inside, if coordinates are in pixels of an image.
+    contains : callable
+        Tells which of (N, 2) points are inside.
+    """
+
+    lines: tuple[Points, ...]
+    sides: NDArray[np.int32]
+    bounds: Points
+    mask: NDArray[np.bool_] | None
+    contains: Callable[[Points], NDArray[np.bool_]]
+
+    @property
+    def diameter(self) -> float:
+        """Length of the diagonal of the bounds."""
+        return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
+
+
+def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
+    """Return the outline of a region of the plane.
+
+    Parameters
+    ----------
+    region : Region
+    tolerance : float
+        How far contours of a mask may be moved to make them simpler, in pixels.
+    min_size : float
+        Details of polygons smaller than this are left out.
+    """
+    if region.n_dims != 2:
+        raise ValueError(f"{region!r} must be in the plane")
+    if isinstance(region, PictureRegion):
+        return label_outline(region.mask.astype(np.int32), region.mask, tolerance)
+    if isinstance(region, Box):
+        if any(region.periodic):
+            raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
+        (left, low), (right, high) = region.bounds
+        return _polygon_outline(PolygonRegion([[left, low], [right, low], [right, high], [left, high]]), 0)
+    if isinstance(region, ImplicitRegion):
+        return _polygon_outline(_traced(region), min_size)
+    if isinstance(region, PolygonRegion):
+        return _polygon_outline(region, min_size)
+    raise TypeError(f"{region!r} has no outline: meshes are of boxes, polygons, pictures and implicit regions")
+
+
+def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
+    """Return the borders of segments; pixels of label 0 are outside."""
+    found = find_contours(labels, image, tolerance=tolerance)
+    lines: list[Points] = []
+    sides: list[NDArray[np.int32]] = []
+    for line, both in zip(found.lines, found.sides, strict=True):
+        if both.max() > 0:
+            steps = np.linalg.norm(np.diff(line, axis=0), axis=1) > _CONTOUR_SEGMENT
+            parts = _cut(line, _CONTOUR_CORNER, steps)
+            lines += parts
+            sides += [both] * len(parts)
+    if not lines:
+        raise ValueError("labels must not be 0 everywhere")
+    mask = labels > 0
+
+    def contains(points: Points) -> NDArray[np.bool_]:
+        at = np.clip(points.astype(np.intp), 0, np.array(mask.shape[::-1]) - 1)
+        inside: NDArray[np.bool_] = mask[at[:, 1], at[:, 0]]
+        return inside
+
+    bounds = np.array([[0.0, 0.0], [mask.shape[1], mask.shape[0]]])
+    return Outline(tuple(lines), np.array(sides), bounds, mask, contains)
+
+
+def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
+    import shapely
+
+    geometry = region.geometry
+    if min_size > 0:
+        geometry = shapely.simplify(geometry, min_size / 2)
+        if not geometry.area > 0:
+            raise ValueError(f"min_size={min_size:g} must be less: nothing of the region is left")
+    parts = shapely.orient_polygons(shapely.remove_repeated_points(shapely.get_parts(geometry)))
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)]
+    lines = [line for ring in rings for line in _cut(ring, _POLYGON_CORNER, np.ones(len(ring) - 1, bool), rings)]
+    sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
+    return Outline(tuple(lines), sides, np.array(geometry.bounds).reshape(2, 2), None, region.contains)
+
+
+def _traced(region: ImplicitRegion) -> PolygonRegion:
+    """Trace the boundary of an implicit region on a grid, and move it to where the function is 0."""
+    import shapely
+    from skimage.measure import find_contours as trace
+
+    low, sides = region.bounds[0], region.box.sides
+    at = (np.arange(_IMPLICIT_CELLS + 1) / _IMPLICIT_CELLS)[:, None] * sides + low
+    x, y = np.meshgrid(*at.T)
+    values = np.asarray(region.function(np.stack([x.ravel(), y.ravel()], axis=1)), np.float64).reshape(x.shape)
+    outside = max(float(np.abs(values).max()), 1e-300)
+    rings = []
+    for ring in trace(np.pad(values, 1, constant_values=outside), 0.0):  # type: ignore[no-untyped-call]
+        places = region.box.project((ring[:-1, ::-1] - 1) / _IMPLICIT_CELLS * sides + low)
+        inner = ((places > region.bounds[0]) & (places < region.bounds[1])).all(axis=1)
+        if inner.any():
+            places[inner] = region.to_boundary(places[inner])
+        if len(places) > 2:
+            rings.append(shapely.Polygon(places))
+    whole = shapely.Polygon()
+    for ring in sorted(rings, key=lambda one: -one.area):
+        whole = shapely.symmetric_difference(whole, shapely.make_valid(ring))
+    return PolygonRegion(whole)
+
+
+def _cut(
+    line: Points, degrees: float, long: NDArray[np.bool_], others: Sequence[Points] = ()
+) -> list[Points]:
+    """Cut a line where it turns by more than some degrees between long segments, or passes a point of other lines."""
+    is_closed = bool((line[0] == line[-1]).all())
+    steps = np.diff(line, axis=0)
+    before, after = np.roll(steps, 1, axis=0), steps
+    turns = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
+    corner = (np.abs(turns) > np.radians(degrees)) & long & np.roll(long, 1)
+    rest = [other for other in others if other is not line]
+    if rest:
+        shared = np.concatenate(rest).view(np.complex128)[:, 0]
+        corner |= np.isin(np.ascontiguousarray(line[:-1]).view(np.complex128)[:, 0], shared)
+    cuts = np.flatnonzero(corner)
+    if not is_closed:
+        inner = cuts[cuts > 0]
+        ends = [0, *inner.tolist(), len(line) - 1]
+        return [line[start : stop + 1] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+    if not len(cuts):
+        return [line]
+    ring = np.concatenate([line[cuts[0] : -1], line[: cuts[0] + 1]])
+    ends = [*(cuts - cuts[0]).tolist(), len(ring) - 1]
+    return [ring[start : stop + 1] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
+    """Cut lines at those of (F, 2) points that lie on them; also return the other points, which must be inside."""
+    if not len(points):
+        return outline, points
+    import shapely
+
+    alone = []
+    lines, sides = list(outline.lines), list(outline.sides)
+    for point in np.unique(points, axis=0):
+        place = shapely.Point(point)
+        gaps = shapely.distance([shapely.LineString(line) for line in lines], place)
+        nearest = int(gaps.argmin())
+        if gaps[nearest] > _ON_LINE * outline.diameter:
+            if not outline.contains(point[None])[0]:
+                raise ValueError(f"fixed has {point.tolist()} and must be in the region")
+            alone.append(point)
+            continue
+        parts = _cut_at(lines[nearest], point)
+        lines[nearest : nearest + 1] = parts
+        sides[nearest : nearest + 1] = [sides[nearest]] * len(parts)
+    return replace(outline, lines=tuple(lines), sides=np.array(sides)), np.array(alone).reshape(-1, 2)
+
+
+def _cut_at(line: Points, point: Points) -> list[Points]:
+    """Cut a line at a point that lies on it."""
+    if (line[[0, -1]] == point).all(axis=1).any():
+        return [line]
+    starts, steps = line[:-1], np.diff(line, axis=0)
+    along = np.clip(((point - starts) * steps).sum(axis=1) / (steps**2).sum(axis=1), 0, 1)
+    segment = int(np.linalg.norm(starts + along[:, None] * steps - point, axis=1).argmin())
+    rest = line[segment + 1 :]
+    if (rest[0] == point).all() and len(rest) > 1:
+        rest = rest[1:]
+    first, second = np.vstack([line[: segment + 1], point]), np.vstack([point, rest])
+    return [first, second]

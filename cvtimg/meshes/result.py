@@ -1,0 +1,95 @@
+"""A mesh as a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.whole import StrPath
+from cvtimg.meshes.files import write_mesh
+from cvtimg.meshes.measures import MeshMeasures, measure_mesh, measure_triangles
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles of the plane whose vertices are generators of a centroidal Voronoi tessellation.
+
+    Attributes
+    ----------
+    points : (N, 2) float64 array
+        Vertices (x, y), those on borders first.
+    triangles : (T, 3) int32 array
+        Indices of points, counter-clockwise where y points up.
+    tags : (T,) int32 array
+        Label of the segment that each triangle is in; 1 in a region.
+    edges : (E, 2) int32 array
+        Edges on the boundary and between segments, each once.
+    energies : tuple of float
+        At the start and after each move, in the metric of the sizes; they may rise a little, for sizes vary.
+    converged : bool
+        Whether vertices came to rest before the moves of the effort were spent.
+    n_wanted : int or None
+        The number of vertices that was asked for; `len(points)` is this number, unless it says otherwise.
+    """
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    tags: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    energies: tuple[float, ...]
+    converged: bool
+    n_wanted: int | None
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.triangles, self.tags, self.edges):
+            array.flags.writeable = False
+
+    @property
+    def energy(self) -> float:
+        """The energy at the end."""
+        return self.energies[-1]
+
+    @property
+    def area(self) -> float:
+        """Area of all triangles."""
+        return float(measure_triangles(self.points, self.triangles).areas.sum())
+
+    @property
+    def qualities(self) -> NDArray[np.float64]:
+        """2 r / R of each triangle (T,), for the radii of its incircle and circumcircle; 1 if it is equilateral."""
+        return measure_triangles(self.points, self.triangles).qualities
+
+    @property
+    def boundary(self) -> NDArray[np.int32]:
+        """Indices of the vertices on borders, in rising order."""
+        return np.unique(self.edges)
+
+    def measures(self) -> MeshMeasures:
+        """Measure how good the mesh is; Voronoi cells are clipped exactly to it."""
+        return measure_mesh(self.points, self.triangles)
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the mesh to a file; the suffix picks the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
+            (a group for each tag) or .stl; other formats need meshio.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is unknown.
+        OSError
+            If the file cannot be written.
+        """
+        write_mesh(path, self, overwrite)
+
+    def __repr__(self) -> str:
+        asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"
+        return f"Mesh({len(self.points)} vertices{asked}, {len(self.triangles)} triangles)"

@@ -1,0 +1,195 @@
+"""Size fields from functions, on a quadtree whose cells are as small as the sizes there ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine.ordering import along_curve
+from cvtimg.meshes import _sizes
+from cvtimg.meshes.fields import PER_AREA, metric_of
+from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.triangulation import Triangulation, delaunay
+
+Points = NDArray[np.float64]
+Sizes = Callable[[Points], NDArray[np.float64]]
+
+#: A cell is divided while its side is longer than this part of the least size at its corners and its center,
+_SIDE = 0.7
+#: from this level on, 2^6 cells along each axis, and to that one, where sides are 2^-24 of those of the region.
+_FIRST_LEVEL, _LAST_LEVEL = 6, 24
+#: More cells need more memory than machines have.
+_MOST_CELLS = 1 << 23
+#: Sweeps along edges at most, until no size changes.
+_SWEEPS = 500
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """Squares that cover a region.
+
+    Attributes
+    ----------
+    centers : (C, 2) float64 array
+    sides : (C,) float64 array
+    inside : (C,) bool array
+        Whether the center is in the region.
+    corners : (N, 2) float64 array
+        All corners, each once.
+    """
+
+    centers: Points
+    sides: NDArray[np.float64]
+    inside: NDArray[np.bool_]
+    corners: Points
+
+
+@dataclass(slots=True, eq=False)
+class TreeField:
+    """Sizes at the corners of a quadtree, interpolated on a triangulation of them.
+
+    Attributes
+    ----------
+    cells : Cells
+    mesh : Triangulation
+        Of the corners, and of more points where sizes were lowered.
+    sizes : (N,) float64 array
+    """
+
+    cells: Cells
+    mesh: Triangulation
+    sizes: NDArray[np.float64]
+    _near: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
+
+    @classmethod
+    def of(cls, sizes: Sizes, outline: Outline, probes: Points) -> TreeField:
+        """Sample sizes; at the probes they may be lower than all around."""
+        cells = divide(sizes, outline, probes)
+        points = np.concatenate([cells.corners, probes])
+        values = np.concatenate([sizes(cells.corners), sizes(probes)])
+        return cls(cells, *_triangulated(points, values))
+
+    @property
+    def isotropic(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def count(self) -> float:
+        """About how many vertices a mesh has, but for half of those on its boundary."""
+        return PER_AREA * float(self._weights().sum())
+
+    def metric(self, points: Points) -> Points:
+        """Return metrics (N, 3) at (N, 2) points."""
+        return metric_of(self._at(points))
+
+    def scaled(self, factor: float) -> TreeField:
+        """Return the field with all sizes multiplied by a factor."""
+        return replace(self, sizes=self.sizes * factor)
+
+    def limited(self, grade: float, least: float) -> TreeField:
+        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each unit of length."""
+        triangles = self.mesh.triangles
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        edges = edges[edges[:, 0] < edges[:, 1]]
+        lengths = np.linalg.norm(self.mesh.points[edges[:, 0]] - self.mesh.points[edges[:, 1]], axis=1)
+        sizes = np.maximum(self.sizes, least)
+        order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
+        edges, growths = np.ascontiguousarray(edges[order]), grade * lengths[order]
+        for _ in range(_SWEEPS):
+            if not _sizes.limit_along_edges(sizes, edges, growths):
+                break
+        return replace(self, sizes=sizes)
+
+    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> TreeField:
+        """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
+        at = self._at(points)
+        low = sizes < at
+        if not low.any():
+            return self
+        all_points = np.concatenate([self.mesh.points, points[low]])
+        mesh, values = _triangulated(all_points, np.concatenate([self.sizes, sizes[low]]))
+        return replace(self, mesh=mesh, sizes=values, _near=np.empty(0, np.int32)).limited(grade, 0)
+
+    def seeds(self, n: int, rng: np.random.Generator) -> Points:
+        """Draw (n, 2) points along a Morton curve."""
+        weights = self._weights()
+        order = along_curve(self.cells.centers)
+        ends = np.cumsum(weights[order])
+        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
+        found: Points = self.cells.centers[own] + (rng.random((n, 2)) - 0.5) * self.cells.sides[own, None]
+        return found
+
+    def _weights(self) -> NDArray[np.float64]:
+        """Vertices in each cell, but for a factor."""
+        weights = np.zeros(len(self.cells.sides))
+        inside = self.cells.inside
+        weights[inside] = (self.cells.sides[inside] / self._at(self.cells.centers[inside])) ** 2
+        return weights
+
+    def _at(self, points: Points) -> NDArray[np.float64]:
+        near = self._near
+        if len(near) != len(points):
+            from scipy.spatial import cKDTree
+
+            near = cKDTree(self.mesh.points).query(points)[1].astype(np.int32)
+        found, shares = self.mesh.locate(points, near)
+        self._near = self.mesh.triangles[found, shares.argmax(axis=1)]  # for the next time, when they have moved
+        shares = np.maximum(shares, 0)
+        shares /= shares.sum(axis=1, keepdims=True)
+        values: NDArray[np.float64] = (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
+        return values
+
+
+def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
+    """Divide a square around an outline into cells that are smaller than the sizes there."""
+    low, high = outline.bounds
+    side = float((high - low).max()) * 1.02
+    origin = (low + high) / 2 - side / 2
+    grid = np.arange(1 << _FIRST_LEVEL)
+    cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
+    wanted, done, n_cells = _SIDE * sizes(probes), [], 0
+    for level in range(_FIRST_LEVEL, _LAST_LEVEL + 1):
+        step = side / (1 << level)
+        limit = _least_around(sizes, origin + cells * step, step) * _SIDE
+        fine = ((probes[wanted < step] - origin) / step).astype(np.int64)
+        divided = (limit < step) | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
+        if level == _LAST_LEVEL:
+            divided[:] = False
+        done.append((level, cells[~divided]))
+        cells = (2 * cells[divided, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
+        n_cells += len(cells)
+        if n_cells > _MOST_CELLS:
+            raise ValueError(f"sizes down to {limit.min() / _SIDE:g} are too small for a region of width {side:g}")
+        if not len(cells):
+            break
+    sides = np.concatenate([np.full(len(own), side / (1 << level)) for level, own in done])
+    corners = np.concatenate([own << (_LAST_LEVEL - level) for level, own in done])
+    spans = np.concatenate([np.full(len(own), 1 << (_LAST_LEVEL - level)) for level, own in done])
+    all_corners = (corners[:, None] + spans[:, None, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
+    keys = np.unique(all_corners @ np.array([1 << 32, 1]))
+    unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
+    unit = side / (1 << _LAST_LEVEL)
+    centers = origin + corners * unit + sides[:, None] / 2
+    return Cells(centers, sides, outline.contains(centers), origin + unique * unit)
+
+
+def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.float64]:
+    """Return the least size (C,) at the corners and the centers of cells."""
+    offsets = side * np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.5]])
+    values = sizes((corners[:, None] + offsets).reshape(-1, 2))
+    least: NDArray[np.float64] = values.reshape(-1, len(offsets)).min(axis=1)
+    return least
+
+
+def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[Triangulation, NDArray[np.float64]]:
+    """Triangulate points, of those at one place the one with the least value."""
+    order = np.lexsort((values, points[:, 1], points[:, 0]))
+    first = np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))
+    own = order[first]
+    nothing = np.empty((0, 2), np.int32)
+    mesh = Triangulation(points[own], np.ones(len(own), bool), delaunay(points[own]), nothing)
+    return mesh, values[own]

@@ -1,0 +1,199 @@
+"""A triangulation whose borders stay: made once, and from then on only vertices move and edges flip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.meshes import _triangles
+
+Points = NDArray[np.float64]
+Triangles = NDArray[np.int32]
+
+#: Flips at most, for each triangle: in a metric that varies, flips might never end.
+_MOST_FLIPS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Borders:
+    """Points and edges that a triangulation must have.
+
+    Attributes
+    ----------
+    points : (B, 2) float64 array
+    edges : (E, 2) int32 array
+        Indices of points.
+    sides : (E, 2) int32 array
+        Labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is positive,
+        and where it is negative. Labels <= 0 are outside.
+    """
+
+    points: Points
+    edges: Triangles
+    sides: Triangles
+
+
+class Triangulation:
+    """Vertices, triangles and their neighbors; `points` change in place.
+
+    Attributes
+    ----------
+    points : (N, 2) float64 array
+    fixed : (N,) uint8 array
+        Whether a vertex stays in place.
+    triangles : (T, 3) int32 array
+        Counter-clockwise where y points up.
+    tags : (T,) int32 array
+        Label of the side of the border that each triangle is on; flips do not change it.
+    twins, borders : (T, 3) arrays
+        Of the edge opposite to each corner: the same edge of the next triangle as 3 t + k, or -1; whether it stays.
+    corners : (N,) int32 array
+        One corner 3 t + k at each vertex.
+    """
+
+    def __init__(self, points: Points, fixed: NDArray[np.bool_], triangles: Triangles, edges: Triangles) -> None:
+        self.points = np.ascontiguousarray(points)
+        self.fixed = fixed.astype(np.uint8)
+        self.triangles = np.ascontiguousarray(triangles, np.int32)
+        self.tags = np.ones(len(triangles), np.int32)
+        self._join(edges)
+
+    @classmethod
+    def constrained(cls, borders: Borders, inner: Points) -> Triangulation:
+        """Triangulate borders and inner points; keep what is inside, and tag it by the sides of the borders."""
+        points = np.concatenate([borders.points, inner])
+        fixed = np.arange(len(points)) < len(borders.points)
+        mesh = cls(points, fixed, delaunay(points, borders.edges), borders.edges)
+        mesh._tag(borders)
+        inside = mesh.tags > 0
+        if not inside.all():
+            mesh._keep(inside, borders.edges)
+        return mesh
+
+    def has_edges(self, edges: Triangles) -> NDArray[np.bool_]:
+        """Tell which of (E, 2) edges are there."""
+        return np.isin(_keys(edges, len(self.points)), _keys(self._all_edges(), len(self.points)))
+
+    def flip(self, metric: Points | None) -> int:
+        """Flip edges until the triangulation is Delaunay, but for its borders; return how many."""
+        n_edges = self.triangles.size
+        stack, waiting = np.empty(n_edges, np.int32), np.empty(n_edges, np.uint8)
+        most = _MOST_FLIPS * len(self.triangles)
+        return _triangles.flip(self.points, metric, *self._topology(), most, stack, waiting)
+
+    def moments(self, metric: Points) -> tuple[float, Points, Points]:
+        """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
+        inertia, pull = np.empty((len(self.points), 3)), np.empty((len(self.points), 2))
+        energy = _triangles.sum_cells(self.points, metric, *self._topology(), inertia, pull)
+        return energy, inertia, pull
+
+    def move(self, steps: Points) -> Points:
+        """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done."""
+        done = steps.copy()
+        _triangles.move(self.points, self.fixed, done, *self._topology())
+        return done
+
+    def polish(self, metric: Points, below: float) -> int:
+        """Move vertices whose worst triangle has a quality below a limit to where it is better; return how many."""
+        return _triangles.polish(self.points, metric, self.fixed, below, *self._topology())
+
+    def locate(self, places: Points, near: Triangles) -> tuple[Triangles, Points]:
+        """Walk to the triangles of (M, 2) places from vertices nearby; return them and barycentric coordinates."""
+        found = (self.corners[near] // 3).astype(np.int32)
+        shares = np.empty((len(places), 3))
+        _triangles.locate(self.points, self.triangles, self.twins, np.ascontiguousarray(places), found, shares)
+        return found, shares
+
+    def state(self) -> tuple[NDArray[Any], ...]:
+        """Return a copy of all that moves and flips change."""
+        return tuple(array.copy() for array in (self.points, *self._topology()))
+
+    def restore(self, state: tuple[NDArray[Any], ...]) -> None:
+        """Go back to what `state` returned."""
+        self.points, self.triangles, self.twins, self.borders, self.corners = state
+
+    def border_edges(self) -> Triangles:
+        """Return the (E, 2) edges that stay, each once."""
+        own = np.flatnonzero(self.borders.ravel() & (self.twins.ravel() < np.arange(self.twins.size)))
+        return self._all_edges()[own]
+
+    def _topology(self) -> tuple[Triangles, Triangles, NDArray[np.uint8], Triangles]:
+        return self.triangles, self.twins, self.borders, self.corners
+
+    def _all_edges(self) -> Triangles:
+        """(3 T, 2) ends of the edge opposite to each corner, as its triangle goes around."""
+        return np.stack([self.triangles[:, [1, 2, 0]].ravel(), self.triangles[:, [2, 0, 1]].ravel()], axis=1)
+
+    def _join(self, edges: Triangles) -> None:
+        """Find the twin of each edge, and mark those that stay."""
+        n_corners = self.triangles.size
+        keys = _keys(self._all_edges(), len(self.points))
+        order = np.argsort(keys, kind="stable")
+        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+        twins = np.full(n_corners, -1, np.int32)
+        twins[order[same]], twins[order[same + 1]] = order[same + 1], order[same]
+        self.twins = twins.reshape(-1, 3)
+        wanted = np.isin(keys, _keys(edges, len(self.points)))
+        self.borders = (wanted | (twins < 0)).astype(np.uint8).reshape(-1, 3)
+        self.corners = np.full(len(self.points), -1, np.int32)
+        self.corners[self.triangles.ravel()] = np.arange(n_corners)
+
+    def _tag(self, borders: Borders) -> None:
+        """Give the triangles between borders the label of most of the border around them; 0 if there is none."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        n, n_triangles = len(self.points), len(self.triangles)
+        free = np.flatnonzero((self.borders.ravel() == 0) & (self.twins.ravel() >= 0))
+        links = coo_array(
+            (np.ones(len(free), np.int8), (free // 3, self.twins.ravel()[free] // 3)), (n_triangles, n_triangles)
+        )
+        n_parts, part = connected_components(links, directed=False)
+        forth, back = borders.edges.astype(np.int64), borders.edges[:, ::-1].astype(np.int64)
+        keys = np.concatenate([forth, back]) @ np.array([n, 1])
+        labels = np.concatenate([borders.sides[:, 0], borders.sides[:, 1]])
+        order = np.argsort(keys)
+        own = self._all_edges().astype(np.int64) @ np.array([n, 1])
+        at = order[np.minimum(np.searchsorted(keys, own, sorter=order), len(keys) - 1)]
+        known = keys[at] == own
+        lengths = np.linalg.norm(np.subtract(*self.points[self._all_edges()[known].T]), axis=1)
+        seen, index = np.unique(labels, return_inverse=True)
+        votes = coo_array((lengths, (np.repeat(part, 3)[known], index[at[known]])), (n_parts, len(seen))).tocsr()
+        best = np.asarray(votes.argmax(axis=1)).ravel()
+        most = np.asarray(votes.max(axis=1).todense()).ravel() > 0
+        self.tags = np.where(most, np.maximum(seen[best], 0), 0).astype(np.int32)[part]
+
+    def _keep(self, kept: NDArray[np.bool_], edges: Triangles) -> None:
+        """Leave out triangles, and vertices that have none then."""
+        used = np.zeros(len(self.points), bool)
+        used[self.triangles[kept]] = True
+        number = np.cumsum(used, dtype=np.int32) - 1
+        tags = self.tags[kept]
+        self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
+        self.triangles = number[self.triangles[kept]]
+        self._join(number[edges[used[edges].all(axis=1)]])
+        self.tags = tags
+
+
+def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
+    """Compute the (constrained) Delaunay triangulation of the convex hull of (N, 2) points: (T, 3) indices."""
+    try:
+        import pythoncdt as cdt
+    except ImportError as error:
+        raise ImportError("meshes need PythonCDT: pip install 'cvtimg[mesh]'") from error
+    found = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
+    found.insert_vertices(np.ascontiguousarray(points, np.float64))
+    if edges is not None and len(edges):
+        found.insert_edges(np.ascontiguousarray(edges, np.uint32))
+    found.erase_super_triangle()
+    table = found.triangles_array()
+    return np.ascontiguousarray(table[table.dtype.names[0]], np.int32)
+
+
+def _keys(edges: Triangles, n: int) -> NDArray[np.int64]:
+    """One number for both directions of each of (E, 2) edges."""
+    ends = edges.astype(np.int64)
+    return np.minimum(*ends.T) * n + np.maximum(*ends.T)
