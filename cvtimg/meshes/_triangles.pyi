@@ -35,16 +35,16 @@ def move(
     borders: _Flags,
     corners: _Indices,
 ) -> None: ...
-def polish(
+def smooth(
     points: _Floats,
     metric: _Floats,
     fixed: _Flags,
-    below: float,
+    power: int,
     triangles: _Indices,
     twins: _Indices,
     borders: _Flags,
     corners: _Indices,
-) -> int: ...
+) -> None: ...
 def locate(
     points: _Floats,
     triangles: _Indices,

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled passes over triangulations: flips, moments of cells, moves and polish, and location of points.
+"""The compiled passes over triangulations: flips, moments of cells, moves and smoothing, and location of points.
 
 Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. N is the number of
 vertices, T that of triangles. A metric has xx, xy and yy in a row.
@@ -33,7 +33,7 @@ cdef extern from "cell_moments.h" nogil:
 
 cdef extern from "quality.h" nogil:
     void move_vertex(c_mesh *mesh, double *place, int32_t vertex, double *step)
-    int polish_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, double below)
+    void smooth_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, int power)
 
 
 cdef c_mesh as_mesh(
@@ -114,25 +114,23 @@ def move(
                 move_vertex(&mesh, &points[vertex, 0], vertex, &steps[vertex, 0])
 
 
-def polish(
+def smooth(
     double[:, ::1] points,         # INOUT (N, 2)
     const double[:, ::1] metric,   # IN (N, 3)
     const uint8_t[::1] fixed,      # IN (N,)
-    double below,                  # IN: vertices whose worst triangle has less quality are moved
+    int power,                     # IN: the larger, the more the worst triangle counts
     int32_t[:, ::1] triangles,     # IN (T, 3)
     int32_t[:, ::1] twins,         # IN (T, 3)
     uint8_t[:, ::1] borders,       # IN (T, 3)
     int32_t[::1] corners,          # IN (N,)
 ):
-    """Move vertices to where their worst triangle is better; return how many."""
+    """Move vertices one after the other, so that the triangles around become more equilateral in the metric."""
     cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
     cdef int32_t vertex
-    cdef Py_ssize_t n_moved = 0
     with nogil:
         for vertex in range(<int32_t>points.shape[0]):
             if not fixed[vertex]:
-                n_moved += polish_vertex(&mesh, &points[vertex, 0], vertex, &metric[vertex, 0], below)
-    return n_moved
+                smooth_vertex(&mesh, &points[vertex, 0], vertex, &metric[vertex, 0], power)
 
 
 def locate(

@@ -37,7 +37,7 @@ class Field(Protocol):
         """Return the field with all edges longer by a factor."""
 
     def limited(self, grade: float, least: float) -> Field:
-        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each unit of length."""
+        """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> Field:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""

@@ -106,9 +106,7 @@ def _obj(mesh: Mesh) -> bytes:
 
 def _stl(mesh: Mesh) -> bytes:
     """Triangles with single precision, the normal up."""
-    facets = np.zeros(
-        len(mesh.triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")]
-    )
+    facets = np.zeros(len(mesh.triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     facets["normal"] = [0, 0, 1]
     facets["corners"] = _in_space(mesh.points)[mesh.triangles]
     return b"cvtimg".ljust(80) + np.array(len(facets), "<u4").tobytes() + facets.tobytes()

@@ -38,7 +38,8 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         _, shares = frame.locate(points, used[near])
         points = points[shares.min(axis=1) > 1e-9]
         if len(points) >= n:
-            return points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
+            chosen: Points = points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
+            return chosen
         if wanted > 4 * n:
             part *= _LESS
         wanted = min(wanted * _MORE * n / max(len(points), 1), 8.0 * n) + 1
@@ -46,7 +47,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
 
 
 def _reach(frame: Triangulation) -> NDArray[np.float64]:
-    """The longest border edge (N,) at each vertex, by a factor that lets inner vertices stand between its ends."""
+    """Find the longest border edge (N,) at each vertex, by a factor that lets inner vertices stand near its middle."""
     edges = frame.border_edges()
     lengths = np.linalg.norm(np.subtract(*frame.points[edges.T]), axis=1)
     reach = np.zeros(len(frame.points))

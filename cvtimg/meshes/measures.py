@@ -107,7 +107,9 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     """
     places, corners = check_places("points", points, 2), check_triangles(triangles, len(np.asarray(points)))
     a, b, c = (places[corners[:, k]] for k in range(3))
-    sides = np.sort([np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0)
+    sides = np.sort(
+        [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
+    )
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     areas = np.abs(turn) / 2
     short, middle, long = sides

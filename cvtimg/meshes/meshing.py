@@ -25,25 +25,27 @@ Points = NDArray[np.float64]
 _MOST_VERTICES = 1 << 26
 #: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
 _ROUNDS, _NEAR = 8, 0.01
+#: Where that leaves too many on borders, sizes are larger by this factor, and grow at will.
+_COARSEST, _ANY_GRADE = 100.0, 1e9
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long vertices move: moves at most, when they rest, and rounds of polish."""
+    """How long vertices move: moves at most, when they rest, and rounds of smoothing."""
 
     moves: int
     tolerance: float
-    polish: int
+    smoothing: int
 
 
 #: The registry: names for `effort`.
 EFFORTS: dict[str, Effort] = {
     "fast": Effort(15, 1e-2, 2),
-    "balanced": Effort(60, 1e-3, 3),
-    "best": Effort(400, 1e-4, 6),
+    "balanced": Effort(40, 1e-3, 3),
+    "best": Effort(300, 1e-4, 5),
 }
-#: Vertices around which a triangle has less quality are polished.
-_POOR = 0.85
+#: Smoothing lowers the sum of this power of (sum of squared sides) / (4 3^(1/2) area), so that the worst counts most.
+_POWER = 8
 
 
 def mesh_region(
@@ -208,13 +210,10 @@ def _mesh(
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = Triangulation.constrained(borders, inner)
     settings = EFFORTS[effort]
-    relaxed = relax(
-        mesh, field.metric, isotropic=field.isotropic, most=settings.moves, tolerance=settings.tolerance
-    )
-    for _ in range(settings.polish):
-        if not mesh.polish(metric := field.metric(mesh.points), _POOR):
-            break
-        mesh.flip(None if field.isotropic else metric)
+    relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=settings.moves, tolerance=settings.tolerance)
+    for _ in range(settings.smoothing):
+        mesh.smooth(field.metric(mesh.points), _POWER)
+        mesh.flip(None if field.isotropic else field.metric(mesh.points))
     return Mesh(
         mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
     )
@@ -235,7 +234,10 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders,
         if abs(ratio - 1) < _NEAR:
             break
         factor *= ratio**0.5
-    if len(borders.points) > wanted.n:
+    if wanted.n is not None and len(borders.points) > wanted.n:
+        coarsest = start.scaled(_COARSEST * factor)
+        borders, field = _with_alone(*place_on_borders(outline, coarsest, _ANY_GRADE, wanted.least), alone, _ANY_GRADE)
+    if wanted.n is not None and len(borders.points) > wanted.n:
         raise ValueError(f"n={wanted.n} must be at least {len(borders.points)}, the vertices that the border needs")
     return borders, field
 

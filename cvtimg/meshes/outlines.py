@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
     if region.n_dims != 2:
         raise ValueError(f"{region!r} must be in the plane")
     if isinstance(region, PictureRegion):
-        return label_outline(region.mask.astype(np.int32), region.mask, tolerance)
+        return label_outline(region.mask.astype(np.int32), None, tolerance)
     if isinstance(region, Box):
         if any(region.periodic):
             raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
@@ -144,9 +145,7 @@ def _traced(region: ImplicitRegion) -> PolygonRegion:
     return PolygonRegion(whole)
 
 
-def _cut(
-    line: Points, degrees: float, long: NDArray[np.bool_], others: Sequence[Points] = ()
-) -> list[Points]:
+def _cut(line: Points, degrees: float, long: NDArray[np.bool_], others: Sequence[Points] = ()) -> list[Points]:
     """Cut a line where it turns by more than some degrees between long segments, or passes a point of other lines."""
     is_closed = bool((line[0] == line[-1]).all())
     steps = np.diff(line, axis=0)
@@ -161,12 +160,12 @@ def _cut(
     if not is_closed:
         inner = cuts[cuts > 0]
         ends = [0, *inner.tolist(), len(line) - 1]
-        return [line[start : stop + 1] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+        return [line[start : stop + 1] for start, stop in pairwise(ends)]
     if not len(cuts):
         return [line]
     ring = np.concatenate([line[cuts[0] : -1], line[: cuts[0] + 1]])
     ends = [*(cuts - cuts[0]).tolist(), len(ring) - 1]
-    return [ring[start : stop + 1] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+    return [ring[start : stop + 1] for start, stop in pairwise(ends)]
 
 
 def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:

@@ -1,4 +1,4 @@
-/* Quality of triangles in a metric, moves that keep triangles from turning over, and moves that raise the worst. */
+/* Moves that keep triangles from turning over, and moves that make them more equilateral. */
 #ifndef CVTIMG_QUALITY_H
 #define CVTIMG_QUALITY_H
 
@@ -10,6 +10,8 @@
 #define HALVINGS 5
 /* while it would leave a triangle with less than this part of its area. */
 #define LEAST_AREA_LEFT 0.1
+/* What a triangle costs that has turned over. */
+#define INFINITY_COST 1e30
 
 /* Whether all triangles around a vertex keep enough area when it moves to `place`. */
 static int keeps_area(const struct triangulation *mesh, const int32_t *around, int n, const double *old,
@@ -41,59 +43,57 @@ static void move_vertex(struct triangulation *mesh, double *place, int32_t verte
     step[0] = step[1] = 0;
 }
 
-/* 4 3^(1/2) area / sum of the squared sides, in a metric: 1 for an equilateral triangle, 0 for one without area. */
-static double shape_of(const double *a, const double *b, const double *c, const double *m, double root)
+/* What a triangle a b c costs, and how that changes with a: a power of (sum of squared sides) / (4 3^(1/2) area), in the
+ * plane where the metric is Euclidean. It is 1 for an equilateral triangle and grows without bound for flat ones. */
+static double cost_of(const double *a, const double *b, const double *c, int power, double *slope, double *curvature)
 {
-    const double *corners[4] = {a, b, c, a};
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        double x = corners[k + 1][0] - corners[k][0], y = corners[k + 1][1] - corners[k][1];
-        sum += m[0] * x * x + 2 * m[1] * x * y + m[2] * y * y;
-    }
-    return 2 * sqrt(3) * twice_area(a, b, c) * root / sum;
+    double abx = b[0] - a[0], aby = b[1] - a[1], acx = c[0] - a[0], acy = c[1] - a[1];
+    double bcx = c[0] - b[0], bcy = c[1] - b[1], area2 = abx * acy - aby * acx;
+    double squares = abx * abx + aby * aby + acx * acx + acy * acy + bcx * bcx + bcy * bcy;
+
+    if (area2 <= 0)
+        return INFINITY_COST;
+    double ratio = squares / (2 * sqrt(3) * area2), below = 1;
+    for (int i = 1; i < power; i++)
+        below *= ratio;
+    double factor = power * below / (2 * sqrt(3) * area2);
+    slope[0] += factor * (-2 * (abx + acx) + squares / area2 * bcy);
+    slope[1] += factor * (-2 * (aby + acy) - squares / area2 * bcx);
+    *curvature += 4 * factor;
+    return ratio * below;
 }
 
-/* How good the triangles around a vertex are with it at `place`: the worst, and a little of their mean. */
-static double worst_shape(const struct triangulation *mesh, const int32_t *around, int n, const double *place,
-                          const double *m, double root)
+/* Move a vertex one step downhill on the cost of the triangles around it. The metric there is L^T L. */
+static void smooth_vertex(struct triangulation *mesh, double *place, int32_t vertex, const double *metric,
+                          int power)
 {
-    double worst = 1, sum = 0;
-    for (int i = 0; i < n; i++) {
-        double shape = shape_of(place, place_of(mesh, next_corner(around[i])), place_of(mesh, last_corner(around[i])),
-                                m, root);
-        worst = fmin(worst, shape);
-        sum += shape;
-    }
-    return worst + 0.1 * sum / n;
-}
-
-/* Search around a vertex for a place where its worst triangle is better. */
-static int polish_vertex(struct triangulation *mesh, double *place, int32_t vertex, const double *m, double below)
-{
-    static const double ways[8][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}, {.7, .7}, {-.7, .7}, {-.7, -.7}, {.7, -.7}};
     int32_t around[MOST_AROUND];
-    int n = corners_around(mesh, vertex, around), moved = 0;
-    double root = sqrt(fmax(m[0] * m[2] - m[1] * m[1], 0)), length = 0, worst = 1;
+    double ring[MOST_AROUND + 1][2], l11 = sqrt(metric[0]), l12 = metric[1] / l11;
+    double l22 = sqrt(fmax(metric[2] - l12 * l12, 1e-300)), slope[2] = {0, 0}, curvature = 0, cost = 0;
+    const double center[2] = {0, 0};
+    int n = corners_around(mesh, vertex, around);
 
     for (int i = 0; i < n; i++) {
-        const double *b = place_of(mesh, next_corner(around[i])), *c = place_of(mesh, last_corner(around[i]));
-        worst = fmin(worst, shape_of(place, b, c, m, root));
-        length += hypot(b[0] - place[0], b[1] - place[1]) / n;
+        const double *b = place_of(mesh, next_corner(around[i]));
+        ring[i][0] = l11 * (b[0] - place[0]) + l12 * (b[1] - place[1]);
+        ring[i][1] = l22 * (b[1] - place[1]);
     }
-    if (!n || worst >= below)
-        return 0;
-    double best = worst_shape(mesh, around, n, place, m, root);
-    for (double step = 0.2 * length; step > 0.005 * length; step /= 2)
-        for (int way = 0, tries = 0; way < 8 && tries < 48; way++, tries++) {
-            double there[2] = {place[0] + step * ways[way][0], place[1] + step * ways[way][1]};
-            double value = worst_shape(mesh, around, n, there, m, root);
-            if (value > best + 1e-7) {
-                best = value;
-                place[0] = there[0], place[1] = there[1];
-                moved = 1, way = -1;
-            }
-        }
-    return moved;
+    for (int i = 0; i < n; i++)
+        cost += cost_of(center, ring[i], ring[(i + 1) % n], power, slope, &curvature);
+    if (!n || cost >= INFINITY_COST)
+        return;
+    for (double part = 1; part > 0.1; part /= 2) {
+        double there[2] = {-part * slope[0] / curvature, -part * slope[1] / curvature}, ignored[3] = {0, 0, 0};
+        double less = 0;
+        for (int i = 0; i < n && less < cost; i++)
+            less += cost_of(there, ring[i], ring[(i + 1) % n], power, ignored, ignored + 2);
+        if (less >= cost)
+            continue;
+        double up = there[1] / l22;
+        place[0] += (there[0] - l12 * up) / l11;
+        place[1] += up;
+        return;
+    }
 }
 
 #endif

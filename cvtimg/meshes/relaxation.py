@@ -116,7 +116,8 @@ def _longest_edges(values: Points) -> NDArray[np.float64]:
 
 def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:
     lengths = np.hypot(*steps.T)
-    return steps * np.minimum(1, _LONGEST * sizes / np.maximum(lengths, 1e-300))[:, None]
+    capped: Points = steps * np.minimum(1, _LONGEST * sizes / np.maximum(lengths, 1e-300))[:, None]
+    return capped
 
 
 def _direction(at: _State, memory: deque[tuple[Points, Points, float]]) -> Points:

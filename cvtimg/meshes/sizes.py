@@ -125,7 +125,7 @@ def _pixels_inside(outline: Outline, values: NDArray[Any]) -> NDArray[np.bool_]:
     if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"size of shape {values.shape} must be (H, W), a function or a number")
     height, width = values.shape
-    if (outline.bounds[0] < 0).any() or (outline.bounds[1] > [width, height]).any():
+    if (outline.bounds[0] < -1).any() or (outline.bounds[1] > [width + 1, height + 1]).any():
         low, high = outline.bounds.tolist()
         raise ValueError(f"the region from {low} to {high} must lie in the size image of {width} x {height} pixels")
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)

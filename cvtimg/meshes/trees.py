@@ -91,7 +91,7 @@ class TreeField:
         return replace(self, sizes=self.sizes * factor)
 
     def limited(self, grade: float, least: float) -> TreeField:
-        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each unit of length."""
+        """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
         triangles = self.mesh.triangles
         edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
         edges = edges[edges[:, 0] < edges[:, 1]]

@@ -96,9 +96,9 @@ class Triangulation:
         _triangles.move(self.points, self.fixed, done, *self._topology())
         return done
 
-    def polish(self, metric: Points, below: float) -> int:
-        """Move vertices whose worst triangle has a quality below a limit to where it is better; return how many."""
-        return _triangles.polish(self.points, metric, self.fixed, below, *self._topology())
+    def smooth(self, metric: Points, power: int) -> None:
+        """Move vertices so that the triangles around each, above all the worst, get more equilateral in its metric."""
+        _triangles.smooth(self.points, metric, self.fixed, power, *self._topology())
 
     def locate(self, places: Points, near: Triangles) -> tuple[Triangles, Points]:
         """Walk to the triangles of (M, 2) places from vertices nearby; return them and barycentric coordinates."""
@@ -184,7 +184,7 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
         import pythoncdt as cdt
     except ImportError as error:
         raise ImportError("meshes need PythonCDT: pip install 'cvtimg[mesh]'") from error
-    found = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
+    found: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
     found.insert_vertices(np.ascontiguousarray(points, np.float64))
     if edges is not None and len(edges):
         found.insert_edges(np.ascontiguousarray(edges, np.uint32))
@@ -196,4 +196,5 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
 def _keys(edges: Triangles, n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges."""
     ends = edges.astype(np.int64)
-    return np.minimum(*ends.T) * n + np.maximum(*ends.T)
+    keys: NDArray[np.int64] = np.minimum(*ends.T) * n + np.maximum(*ends.T)
+    return keys

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from cvtimg import mesh_labels
+from cvtimg.meshes import Mesh
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    return mesh_labels(np.repeat([[3, 5]], 6, axis=0).repeat(6, axis=1), n=50)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".obj", ".stl", ".vtk", ".off"])
+def test_other_programs_read_the_same_triangles(mesh: Mesh, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    mesh.save(path)
+    found = meshio.read(path)
+    triangles = np.concatenate([cells.data for cells in found.cells if cells.type == "triangle"])
+    places = found.points[triangles][:, :, :2]
+    single = suffix == ".stl"
+    assert np.abs(
+        np.sort(places.mean(axis=1), axis=0) - np.sort(mesh.points[mesh.triangles].mean(axis=1), axis=0)
+    ).max() < (1e-5 if single else 1e-12)
+
+
+@pytest.mark.parametrize(("suffix", "name"), [(".vtu", "tag"), (".msh", "gmsh:physical"), (".vtk", "tag")])
+def test_tags_are_kept(mesh: Mesh, tmp_path: Path, suffix: str, name: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    mesh.save(path)
+    found = meshio.read(path)
+    (tags,) = (data for cells, data in zip(found.cells, found.cell_data[name], strict=True) if cells.type == "triangle")
+    assert (np.ravel(tags) == mesh.tags).all()
+
+
+def test_borders_are_lines_in_msh_files(mesh: Mesh, tmp_path: Path) -> None:
+    mesh.save(tmp_path / "a.msh")
+    lines = meshio.read(tmp_path / "a.msh").cells_dict["line"]
+    assert (np.sort(lines, axis=1) == np.sort(mesh.edges, axis=1)).all()
+
+
+def test_an_existing_file_stays(mesh: Mesh, tmp_path: Path) -> None:
+    mesh.save(tmp_path / "a.obj")
+    with pytest.raises(FileExistsError):
+        mesh.save(tmp_path / "a.obj")
+    mesh.save(tmp_path / "a.obj", overwrite=True)
+    with pytest.raises(ValueError, match=r"suffix='\.xyz' must be one of"):
+        mesh.save(tmp_path / "a.xyz")

@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+
+from cvtimg import mesh_labels, mesh_region
+from cvtimg.meshes import Mesh, MeshSize, measure_triangles
+from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
+
+L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
+FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]
+
+
+def ring(radius: float, n: int = 200) -> NDArray[np.float64]:
+    turns = 2 * np.pi * np.arange(n) / n
+    return radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+
+
+def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
+    edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    return np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
+
+
+def assert_is_a_triangulation(mesh: Mesh) -> None:
+    """Each inner edge has two triangles and each outer one, all triangles turn the same way, and none overlap."""
+    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    assert (turn > 0).all()
+    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert np.unique(edges, axis=0, return_counts=True)[1].max() <= 2
+    assert (np.unique(mesh.triangles) == np.arange(len(mesh.points))).all()
+    union = shapely.union_all(shapely.polygons(mesh.points[mesh.triangles]))
+    assert union.area == pytest.approx(mesh.area, rel=1e-9)
+
+
+@pytest.mark.parametrize("n", [6, 25, 400])
+def test_the_number_of_vertices_is_met_and_the_area_is_that_of_the_polygon(n: int) -> None:
+    mesh = mesh_region(L_SHAPE, n=n)
+    assert len(mesh.points) == n == mesh.n_wanted
+    assert mesh.area == pytest.approx(3)
+    assert_is_a_triangulation(mesh)
+
+
+def test_corners_and_fixed_points_are_vertices() -> None:
+    fixed = [[0.5, 0.5], [0.51, 0.5], [0.7, 0.0], [1.0, 1.5]]
+    mesh = mesh_region(L_SHAPE, n=300, fixed=fixed)
+    for place in [*L_SHAPE, *fixed]:
+        assert (np.abs(mesh.points - place).max(axis=1) < 1e-12).any(), place
+    assert_is_a_triangulation(mesh)
+
+
+def test_holes_stay_open() -> None:
+    mesh = mesh_region(FRAME, edge_length=0.3)
+    assert mesh.area == pytest.approx(12)
+    assert_is_a_triangulation(mesh)
+    assert not PolygonRegion([[1.1, 1.1], [2.9, 1.1], [2.9, 2.9], [1.1, 2.9]]).contains(mesh.points).any()
+
+
+def test_edges_have_the_wanted_length_and_angles_are_good() -> None:
+    mesh = mesh_region(L_SHAPE, edge_length=0.06)
+    lengths = edge_lengths(mesh)
+    assert np.median(lengths) == pytest.approx(0.06, rel=0.05)
+    assert ((lengths > 0.048) & (lengths < 0.072)).mean() > 0.95
+    angles = measure_triangles(mesh.points, mesh.triangles).least_angles
+    assert angles.min() > 34
+    assert mesh.qualities.mean() > 0.97
+
+
+def test_vertices_are_as_dense_as_a_function_asks() -> None:
+    mesh = mesh_region(Box([0, 0], [1, 1]), size=lambda p: 0.01 + 0.1 * p[:, 0])
+    middles = mesh.points[mesh.triangles].mean(axis=1)
+    mean_edges = np.sqrt(measure_triangles(mesh.points, mesh.triangles).areas * 4 / 3**0.5)
+    ratio = mean_edges / (0.01 + 0.1 * middles[:, 0])
+    assert ((ratio > 0.75) & (ratio < 1.25)).mean() > 0.95
+
+
+def test_with_n_only_ratios_of_sizes_count() -> None:
+    def size(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 1 + p[:, 0]
+
+    few, many = (mesh_region(Box([0, 0], [1, 1]), n=300, size=lambda p, f=f: f * size(p)) for f in (1, 1000))
+    assert len(few.points) == len(many.points) == 300
+    left = [(mesh.points[:, 0] < 0.5).mean() for mesh in (few, many)]
+    assert left[0] == pytest.approx(left[1], abs=0.02)
+    assert left[0] > 0.57
+
+
+def test_sizes_grow_no_faster_than_the_grade() -> None:
+    def spike(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(np.hypot(*(p - 0.5).T) < 0.02, 0.005, 0.2)
+
+    mesh = mesh_region(Box([0, 0], [1, 1]), size=spike, grade=0.2)
+    middles = mesh.points[mesh.triangles].mean(axis=1)
+    mean_edges = np.sqrt(measure_triangles(mesh.points, mesh.triangles).areas * 4 / 3**0.5)
+    allowed = 0.005 + 0.2 * np.maximum(np.hypot(*(middles - 0.5).T) - 0.02, 0)
+    assert (mean_edges < 1.5 * allowed + 0.005).all()
+    assert mesh.qualities.min() > 0.5
+
+
+def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
+    mask = np.zeros((40, 60), bool)
+    mask[5:35, 5:55] = True
+    size = np.where(np.arange(60) < 30, 1.5, 4.0) * np.ones((40, 1))
+    size[~mask] = np.nan
+    mesh = mesh_region(mask, size=size)
+    assert mesh.area == pytest.approx(1500, rel=0.01)
+    assert ((mesh.points[:, 0] < 30).mean()) > 0.75
+    assert_is_a_triangulation(mesh)
+
+
+def test_borders_that_crowd_have_short_edges() -> None:
+    slit = PolygonRegion([[[0, 0], [4, 0], [4, 2], [0, 2]], [[0.5, 0.02], [3.5, 0.02], [3.5, 1], [0.5, 1]]])
+    mesh = mesh_region(slit, edge_length=0.3)
+    assert_is_a_triangulation(mesh)
+    assert measure_triangles(mesh.points, mesh.triangles).least_angles.min() > 15
+
+
+def test_details_below_the_least_size_are_left_out() -> None:
+    teeth = np.stack([np.arange(0, 10, 0.01), np.where(np.arange(1000) % 2, 0.0, 0.01)], axis=1)
+    comb = [[0.0, 5.0], *teeth.tolist(), [10.0, 5.0]]
+    assert len(mesh_region(comb, edge_length=0.5, min_size=0.1).points) < 400
+
+
+def test_implicit_regions_are_traced() -> None:
+    disk = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 0.7) - 0.3, [-1.1, -1.1], [1.1, 1.1])
+    mesh = mesh_region(disk, n=300)
+    assert mesh.area == pytest.approx(np.pi * (1 - 0.16), rel=0.01)
+    assert np.abs(np.abs(np.hypot(*mesh.points[mesh.boundary].T) - 0.7) - 0.3).max() < 1e-3
+
+
+def test_sizes_live_on_a_mesh() -> None:
+    coarse = mesh_region(Box([0, 0], [1, 1]), n=50)
+    size = MeshSize(coarse.points, coarse.triangles, 0.02 + 0.1 * np.hypot(*coarse.points.T))
+    at = np.random.default_rng(0).random((200, 2))
+    assert size(at) == pytest.approx(0.02 + 0.1 * np.hypot(*at.T), rel=0.2)
+    fine = mesh_region(Box([0, 0], [1, 1]), size=size)
+    near = np.hypot(*fine.points.T) < 0.2
+    assert near.sum() / (np.pi / 4 * 0.04) > 4 * (~near).sum() / (1 - np.pi / 4 * 0.04)
+
+
+def test_segments_share_the_vertices_on_their_borders() -> None:
+    y, x = np.mgrid[:60, :80]
+    labels = 1 + (np.hypot(x - 30, y - 30) < 18) + 2 * (x > 55)
+    mesh = mesh_labels(labels, n=800)
+    assert len(mesh.points) == 800
+    assert mesh.area == pytest.approx(4800)
+    assert_is_a_triangulation(mesh)
+    areas = measure_triangles(mesh.points, mesh.triangles).areas
+    for label in (1, 2, 3):
+        assert areas[mesh.tags == label].sum() == pytest.approx((labels == label).sum(), rel=0.02)
+
+
+def test_pixels_of_label_0_are_not_meshed() -> None:
+    labels = np.zeros((30, 30), int)
+    labels[5:25, 5:15], labels[5:25, 15:25] = 7, 9
+    mesh = mesh_labels(labels, edge_length=2)
+    assert sorted(set(mesh.tags.tolist())) == [7, 9]
+    assert mesh.area == pytest.approx(400, rel=0.01)
+
+
+def test_a_seed_gives_the_same_bits() -> None:
+    first, second = (mesh_region(FRAME, n=200, rng=5) for _ in range(2))
+    assert (first.points == second.points).all()
+    assert (first.triangles == second.triangles).all()
+
+
+def test_energy_falls() -> None:
+    mesh = mesh_region(L_SHAPE, n=500)
+    assert mesh.energies[-1] < 0.9 * mesh.energies[0]
+    assert np.diff(mesh.energies[:10]).max() < 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"region": [[0, 0], [2, 2], [2, 0], [0, 2]], "n": 9}, "cross themselves"),
+        ({"region": [[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]], "n": 9}, "cross themselves"),
+        ({"region": np.zeros((4, 4), bool), "n": 9}, "region is empty"),
+        ({"region": L_SHAPE, "n": 5}, "n=5 must be at least 6"),
+        ({"region": L_SHAPE}, "not none of them"),
+        ({"region": L_SHAPE, "n": 9, "edge_length": 1}, "not n and edge_length"),
+        ({"region": L_SHAPE, "edge_length": 0}, "edge_length=0 must be"),
+        ({"region": L_SHAPE, "size": lambda p: 0 * p[:, 0]}, "size is 0 at"),
+        ({"region": L_SHAPE, "size": lambda p: np.nan * p[:, 0]}, "size is nan at"),
+        ({"region": L_SHAPE, "size": lambda p: p}, "must return"),
+        ({"region": np.ones((4, 4), bool), "size": np.zeros((4, 4))}, "size is 0 at x=0, y=0"),
+        ({"region": np.ones((4, 4), bool), "size": np.ones((3, 4))}, r"must be \(4, 4\)"),
+        ({"region": L_SHAPE, "n": 50, "grade": 0}, "grade=0"),
+        ({"region": L_SHAPE, "n": 50, "fixed": [[1.5, 1.5]]}, "must be in the region"),
+        ({"region": Box([0, 0], [1, 1], periodic=True), "n": 50}, "must not be periodic"),
+        ({"region": Box([0, 0, 0], [1, 1, 1]), "n": 50}, "must be in the plane"),
+        ({"region": L_SHAPE, "n": 50, "effort": "most"}, "effort='most' must be one of"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        mesh_region(**arguments)
+
+
+@pytest.mark.parametrize("mask", [np.ones((1, 1), bool), np.ones((1, 12), bool), np.eye(5, dtype=bool)])
+def test_single_pixels_and_lines_of_pixels_have_meshes(mask: NDArray[np.bool_]) -> None:
+    mesh = mesh_region(mask, edge_length=0.5)
+    assert_is_a_triangulation(mesh)
+    assert mesh.area > 0.4 * mask.sum()
