@@ -31,8 +31,8 @@ from .engine.tessellation import tessellate
 from .files.finding import find_images
 from .labels.contours import find_contours
 from .labels.edges import find_edges
-from .palettes.files import read_palette, write_palette
 from .meshes.meshing import mesh_labels, mesh_region
+from .palettes.files import read_palette, write_palette
 from .pictures.files import read_image, write_image
 from .placement.place import place_generators
 from .quantization.animations import quantize_frames

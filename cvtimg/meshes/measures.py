@@ -154,7 +154,7 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     places = check_places("points", points, 2)
     corners = check_triangles(triangles, len(places))
     used, inverse = np.unique(corners, return_inverse=True)
-    places, corners = places[used], inverse.reshape(-1, 3)
+    places, corners = places[used], inverse.reshape(-1, 3).astype(np.int32)
     each = measure_triangles(places, corners)
     if not (each.areas > 0).all():
         raise ValueError(f"triangles[{int(np.flatnonzero(each.areas == 0)[0])}] has no area")
@@ -179,7 +179,8 @@ def boundary_edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the (B, 2) edges that only one triangle has, as it goes around."""
     edges = np.stack([triangles[:, [0, 1, 2]].ravel(), triangles[:, [1, 2, 0]].ravel()], axis=1)
     _, inverse, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return edges[counts[inverse.reshape(-1)] == 1]
+    outer: NDArray[np.int32] = edges[counts[inverse.reshape(-1)] == 1]
+    return outer
 
 
 def check_triangles(triangles: ArrayLike, n_points: int) -> NDArray[np.int32]:
