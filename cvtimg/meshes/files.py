@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,19 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_choice
 from cvtimg.files.whole import StrPath, scratch_folder, whole_file
 
-if TYPE_CHECKING:
-    from cvtimg.meshes.result import Mesh
-
 #: What meshio is asked for, beside the formats below.
 MESHIO_SUFFIXES = (".bdf", ".inp", ".med", ".mesh", ".off", ".ply", ".vtk", ".xdmf")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshContent:
+    """What files hold of a mesh: the arrays of `Mesh`, and the qualities (T,) of its triangles."""
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    tags: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    qualities: NDArray[np.float64]
 
 
 def suffixes() -> tuple[str, ...]:
@@ -24,7 +32,7 @@ def suffixes() -> tuple[str, ...]:
     return (*MESH_FORMATS, *MESHIO_SUFFIXES)
 
 
-def write_mesh(path: StrPath, mesh: Mesh, overwrite: bool) -> None:
+def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool) -> None:
     """Write a mesh in the format that the suffix picks."""
     suffix = Path(path).suffix.lower()
     check_choice("suffix", suffix, suffixes())
@@ -37,7 +45,7 @@ def write_mesh(path: StrPath, mesh: Mesh, overwrite: bool) -> None:
         file.write(content)
 
 
-def _vtu(mesh: Mesh) -> bytes:
+def _vtu(mesh: MeshContent) -> bytes:
     """VTK's format of unstructured grids, in XML with binary arrays."""
     n, n_triangles = len(mesh.points), len(mesh.triangles)
     arrays = [
@@ -71,7 +79,7 @@ def _vtu(mesh: Mesh) -> bytes:
     return b"".join([head.encode(), *blocks, b"\n</AppendedData></VTKFile>\n"])
 
 
-def _msh(mesh: Mesh) -> bytes:
+def _msh(mesh: MeshContent) -> bytes:
     """Gmsh's format 2.2, which most readers know: border edges, then triangles; the physical group is the tag.
 
     Border edges are in one group of dimension 1; its number is 1.
@@ -96,7 +104,7 @@ def _msh(mesh: Mesh) -> bytes:
     return "".join(parts).encode()
 
 
-def _obj(mesh: Mesh) -> bytes:
+def _obj(mesh: MeshContent) -> bytes:
     """Wavefront's format: a group for each tag."""
     parts = [_rows("v %.17g %.17g %g\n", _in_space(mesh.points))]
     for tag in np.unique(mesh.tags):
@@ -104,7 +112,7 @@ def _obj(mesh: Mesh) -> bytes:
     return "".join(parts).encode()
 
 
-def _stl(mesh: Mesh) -> bytes:
+def _stl(mesh: MeshContent) -> bytes:
     """Triangles with single precision, the normal up."""
     facets = np.zeros(len(mesh.triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     facets["normal"] = [0, 0, 1]
@@ -113,10 +121,10 @@ def _stl(mesh: Mesh) -> bytes:
 
 
 #: The registry of formats: suffix to the function that makes the content.
-MESH_FORMATS: dict[str, Callable[[Mesh], bytes]] = {".vtu": _vtu, ".msh": _msh, ".obj": _obj, ".stl": _stl}
+MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".msh": _msh, ".obj": _obj, ".stl": _stl}
 
 
-def _by_meshio(mesh: Mesh, path: StrPath, suffix: str) -> bytes:
+def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     try:
         import meshio
     except ImportError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.files.whole import StrPath
-from cvtimg.meshes.files import write_mesh
+from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh, measure_triangles
 
 
@@ -88,7 +88,8 @@ class Mesh:
         OSError
             If the file cannot be written.
         """
-        write_mesh(path, self, overwrite)
+        content = MeshContent(self.points, self.triangles, self.tags, self.edges, self.qualities)
+        write_mesh(path, content, overwrite)
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"
