@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.triangulation import Borders
@@ -45,8 +46,9 @@ def place_on_borders(outline: Outline, field: Field, grade: float, min_size: flo
         changed = halved | (wanted < _SHORT)
         if changed.any():
             field = field.lowered(middles[changed], low[changed], grade)
-    at = borders.points[borders.edges[crossed][0]].mean(axis=0).tolist()
-    raise ValueError(f"borders cross or touch at {at}")
+    at = borders.points[borders.edges[crossed][:1]].mean(axis=(0, 1)).tolist()
+    check_that(f"borders at {at}", not crossed.any(), "not cross or touch")
+    return borders, field
 
 
 def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:

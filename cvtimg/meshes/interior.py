@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_in_range
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.triangulation import Borders, Triangulation
 
@@ -43,7 +44,8 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         if wanted > 4 * n:
             part *= _LESS
         wanted = min(wanted * _MORE * n / max(len(points), 1), 8.0 * n) + 1
-    raise ValueError(f"n is too large by {n - len(points)} for the border")
+    check_in_range("n", n, False, f"less by {n - len(points)}: the border leaves no room")
+    return points
 
 
 def _reach(frame: Triangulation) -> NDArray[np.float64]:

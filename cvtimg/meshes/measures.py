@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_places
+from cvtimg._shared.checks import check_have_area, check_places, check_triangles
 from cvtimg.placement.measures import measure_cells
 from cvtimg.regions import PolygonRegion
 
@@ -105,7 +105,10 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     >>> measures.areas.tolist(), measures.least_angles.round(9).tolist()
     ([0.5], [45.0])
     """
-    places, corners = check_places("points", points, 2), check_triangles(triangles, len(np.asarray(points)))
+    places, corners = (
+        check_places("points", points, 2),
+        check_triangles("triangles", triangles, len(np.asarray(points))),
+    )
     a, b, c = (places[corners[:, k]] for k in range(3))
     sides = np.sort(
         [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
@@ -152,12 +155,11 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     import shapely
 
     places = check_places("points", points, 2)
-    corners = check_triangles(triangles, len(places))
+    corners = check_triangles("triangles", triangles, len(places))
     used, inverse = np.unique(corners, return_inverse=True)
     places, corners = places[used], inverse.reshape(-1, 3).astype(np.int32)
     each = measure_triangles(places, corners)
-    if not (each.areas > 0).all():
-        raise ValueError(f"triangles[{int(np.flatnonzero(each.areas == 0)[0])}] has no area")
+    check_have_area("triangles", each.areas)
     domain = shapely.union_all(_boundary_polygons(places, corners))
     cells = measure_cells(places, PolygonRegion(domain))
     return MeshMeasures(
@@ -181,16 +183,6 @@ def boundary_edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     _, inverse, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     outer: NDArray[np.int32] = edges[counts[inverse.reshape(-1)] == 1]
     return outer
-
-
-def check_triangles(triangles: ArrayLike, n_points: int) -> NDArray[np.int32]:
-    """Return triangles as a (T, 3) int32 array of indices of points."""
-    corners = np.asarray(triangles)
-    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or corners.dtype.kind not in "iu":
-        raise ValueError(f"triangles of shape {corners.shape} and type {corners.dtype} must be (T, 3) integers, T >= 1")
-    if corners.min() < 0 or corners.max() >= n_points:
-        raise ValueError(f"triangles in {corners.min()}..{corners.max()} must be in 0..{n_points - 1}, as the points")
-    return corners.astype(np.int32, copy=False)
 
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_labels, check_non_negative, check_places
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_labels,
+    check_non_negative,
+    check_places,
+    check_positive,
+    check_that,
+    refuse,
+)
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
@@ -190,12 +199,11 @@ class _Wanted:
         if n is not None:
             check_count("n", n, _MOST_VERTICES, "what memory holds")
         given = [name for name, value in (("n", n), ("edge_length", edge_length), ("size", size)) if value is not None]
-        if given not in (["n"], ["edge_length"], ["size"], ["n", "size"]):
-            raise ValueError(f"give n, edge_length, size, or n and size, not {' and '.join(given) or 'none of them'}")
-        if edge_length is not None and not 0 < float(edge_length) < np.inf:
-            raise ValueError(f"edge_length={edge_length} must be a finite number > 0")
-        if not 0 < float(grade) < np.inf:
-            raise ValueError(f"grade={grade} must be a finite number > 0")
+        is_enough = given in (["n"], ["edge_length"], ["size"], ["n", "size"])
+        check_that(" and ".join(given) or "nothing", is_enough, "be n, edge_length, size, or n and size")
+        if edge_length is not None:
+            check_positive("edge_length", edge_length)
+        check_positive("grade", grade)
         return cls(n, next((each for each in (edge_length, size) if each is not None), 1.0), float(grade), least)
 
 
@@ -238,7 +246,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders,
         coarsest = start.scaled(_COARSEST * factor)
         borders, field = _with_alone(*place_on_borders(outline, coarsest, _ANY_GRADE, wanted.least), alone, _ANY_GRADE)
     if wanted.n is not None and len(borders.points) > wanted.n:
-        raise ValueError(f"n={wanted.n} must be at least {len(borders.points)}, the vertices that the border needs")
+        refuse("n", wanted.n, f"at least {len(borders.points)}, the vertices that the border needs")
     return borders, field
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_in_range, check_that, refuse_type
 from cvtimg.labels.contours import find_contours
 from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region
 
@@ -66,20 +67,18 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
     min_size : float
         Details of polygons smaller than this are left out.
     """
-    if region.n_dims != 2:
-        raise ValueError(f"{region!r} must be in the plane")
+    check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
         return label_outline(region.mask.astype(np.int32), None, tolerance)
     if isinstance(region, Box):
-        if any(region.periodic):
-            raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
+        check_that(repr(region), not any(region.periodic), "not be periodic: a mesh needs a boundary")
         (left, low), (right, high) = region.bounds
         return _polygon_outline(PolygonRegion([[left, low], [right, low], [right, high], [left, high]]), 0)
     if isinstance(region, ImplicitRegion):
         return _polygon_outline(_traced(region), min_size)
-    if isinstance(region, PolygonRegion):
-        return _polygon_outline(region, min_size)
-    raise TypeError(f"{region!r} has no outline: meshes are of boxes, polygons, pictures and implicit regions")
+    if not isinstance(region, PolygonRegion):
+        refuse_type("region", type(region).__name__, "a box, polygons, a picture or an implicit region")
+    return _polygon_outline(region, min_size)
 
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
@@ -93,8 +92,7 @@ def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Ou
             parts = _cut(line, _CONTOUR_CORNER, steps)
             lines += parts
             sides += [both] * len(parts)
-    if not lines:
-        raise ValueError("labels must not be 0 everywhere")
+    check_that("labels", len(lines) > 0, "not be 0 everywhere")
     mask = labels > 0
 
     def contains(points: Points) -> NDArray[np.bool_]:
@@ -112,8 +110,7 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
     geometry = region.geometry
     if min_size > 0:
         geometry = shapely.simplify(geometry, min_size / 2)
-        if not geometry.area > 0:
-            raise ValueError(f"min_size={min_size:g} must be less: nothing of the region is left")
+        check_in_range("min_size", min_size, geometry.area > 0, "less: nothing of the region is left")
     parts = shapely.orient_polygons(shapely.remove_repeated_points(shapely.get_parts(geometry)))
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)]
     lines = [line for ring in rings for line in _cut(ring, _POLYGON_CORNER, np.ones(len(ring) - 1, bool), rings)]
@@ -181,8 +178,7 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         gaps = shapely.distance([shapely.LineString(line) for line in lines], place)
         nearest = int(gaps.argmin())
         if gaps[nearest] > _ON_LINE * outline.diameter:
-            if not outline.contains(point[None])[0]:
-                raise ValueError(f"fixed has {point.tolist()} and must be in the region")
+            check_that(f"fixed has {point.tolist()} and", outline.contains(point[None])[0], "be in the region")
             alone.append(point)
             continue
         parts = _cut_at(lines[nearest], point)

@@ -8,7 +8,16 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_places
+from cvtimg._shared.checks import (
+    check_have_area,
+    check_numbers,
+    check_places,
+    check_positive,
+    check_returned,
+    check_shape,
+    check_that,
+    check_triangles,
+)
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import TreeField
@@ -22,6 +31,7 @@ SizeLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike]
 _HUGE = np.float32(1e30)
 #: Cells along each axis by which the number of vertices is estimated first.
 _ESTIMATE = 256
+_ALLOWED = "be finite and > 0 in the region"
 
 
 class MeshSize:
@@ -46,17 +56,16 @@ class MeshSize:
     """
 
     def __init__(self, points: ArrayLike, triangles: ArrayLike, sizes: ArrayLike) -> None:
-        places, corners = check_places("points", points, 2), np.asarray(triangles)
-        if corners.ndim != 2 or corners.shape[1] != 3 or corners.dtype.kind not in "iu":
-            raise ValueError(f"triangles of shape {corners.shape} and type {corners.dtype} must be (T, 3) integers")
+        places = check_places("points", points, 2)
+        corners = check_triangles("triangles", triangles, len(places))
         values = np.asarray(sizes, np.float64)
-        if values.shape != (len(places),) or not ((values > 0) & (values < np.inf)).all():
-            raise ValueError(f"sizes of shape {values.shape} must be ({len(places)},), finite and > 0")
+        check_shape("sizes", values.shape, values.shape == (len(places),), f"({len(places)},), as the points")
+        check_that("sizes", ((values > 0) & (values < np.inf)).all(), "be finite and > 0")
         from scipy.spatial import cKDTree
 
         flat = np.arange(len(places)) < 0
         nothing = np.empty((0, 2), np.int32)
-        self._mesh = Triangulation(places, flat, _counter_clockwise(places, corners.astype(np.int32)), nothing)
+        self._mesh = Triangulation(places, flat, _counter_clockwise(places, corners), nothing)
         self._used = np.unique(self._mesh.triangles).astype(np.int32)
         self._tree = cKDTree(places[self._used])
         self._sizes = values
@@ -74,8 +83,7 @@ class MeshSize:
 def _counter_clockwise(points: Points, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     a, b, c = (points[triangles[:, k]] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    if not turn.all():
-        raise ValueError(f"triangles[{int(np.flatnonzero(turn == 0)[0])}] has no area")
+    check_have_area("triangles", turn)
     return np.where(turn[:, None] < 0, triangles[:, ::-1], triangles)
 
 
@@ -96,9 +104,7 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
         return _function_field(_Checked(size, outline, least), outline, n, probes)
     values = np.asarray(size)
     if values.ndim == 0:
-        value = float(values)
-        if not 0 < value < np.inf:
-            raise ValueError(f"size={value} must be a finite number > 0, an image or a function")
+        value = check_positive("size", float(values))
         if outline.mask is None:
             return _function_field(lambda points: np.full(len(points), value), outline, n, probes)
         values = np.full(outline.mask.shape, value, np.float32)
@@ -107,31 +113,27 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
 
 
 def _picture_field(values: NDArray[Any], inside: NDArray[np.bool_], least: float) -> PictureField:
-    if values.ndim != 2 or values.shape != inside.shape:
-        raise ValueError(f"size of shape {values.shape} must be {inside.shape}, as the region")
-    if values.dtype.kind not in "biuf":
-        raise TypeError(f"size of type {values.dtype} must be of integers or of floating point numbers")
+    check_shape("size", values.shape, values.shape == inside.shape, f"{inside.shape}, as the region")
+    check_numbers("size", values.dtype)
     own = values[inside].astype(np.float32)
     wrong = ~((own > 0 if least == 0 else own >= 0) & (own < np.inf))
     if wrong.any():
         y, x = np.argwhere(inside)[wrong][0].tolist()
-        raise ValueError(f"size is {own[wrong][0]:g} at x={x}, y={y} and must be finite and > 0 in the region")
+        check_that(f"size is {own[wrong][0]:g} at x={x}, y={y} and", False, _ALLOWED)
     sizes = np.full(values.shape, _HUGE)
     sizes[inside] = np.maximum(own, np.float32(least))
     return PictureField(sizes, inside)
 
 
 def _pixels_inside(outline: Outline, values: NDArray[Any]) -> NDArray[np.bool_]:
-    if values.ndim != 2 or 0 in values.shape:
-        raise ValueError(f"size of shape {values.shape} must be (H, W), a function or a number")
+    check_shape("size", values.shape, values.ndim == 2 and 0 not in values.shape, "(H, W), a function or a number")
     height, width = values.shape
-    if (outline.bounds[0] < -1).any() or (outline.bounds[1] > [width + 1, height + 1]).any():
-        low, high = outline.bounds.tolist()
-        raise ValueError(f"the region from {low} to {high} must lie in the size image of {width} x {height} pixels")
+    low, high = outline.bounds
+    fits = (low >= -1).all() and (high <= [width + 1, height + 1]).all()
+    check_that(f"the region from {low.tolist()} to {high.tolist()}", fits, f"lie in the {width} x {height} size image")
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     inside = outline.contains(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(values.shape)
-    if not inside.any():
-        raise ValueError(f"no pixel of the size image of {width} x {height} pixels has its center in the region")
+    check_that("the region", inside.any(), "hold the center of a pixel of the size image")
     return inside
 
 
@@ -143,14 +145,13 @@ class _Checked:
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         values = np.array(self._function(points), np.float64)
-        if values.shape != (len(points),):
-            raise ValueError(f"size returned shape {values.shape} and must return ({len(points)},), one per point")
+        check_returned("size", values, len(points))
         wrong = np.flatnonzero(~((values > 0 if self._least == 0 else values >= 0) & (values < np.inf)))
         if len(wrong):
             inside = self._outline.contains(points[wrong])
             if inside.any():
                 place, value = points[wrong][inside][0].tolist(), values[wrong][inside][0]
-                raise ValueError(f"size is {value:g} at {place} and must be finite and > 0 in the region")
+                check_that(f"size is {value:g} at {place} and", False, _ALLOWED)
             values[wrong] = float(_HUGE)
         return np.maximum(values, self._least)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.engine.ordering import along_curve
 from cvtimg.meshes import _sizes
 from cvtimg.meshes.fields import PER_AREA, metric_of
@@ -162,8 +163,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
         done.append((level, cells[~divided]))
         cells = (2 * cells[divided, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
         n_cells += len(cells)
-        if n_cells > _MOST_CELLS:
-            raise ValueError(f"sizes down to {limit.min() / _SIDE:g} are too small for a region of width {side:g}")
+        check_that(f"sizes down to {limit.min() / _SIDE:g}", n_cells <= _MOST_CELLS, f"suit a region {side:g} wide")
         if not len(cells):
             break
     sides = np.concatenate([np.full(len(own), side / (1 << level)) for level, own in done])

@@ -35,6 +35,7 @@ from cvtimg._shared.checks.tables import (
     check_weights,
     check_within,
 )
+from cvtimg._shared.checks.triangles import check_have_area, check_triangles
 from cvtimg._shared.checks.values import (
     check_alone,
     check_at_least,
@@ -78,6 +79,7 @@ __all__ = [
     "check_finite",
     "check_generators",
     "check_given",
+    "check_have_area",
     "check_image",
     "check_image_shape",
     "check_in_range",
@@ -104,6 +106,7 @@ __all__ = [
     "check_shape",
     "check_shares",
     "check_that",
+    "check_triangles",
     "check_version_weights",
     "check_weights",
     "check_within",
