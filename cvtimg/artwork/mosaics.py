@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_channels, check_choice, check_colors, check_count, check_image
+from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
 from cvtimg.artwork.starts import detail_density, place_corners
@@ -143,9 +144,9 @@ def mosaic(
     n_cells: int,
     *,
     shape: str = "cells",
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     palette: int | ArrayLike | None = None,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     callback: Callable[[int, float], None] | None = None,
 ) -> Mosaic:
     """Compose an image of convex tiles, each of one color.
@@ -246,7 +247,7 @@ def _descended(
     return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 
-def _bands(samples: NDArray[Any], space: str) -> tuple[NDArray[np.float32], bool]:
+def _bands(samples: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.float32], bool]:
     """Return what colors are averaged in, (H, W, C) and whether the last is alpha; others are then times alpha."""
     has_alpha = samples.shape[2] in (2, 4)
     rows = samples.reshape(-1, samples.shape[2])
@@ -259,18 +260,18 @@ def _bands(samples: NDArray[Any], space: str) -> tuple[NDArray[np.float32], bool
     return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha
 
 
-def _unit(dtype: np.dtype[Any], space: str) -> float:
+def _unit(dtype: np.dtype[Any], space: SpaceName) -> float:
     """Return what coordinates are divided by, so that samples of all types are the same bands."""
     return peak(dtype) if space == "rgb" else 1.0
 
 
-def _white(dtype: np.dtype[Any], space: str) -> np.float32:
+def _white(dtype: np.dtype[Any], space: SpaceName) -> np.float32:
     """Return the largest coordinate of white as bands have it."""
     white = to_space(np.full((1, 1), peak(dtype), dtype), space)[0, 0]
     return np.float32(white / _unit(dtype, space))
 
 
-def _colors(painted: Painted, space: str, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
+def _colors(painted: Painted, space: SpaceName, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
     """Return the means of tiles as colors of a type."""
     means, unit = painted.colors, _unit(dtype, space)
     if not has_alpha:

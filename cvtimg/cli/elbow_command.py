@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer import Option
 
+from cvtimg._shared.choices import EffortName
 from cvtimg.batch import INTERRUPTED, Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
@@ -53,12 +54,12 @@ Target = Annotated[
         help="Target of --rule variance (share explained, 0.95 by default) or psnr (decibels, 30 by default).",
     ),
 ]
-Averaging = Annotated[options.AveragingName, Option(help="Measure segments made with this --averaging.")]
+Averaging = Annotated[options.AveragingChoice, Option(help="Measure segments made with this --averaging.")]
 EdgeWeight = Annotated[
     float | None, Option(metavar="L", parser=options.number(0), help="Measure segments made with this --edge-weight.")
 ]
 Effort = Annotated[
-    options.EffortName, Option(help="fast: all numbers in one pass; balanced, best: also search each by itself.")
+    EffortName, Option(help="fast: all numbers in one pass; balanced, best: also search each by itself.")
 ]
 CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, one line for each k.")]
 PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Plot all curves, .png or .svg.")]

@@ -1,7 +1,6 @@
 """Options that several commands share, each declared once, and the groups of options that travel together.
 
-This module is imported for ``--help``, so heavy imports are inside functions. Choices are repeated here as `Literal`,
-because the registries would import NumPy; a test compares them.
+This module is imported for ``--help``, so heavy imports are inside functions.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import typer
 from typer import Option
 
+from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodName, SpaceName
 from cvtimg.batch import STANDARD, Running, WrongUsageError
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
@@ -121,11 +121,7 @@ def output_file(standard: str) -> Callable[[str | Path], Path]:
 
 # Choices
 
-EffortName: TypeAlias = Literal["fast", "balanced", "best"]
-MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"]
-InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
-SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
-AveragingName: TypeAlias = Literal["none", "before", "after"]
+AveragingChoice: TypeAlias = Literal["none", AveragingName]
 PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .pal, .txt, .aseprite or .png"
 
 # Inputs and outputs
@@ -177,7 +173,7 @@ VolumePower = Annotated[
         metavar="P", parser=number(0), help="Weight cells by their size to this power (0: all cells count the same)."
     ),
 ]
-Averaging = Annotated[AveragingName, Option(help="Smooth noise, before or after pixels are assigned to segments.")]
+Averaging = Annotated[AveragingChoice, Option(help="Smooth noise, before or after pixels are assigned to segments.")]
 
 Mask = Annotated[
     Path | None,

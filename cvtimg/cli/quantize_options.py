@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
+from cvtimg._shared.choices import DitherName
 from cvtimg.cli import options
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ Lock = Annotated[
     ),
 ]
 Dither = Annotated[
-    Literal["none", "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"],
+    Literal["none", DitherName],
     Option(
         metavar="NAME",
         help="Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, or bayer-2, -4, -8 "

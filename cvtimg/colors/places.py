@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import from_space, peak, to_space, white_of
 
@@ -42,7 +43,7 @@ def allowed_for(kinds: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return allowed | ~allowed.any(axis=1, keepdims=True)
 
 
-def to_places(colors: NDArray[Any], space: str, alpha: bool) -> NDArray[Any]:
+def to_places(colors: NDArray[Any], space: SpaceName, alpha: bool) -> NDArray[Any]:
     """Return the (N, D) places of (N, C) colors: D = C, and in the space "rgb" without alpha the colors themselves."""
     if not alpha:
         return for_kernels(to_space(colors, space))
@@ -52,7 +53,7 @@ def to_places(colors: NDArray[Any], space: str, alpha: bool) -> NDArray[Any]:
     return np.concatenate([(seen - middle) * share, share * size], axis=1)
 
 
-def from_places(places: NDArray[np.float64], space: str, dtype: np.dtype[Any], alpha: bool) -> NDArray[Any]:
+def from_places(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], alpha: bool) -> NDArray[Any]:
     """Return the (N, C) colors of a type at places: the inverse of `to_places`. Transparent ones are all zeros."""
     if not alpha:
         return from_space(places, space, dtype)
@@ -68,12 +69,12 @@ def from_places(places: NDArray[np.float64], space: str, dtype: np.dtype[Any], a
     return colors
 
 
-def opaque_end(n_channels: int, space: str, dtype: np.dtype[Any]) -> float:
+def opaque_end(n_channels: int, space: SpaceName, dtype: np.dtype[Any]) -> float:
     """Return the last coordinate of opaque colors of this many channels, alpha included."""
     return _middle(n_channels - 1, space, dtype)[1]
 
 
-def _middle(n_channels: int, space: str, dtype: np.dtype[Any]) -> tuple[NDArray[np.float64], float]:
+def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[Any]) -> tuple[NDArray[np.float64], float]:
     """Return the middle between black and white, and how far both are from it."""
     ends = np.array([[0], [white_of(dtype)]], dtype).repeat(n_channels, axis=1)
     black, white = to_space(ends, space).astype(np.float64)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_choice, check_within
+from cvtimg._shared.choices import SpaceName
 
 _Floats = NDArray[np.float64]
 
@@ -113,7 +114,7 @@ SPACES: dict[str, ColorSpace] = {
 }
 
 
-def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
+def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
     """Give colors their coordinates in a color space.
 
     Parameters
@@ -153,7 +154,7 @@ def to_space(colors: NDArray[Any], space: str) -> NDArray[Any]:
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
 
 
-def from_space(places: NDArray[np.float64], space: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Bring places in a color space back to colors of a type, inside the gamut: the inverse of `to_space`.
 
     Parameters
@@ -217,5 +218,5 @@ def _rounded(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     return values.astype(dtype)
 
 
-def _check_channels(n_channels: int, space: str) -> None:
+def _check_channels(n_channels: int, space: SpaceName) -> None:
     check_channels("an image", n_channels, (1, 3), f"for space={space!r}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import EffortName
 from cvtimg.designs.discrepancy import star_discrepancy
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, exact_cells
 from cvtimg.designs.latin import latinize, latinize_beside
@@ -72,7 +73,7 @@ class Cube:
         return Moments(masses, centroids, float(loads @ (apart**2).sum(axis=1)))
 
 
-def place(cube: Cube, n_points: int, existing: _Floats, effort: str, rng: np.random.Generator) -> list[_Floats]:
+def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator) -> list[_Floats]:
     """Find (n, d) points of low energy beside (L, d) that exist, from a few starts, those of least energy first."""
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
     if not cube.exact and not cube.periodic:
@@ -87,7 +88,7 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: str, rng: np.ran
     return [points % 1.0 for points in found] if cube.periodic else found
 
 
-def place_latin(cube: Cube, starts: list[_Floats], existing: _Floats, effort: str) -> _Floats:
+def place_latin(cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName) -> _Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
     ends = [_alternate(cube, points, existing, effort) for points in starts]
     if len(ends) == 1:
@@ -96,7 +97,7 @@ def place_latin(cube: Cube, starts: list[_Floats], existing: _Floats, effort: st
     return min((points for points, energy in ends if energy <= enough), key=_unevenness)
 
 
-def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: str) -> tuple[_Floats, float]:
+def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> tuple[_Floats, float]:
     """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
     points = _latin(points, existing)
     best, least = points, np.inf
@@ -119,7 +120,7 @@ def _unevenness(points: _Floats) -> float:
 
 
 def _tessellated(
-    cube: Cube, n_points: int, existing: _Floats, effort: str, init: Any, rng: np.random.Generator
+    cube: Cube, n_points: int, existing: _Floats, effort: EffortName, init: Any, rng: np.random.Generator
 ) -> _Floats:
     locked = existing if len(existing) else None
     n_all = n_points + len(existing)

@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
     check_shape,
     check_that,
 )
+from cvtimg._shared.choices import EffortName
 from cvtimg.designs.descent import Cube, place, place_latin
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
 from cvtimg.designs.measures import PointMeasures, point_measures
@@ -121,7 +122,7 @@ def design(
     density: Callable[[_Floats], ArrayLike] | None = None,
     feasible: Callable[[_Floats], ArrayLike] | None = None,
     existing: ArrayLike | None = None,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Design:
     """Place points for experiments: as evenly as the cells of a centroidal Voronoi tessellation.
@@ -207,7 +208,7 @@ def _checked(
     density: Any,
     feasible: Any,
     existing: ArrayLike | None,
-    effort: str,
+    effort: EffortName,
     rng: np.random.Generator,
 ) -> _Request:
     check_count("n_points", n_points, _MAX_POINTS, "the most points")

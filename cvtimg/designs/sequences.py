@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from cvtimg._shared.choices import EffortName
 from cvtimg.designs.points import design
 
 
@@ -41,7 +42,7 @@ class CVTDesign(qmc.QMCEngine):  # type: ignore[misc]
         d: int,
         *,
         latin: bool = True,
-        effort: str = "balanced",
+        effort: EffortName = "balanced",
         optimization: str | None = None,
         rng: Any = None,
     ) -> None:

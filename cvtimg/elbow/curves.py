@@ -23,6 +23,7 @@ from cvtimg._shared.checks import (
     check_rows,
     raise_unsupported,
 )
+from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
@@ -157,9 +158,9 @@ def energy_curve(
     n_max: int = 64,
     *,
     density: ArrayLike | None = None,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     volume_power: float = 0,
-    effort: str = "fast",
+    effort: EffortName = "fast",
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> EnergyCurve:
@@ -257,7 +258,7 @@ def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions)
     return ends
 
 
-def _points(samples: Any, density: ArrayLike | None, space: str) -> tuple[Points, Scale]:
+def _points(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[Points, Scale]:
     """Pack samples of any kind; also return what their energies are measured against."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)

@@ -21,6 +21,7 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_rows,
 )
+from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
@@ -92,9 +93,9 @@ def tessellate(
     n_generators: int,
     *,
     density: ArrayLike | None = None,
-    method: str | Iterate | None = None,
-    init: str | ArrayLike = "split",
-    effort: str = "balanced",
+    method: MethodName | Iterate | None = None,
+    init: InitName | ArrayLike = "split",
+    effort: EffortName = "balanced",
     volume_power: float = 0,
     locked: ArrayLike | None = None,
     rng: int | np.random.Generator = 0,

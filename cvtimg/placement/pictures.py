@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_picture_density, check_places
+from cvtimg._shared.choices import EffortName
 from cvtimg.engine.methods import Callback, Stopping, Watch
 from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
@@ -59,7 +60,7 @@ def place_in_picture(
     *,
     fixed: ArrayLike | None = None,
     method: str = "l-bfgs",
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> Placement:

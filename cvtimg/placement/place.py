@@ -17,6 +17,7 @@ from cvtimg._shared.checks import (
     check_shape,
     check_that,
 )
+from cvtimg._shared.choices import EffortName
 from cvtimg.engine.methods import Callback, Stopping, Watch
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
@@ -80,7 +81,7 @@ def place_generators(
     metric: MetricLike = 2,
     generators: str | Figures = "points",
     method: str | None = None,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> Placement:
@@ -221,14 +222,14 @@ def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
 
 
 def _moments(
-    region: Region, density: Density, gauge: Gauge, n_generators: int, effort: str, rng: np.random.Generator
+    region: Region, density: Density, gauge: Gauge, n_generators: int, effort: EffortName, rng: np.random.Generator
 ) -> CellMoments:
     if region.n_dims == 2 and isinstance(region, (Box, PolygonRegion)) and gauge == LpGauge(2):
         return PolygonMoments(region, density)
     return SampleMoments(_samples(region, density, n_generators, effort, rng), gauge, region)
 
 
-def _samples(region: Region, density: Density, n_generators: int, effort: str, rng: np.random.Generator) -> Any:
+def _samples(region: Region, density: Density, n_generators: int, effort: EffortName, rng: np.random.Generator) -> Any:
     settings = _EFFORTS[effort]
     n = int(np.clip(settings.samples * n_generators, _FEWEST_SAMPLES, settings.most_samples))
     samples = region.sample(max(n, 4 * n_generators), density=density, rng=rng)
@@ -255,7 +256,7 @@ def _place_figures(
     n_generators: int,
     kind: Figures,
     method: str,
-    effort: str,
+    effort: EffortName,
     rng: np.random.Generator,
     watch: Watch,
 ) -> Placement:

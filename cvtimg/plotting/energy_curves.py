@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg.colors.places import from_places, to_places
 from cvtimg.colors.samples import color_samples
@@ -37,7 +38,7 @@ class Plotted:
     curve: EnergyCurve
     k: int
     image: NDArray[Any] | None = None
-    space: str = "rgb"
+    space: SpaceName = "rgb"
 
 
 def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") -> bytes:
@@ -128,7 +129,7 @@ def _reduced(image: NDArray[Any]) -> NDArray[Any]:
     return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 
-def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: str) -> NDArray[Any]:
+def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: SpaceName) -> NDArray[Any]:
     """Replace each pixel by its nearest generator."""
     samples = color_samples(image)
     points = pack(to_places(samples.colors, space, samples.alpha), samples.density)

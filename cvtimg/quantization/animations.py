@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alone, check_given, check_that
+from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.colors.spaces import peak
@@ -87,10 +88,10 @@ def quantize_frames(
     per_frame: bool = False,
     alpha: bool | None = None,
     masks: Sequence[ArrayLike | None] | None = None,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
-    dither: str | None = None,
+    dither: DitherName | None = None,
     dither_strength: float | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFrames:

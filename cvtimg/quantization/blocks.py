@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_image_shape
+from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import with_mark
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
@@ -26,7 +27,7 @@ def quantize_blocks(
     n_colors: int,
     *,
     alpha: bool = False,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> tuple[Palette, da.Array]:
@@ -94,5 +95,5 @@ def _count_block(block: NDArray[Any], alpha: bool) -> ColorSamples:
     return count_picture(with_mark(block, alpha))
 
 
-def _map_block(block: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: str) -> NDArray[Any]:
+def _map_block(block: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
     return map_to_palette(block, palette, alpha=alpha, space=space).indices

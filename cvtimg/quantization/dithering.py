@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_most, check_choice, check_in_unit_range
+from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.quantization import _dithering
@@ -72,7 +73,7 @@ def dither(
     inverse: NDArray[np.int32],
     palette: NDArray[Any],
     *,
-    method: str = "floyd-steinberg",
+    method: DitherName = "floyd-steinberg",
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
     allowed: ArrayLike | None = None,

@@ -19,6 +19,7 @@ from cvtimg._shared.checks import (
     check_non_negative,
     refuse,
 )
+from cvtimg._shared.choices import DitherName, EffortName, SpaceName
 from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
@@ -41,11 +42,11 @@ def quantize(
     *,
     alpha: bool | None = None,
     mask: ArrayLike | None = None,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     psnr: float | None = None,
-    dither: str | None = None,
+    dither: DitherName | None = None,
     dither_strength: float | None = None,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
@@ -145,9 +146,9 @@ def quantize_to_size(
     *,
     alpha: bool | None = None,
     mask: ArrayLike | None = None,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
-    dither: str | None = None,
+    dither: DitherName | None = None,
     dither_strength: float | None = None,
     weights: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
@@ -213,8 +214,8 @@ class _Source:
         mask: ArrayLike | None,
         locked: ArrayLike | None,
         weights: ArrayLike | None,
-        space: str,
-        dither: str | None,
+        space: SpaceName,
+        dither: DitherName | None,
         dither_strength: float,
     ) -> None:
         array = array_of(image)
@@ -287,7 +288,7 @@ class _Source:
         for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
             results: dict[bool, Quantized] = {}
 
-            def measure(n: int, effort: str = effort, results: dict[bool, Quantized] = results) -> float:
+            def measure(n: int, effort: EffortName = effort, results: dict[bool, Quantized] = results) -> float:
                 result = self.quantized(n, {**engine, "effort": effort})
                 reached = value(result)
                 results[reached >= target] = result

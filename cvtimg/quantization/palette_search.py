@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords
+from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -37,9 +38,9 @@ _AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
 class EngineOptions(TypedDict, total=False):
     """Options of `tessellate` that functions which find palettes accept."""
 
-    method: str | Method | None
-    init: str | ArrayLike
-    effort: str
+    method: MethodName | Method | None
+    init: InitName | ArrayLike
+    effort: EffortName
     volume_power: float
     rng: int | np.random.Generator
 
@@ -90,7 +91,7 @@ def find_palette(
     samples: ColorSamples | ArrayLike,
     n_colors: int,
     *,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Palette:
@@ -175,7 +176,7 @@ def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
 
 
 def _opaque_palette(
-    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
     """Find a palette where alpha plays no part: transparent colors are locked, and all others are opaque."""
     opaque = kinds_of(fixed, True) == OPAQUE
@@ -188,7 +189,7 @@ def _opaque_palette(
 
 
 def _tessellated(
-    samples: ColorSamples, n_colors: int, space: str, fixed: NDArray[Any], engine: EngineOptions
+    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: NDArray[Any], engine: EngineOptions
 ) -> Palette:
     """Find a palette for more colors than it can hold."""
     colors, density = samples.colors, samples.density

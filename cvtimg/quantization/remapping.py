@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_most, check_choice, check_colors
+from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of, with_mark
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
@@ -141,8 +142,8 @@ def map_to_palette(
     *,
     alpha: bool | None = None,
     mask: ArrayLike | None = None,
-    space: str = "rgb",
-    dither: str | None = None,
+    space: SpaceName = "rgb",
+    dither: DitherName | None = None,
     dither_strength: float = 1.0,
 ) -> Quantized:
     """Give each pixel of an image the nearest color of a palette.
@@ -204,7 +205,7 @@ def keep_outside(result: Quantized, image: Any) -> Quantized:
 
 
 def map_samples(
-    samples: ColorSamples, palette: ArrayLike, space: str, dither: str | None, dither_strength: float
+    samples: ColorSamples, palette: ArrayLike, space: SpaceName, dither: DitherName | None, dither_strength: float
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`."""
     if dither is not None:
@@ -237,7 +238,7 @@ def map_samples(
     )
 
 
-def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDArray[np.int32], float]:
+def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.int32], float]:
     """Return the (M,) index of the nearest color of each sample, and the energy of this map in sRGB."""
     alpha = samples.alpha
     kinds, kinds_of_ends = kinds_of(samples.colors, alpha), kinds_of(palette, alpha)
@@ -251,7 +252,7 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: str) -> tuple[NDAr
 
 
 def _dither(
-    samples: ColorSamples, palette: NDArray[Any], space: str, method: str, strength: float
+    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float
 ) -> tuple[NDArray[np.int32], float]:
     """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
     labels = dithering.dither(

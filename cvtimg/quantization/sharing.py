@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import refuse
+from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.colors.places import widen_samples, without_idle_alpha
@@ -27,7 +28,7 @@ def shared_palette(
     pictures: Iterable[StrPath | ArrayLike],
     n_colors: int,
     *,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Palette:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors, check_one_of, check_that
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, kinds_of
@@ -80,7 +81,7 @@ def quantize_file(
     target: StrPath,
     n_colors: int | None = None,
     *,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     mask: StrPath | None = None,
@@ -183,7 +184,7 @@ class _Mapping:
         bands: Bands,
         known: Callable[[], Iterator[tuple[Band, NDArray[np.bool_]]]],
         palette: NDArray[Any],
-        space: str,
+        space: SpaceName,
         may_be_indexed: bool,
         leaves_out: bool,
     ) -> None:

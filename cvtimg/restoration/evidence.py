@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count
+from cvtimg._shared.choices import EffortName
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.masked import MaskedCells, average_masked, masked_cells, masked_means
@@ -62,7 +63,7 @@ class Evidence:
         check_choice("n_generators", n_generators, ("auto",))
         return _AUTO_DETAIL if detail else auto_count(self._fused_rows(_AUTO_BLUR), _AUTO_MAX)[0]
 
-    def segments(self, n_generators: int, rule: str, effort: str) -> Found:
+    def segments(self, n_generators: int, rule: str, effort: EffortName) -> Found:
         """Find segments of pixels whose stacked values are alike, and one color for each."""
         values, weights = self.data.values, self.data.weights(self.trust)
         values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # so that float32 is precise enough
@@ -89,7 +90,7 @@ class Evidence:
         colors = RENORMALIZATIONS[rule](levels)
         return Found(end.labels, generators, masses, colors, end.energies, end.converged)
 
-    def patches(self, n_generators: int, effort: str, variance: float, rng: np.random.Generator) -> Found:
+    def patches(self, n_generators: int, effort: EffortName, variance: float, rng: np.random.Generator) -> Found:
         """Find cells of patches, and filter in each what its generator leaves; `variance` is that of the noise."""
         fused, weight = fuse(self.versions, self.trust)
         noise = float(np.sqrt(variance / weight.max()))
@@ -107,7 +108,7 @@ class Evidence:
         loads = self.versions.weights(self.trust).reshape(rows.shape)
         return masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1])))
 
-    def _start(self, blur: float, n_generators: int, effort: str) -> NDArray[np.int32]:
+    def _start(self, blur: float, n_generators: int, effort: EffortName) -> NDArray[np.int32]:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
         cells = tessellate(self._fused_rows(blur), n_generators, effort=effort)
         return (cells.labels + 1).reshape(self.data.known.shape[:2])

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import EffortName
 from cvtimg.engine.points import assign, cell_energies, pack
 from cvtimg.engine.tessellation import tessellate
 
@@ -48,7 +49,7 @@ class Detailed:
 
 
 def restore_detail(
-    fused: Floats, share: Floats, noise: float, n_generators: int, effort: str, rng: np.random.Generator
+    fused: Floats, share: Floats, noise: float, n_generators: int, effort: EffortName, rng: np.random.Generator
 ) -> Detailed:
     """Restore an image in which some pixels are noisier than others.
 
@@ -90,7 +91,7 @@ class _Cells:
     energy: float
 
     @classmethod
-    def of(cls, image: Floats, n_generators: int, effort: str, rng: np.random.Generator) -> _Cells:
+    def of(cls, image: Floats, n_generators: int, effort: EffortName, rng: np.random.Generator) -> _Cells:
         n_pixels = image.shape[0] * image.shape[1]
         drawn = np.sort(rng.choice(n_pixels, min(n_pixels, _N_SAMPLES), replace=False))
         sample = _windows(image)[np.unravel_index(drawn, image.shape[:2])].reshape(len(drawn), -1)

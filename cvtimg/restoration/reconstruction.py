@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_edge_weight, check_excluded, check_non_negative
+from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg.colors.spaces import to_space, white_of
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
@@ -43,13 +44,13 @@ def restore(
     align: bool = False,
     channels: bool = False,
     hidden: str | None = "outliers",
-    space: str = "rgb",
-    averaging: str | Averaging | None = None,
+    space: SpaceName = "rgb",
+    averaging: AveragingName | Averaging | None = None,
     edge_weight: float | str = "auto",
     volume_power: float = 0,
     renormalize: str | None = "range",
     detail: bool = False,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Restoration:
     """Restore one image from several noisy and incomplete versions of it.
@@ -188,7 +189,7 @@ def restore(
     )
 
 
-def _level(versions: Versions, space: str) -> float:
+def _level(versions: Versions, space: SpaceName) -> float:
     """Return an 8-bit level in the units of the first version's color space."""
     white = np.array([[white_of(versions.dtype)]], versions.dtype)
     return float(to_space(white, space)[0, 0]) / 255

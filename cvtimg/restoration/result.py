@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import from_space, peak
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -104,7 +105,7 @@ class Found:
     image: Floats | None = None
 
 
-def in_order(found: Found, versions: Versions, space: str, **about: Any) -> Restoration:
+def in_order(found: Found, versions: Versions, space: SpaceName, **about: Any) -> Restoration:
     """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
     deep = np.dtype(np.float64)
     white = peak(versions.dtype) if space != "rgb" else 1.0
@@ -131,7 +132,7 @@ def in_order(found: Found, versions: Versions, space: str, **about: Any) -> Rest
     )
 
 
-def _by_version(generators: NDArray[np.float64], versions: Versions, space: str) -> NDArray[np.float64]:
+def _by_version(generators: NDArray[np.float64], versions: Versions, space: SpaceName) -> NDArray[np.float64]:
     """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
     n_bands = np.bincount(versions.version_of)
     apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)

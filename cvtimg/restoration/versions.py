@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
@@ -98,7 +99,7 @@ def stack_versions(
     images: Sequence[Any],
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     *,
     channels: bool = False,
 ) -> Versions:
@@ -139,7 +140,7 @@ def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], 
     return values, known
 
 
-def _place(values: NDArray[Any], known: NDArray[np.bool_], space: str) -> Floats:
+def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> Floats:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
     rows = np.where(known[:, :, None], values, 0).reshape(-1, values.shape[2])
     if rows.dtype.kind == "f" and space != "rgb":

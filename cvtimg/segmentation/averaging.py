@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range
+from cvtimg._shared.choices import AveragingName
 from cvtimg.engine.points import assign, pack
 
 WHEN = ("before", "after")
@@ -64,7 +65,7 @@ class Averaging:
         return float((line / line.sum()) @ (line / line.sum())) ** 2
 
 
-def as_averaging(averaging: str | Averaging | None) -> Averaging | None:
+def as_averaging(averaging: AveragingName | Averaging | None) -> Averaging | None:
     """Return the default `Averaging` for "before" or "after"; return another as it is."""
     if averaging is None or isinstance(averaging, Averaging):
         return averaging

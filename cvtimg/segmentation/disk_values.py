@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_needs, check_that
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.spaces import peak, to_space
 from cvtimg.files.whole import StrPath
@@ -59,7 +60,7 @@ class DiskValues:
         self,
         bands: Bands,
         path: Path,
-        space: str,
+        space: SpaceName,
         *,
         has_alpha: bool,
         nodata: float | None,
@@ -88,7 +89,7 @@ class DiskValues:
             raise
         self._center = self.values.center
 
-    def _count(self, bands: Bands, space: str) -> tuple[PictureValues, bool]:
+    def _count(self, bands: Bands, space: SpaceName) -> tuple[PictureValues, bool]:
         """Store all pixels and count their colors."""
         counter, top = Counter(), 0
         for band in bands:

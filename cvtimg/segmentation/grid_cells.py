@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_non_negative
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import descend
@@ -27,7 +28,7 @@ def superpixels(
     n_superpixels: int,
     *,
     compactness: float = 10,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     mask: ArrayLike | None = None,
 ) -> Segmentation:
     """Divide an image into many small connected segments of similar color.

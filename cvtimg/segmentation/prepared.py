@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight
+from cvtimg._shared.choices import AveragingName
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
@@ -114,7 +115,9 @@ class Smoothness:
     edge_radius: int
 
     @classmethod
-    def checked(cls, averaging: str | Averaging | None, edge_weight: float | str, edge_radius: int) -> Smoothness:
+    def checked(
+        cls, averaging: AveragingName | Averaging | None, edge_weight: float | str, edge_radius: int
+    ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
         return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative
+from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -29,8 +30,8 @@ def segment(
     image: Any,
     n_segments: int | Literal["auto"],
     *,
-    space: str = "rgb",
-    averaging: str | Averaging | None = None,
+    space: SpaceName = "rgb",
+    averaging: AveragingName | Averaging | None = None,
     edge_weight: float | str = 0,
     edge_radius: int = 3,
     volume_power: float = 0,
@@ -39,7 +40,7 @@ def segment(
     border_price: float = 0,
     objects: bool | Objects = False,
     mask: ArrayLike | None = None,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Segmentation:
     """Divide an image into segments of similar color.
@@ -131,8 +132,8 @@ def segment_curve(
     image: Any,
     n_max: int = CHORD_ENDS,
     *,
-    space: str = "rgb",
-    averaging: str | Averaging | None = None,
+    space: SpaceName = "rgb",
+    averaging: AveragingName | Averaging | None = None,
     edge_weight: float | str = 0,
     edge_radius: int = 3,
     volume_power: float = 0,
@@ -185,7 +186,7 @@ class _Search:
     """How to tessellate colors."""
 
     n_segments: int
-    effort: str
+    effort: EffortName
     volume_power: float
     rng: int | np.random.Generator
 

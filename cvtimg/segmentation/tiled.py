@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
+from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import SPACES
@@ -82,13 +83,13 @@ def segment_file(
     target: StrPath,
     n_segments: int,
     *,
-    space: str = "rgb",
+    space: SpaceName = "rgb",
     edge_weight: float | str = 0,
     edge_radius: int = 3,
     has_alpha: bool = False,
     nodata: float | None = None,
     mask: StrPath | None = None,
-    effort: str = "balanced",
+    effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
     overwrite: bool = False,
 ) -> SegmentedFile:
@@ -229,7 +230,7 @@ class _Start:
                 values = averaged(values, self._average, inside)
             yield values[own], inside[own]
 
-    def tessellate(self, n_segments: int, effort: str, rng: int | np.random.Generator) -> Tessellation:
+    def tessellate(self, n_segments: int, effort: EffortName, rng: int | np.random.Generator) -> Tessellation:
         n_most = min(n_segments, self.samples.n_colors)
         return tessellate(self.samples, n_most, effort=effort, rng=rng)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_partial_image
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, peak, to_space
 from cvtimg.segmentation.levels import to_levels
@@ -40,7 +41,7 @@ class PictureValues:
     samples: ColorSamples
     scale: float
     offset: float
-    space: str
+    space: SpaceName
     dtype: np.dtype[Any]
 
     @property
@@ -76,12 +77,12 @@ class PictureValues:
         return colors * peak(self.dtype)
 
 
-def unit_of(space: str, dtype: np.dtype[Any]) -> float:
+def unit_of(space: SpaceName, dtype: np.dtype[Any]) -> float:
     """Return the value of 1 in the units of images of this type or, in another space, of that space."""
     return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)
 
 
-def picture_values(image: Any, space: str, mask: ArrayLike | None) -> PictureValues:
+def picture_values(image: Any, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
     """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]

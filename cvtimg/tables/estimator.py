@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_shape, check_that
+from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg.engine.points import assign, cell_energies, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -99,9 +100,9 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self,
         n_clusters: int = 8,
         *,
-        method: str = "lloyd",
-        init: str | ArrayLike = "split",
-        effort: str = "balanced",
+        method: MethodName = "lloyd",
+        init: InitName | ArrayLike = "split",
+        effort: EffortName = "balanced",
         random_state: Any = 0,
     ) -> None:
         self.n_clusters = n_clusters

@@ -22,6 +22,7 @@ from PIL import Image
 
 import cvtimg
 from cvtimg import read_image, write_image
+from cvtimg._shared import choices as named
 from cvtimg.cli import app as cli
 from cvtimg.cli import commands, elbow_command, quantize_options, restore_command, segment_command
 from cvtimg.cli import options as _options
@@ -527,11 +528,11 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
 @pytest.mark.parametrize(
     ("choices", "registry"),
     [
-        (_options.EffortName, cvtimg.engine.EFFORTS),
-        (_options.MethodName, cvtimg.engine.METHODS),
-        (_options.InitName, cvtimg.engine.SEEDINGS),
-        (_options.SpaceName, SPACES),
-        (_options.AveragingName, ["none", *WHEN]),
+        (named.EffortName, cvtimg.engine.EFFORTS),
+        (named.MethodName, cvtimg.engine.METHODS),
+        (named.InitName, cvtimg.engine.SEEDINGS),
+        (named.SpaceName, SPACES),
+        (_options.AveragingChoice, ["none", *WHEN]),
         (segment_command.Kernel, KERNELS),
         (segment_command.EdgeMode, EDGE_MODES),
         (quantize_options.Dither, ["none", *DITHERS]),

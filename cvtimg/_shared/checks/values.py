@@ -9,11 +9,12 @@ from typing import NoReturn, TypeVar
 import numpy as np
 
 _T = TypeVar("_T")
+_Name = TypeVar("_Name", bound=str)
 #: What people call arguments in other libraries.
 _MEANT = {"k": "n_colors", "n_clusters": "n_colors", "colors": "n_colors", "seed": "rng", "random_state": "rng"}
 
 
-def check_choice(name: str, value: str, choices: Collection[str]) -> str:
+def check_choice(name: str, value: _Name, choices: Collection[str]) -> _Name:
     """Return `value` if it is one of `choices`."""
     check_in_range(name, value, value in choices, f"one of {', '.join(choices)}")
     return value

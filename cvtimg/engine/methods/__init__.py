@@ -6,6 +6,7 @@ A new method is a function like `lloyd` in a file of its own, and a line in `MET
 from __future__ import annotations
 
 from cvtimg._shared.checks import check_choice, raise_unsupported
+from cvtimg._shared.choices import MethodName
 from cvtimg.engine.methods._iteration import Callback, Conditions, Iterate, Iteration, Method, Stopping, Watch
 from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.engine.methods.macqueen import macqueen
@@ -37,7 +38,7 @@ __all__ = [
 
 
 def choose_method(
-    method: str | Iterate | None = None,
+    method: MethodName | Iterate | None = None,
     *,
     n_dims: int,
     volume_power: float = 0,

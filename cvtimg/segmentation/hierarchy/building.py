@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
+from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import SPACES, peak
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
@@ -30,7 +31,7 @@ def segment_hierarchy(
     image: Any,
     *,
     n_leaves: int = 1000,
-    space: str = "lab",
+    space: SpaceName = "lab",
     mask: ArrayLike | None = None,
 ) -> RegionHierarchy:
     """Divide a photograph into a tree of regions, from which any number of regions is cut.

@@ -1,0 +1,17 @@
+"""Names of choices, for type checkers and for the command line, which must not import NumPy to print help.
+
+What the names stand for is in the registries; a test compares them.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+EffortName: TypeAlias = Literal["fast", "balanced", "best"]
+MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"]
+InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
+SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
+AveragingName: TypeAlias = Literal["before", "after"]
+DitherName: TypeAlias = Literal[
+    "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"
+]
