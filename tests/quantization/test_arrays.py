@@ -128,7 +128,7 @@ def test_any_type_keeps_its_values_and_has_its_own_white(dtype: str, shape: tupl
 def test_negative_values_come_back() -> None:
     image = np.array([[-300, -300, 5], [-298, 7, 5]], np.int16)
     assert quantize(image, 2).image.tolist() == [[-299, -299, 6], [-299, 6, 6]]
-    with pytest.raises(ValueError, match="must be in .* for space='lab'"):
+    with pytest.raises(ValueError, match="for space='lab'"):
         quantize(image, 2, space="lab")
 
 
