@@ -10,5 +10,5 @@ How a command is added:
    (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns the
    columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
 4. `COMMANDS` in `cli.overview` has its name and its line of ``cvtimg --help``; ``meson.build`` lists the file.
-5. What is heavy is imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
+5. Heavy modules are imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
 """

@@ -83,7 +83,7 @@ def walk_cracks(labels: NDArray[np.int32]) -> Walk:
     from skimage.measure import label
 
     rimmed = np.pad(labels, 1, constant_values=OUTSIDE)
-    # scikit-image leaves out one label: the one that stands for what is beyond the image.
+    # scikit-image leaves out one label: the one for the outside of the image.
     inside = label(labels, background=OUTSIDE, connectivity=1)  # type: ignore[no-untyped-call]
     regions = np.pad(inside.astype(np.int32), 1)
     marks = _mark_corners(rimmed, regions)

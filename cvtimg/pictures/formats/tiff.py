@@ -94,7 +94,7 @@ class Layout:
 
 
 def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
-    """Read the first page: (H, W) for one sample a pixel, else (H, W, C), or with transparency (H, W, 4)."""
+    """Read the first page: (H, W) for one sample per pixel, else (H, W, C), or with transparency (H, W, 4)."""
     import tifffile
 
     file.seek(0)

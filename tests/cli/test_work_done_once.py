@@ -1,0 +1,45 @@
+"""`cvtimg quantize in.png` reads, checks and counts its input once."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cvtimg import write_image
+from cvtimg.cli.app import main
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, counts: Counter[str], module: str, name: str) -> None:
+    """Count the calls of a function under all names by which modules of the package have imported it."""
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+
+    def call(*given: Any, **options: Any) -> Any:
+        counts[name] += 1
+        return function(*given, **options)
+
+    for path, loaded in list(sys.modules.items()):
+        if path.startswith("cvtimg.") and vars(loaded).get(name) is function:
+            monkeypatch.setattr(loaded, name, call)
+
+
+def test_quantize_does_each_step_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_image(tmp_path / "in.png", np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8))
+    arguments = ["quantize", str(tmp_path / "in.png"), "-k", "8", "--quiet", "-o"]
+    assert main([*arguments, str(tmp_path / "first.png")]) == 0  # imports what it needs
+    counts: Counter[str] = Counter()
+    counted(monkeypatch, counts, "cvtimg.pictures.formats.opening", "open_picture")
+    counted(monkeypatch, counts, "cvtimg.pictures.formats.decoding", "decode")
+    counted(monkeypatch, counts, "cvtimg._shared.checks.images", "check_pixels")
+    counted(monkeypatch, counts, "cvtimg.colors.samples", "color_samples")
+    counted(monkeypatch, counts, "cvtimg.engine.points", "pack")
+    assert main([*arguments, str(tmp_path / "second.png")]) == 0
+    once = {"decode": 1, "check_pixels": 1, "color_samples": 1}
+    # The header is read before the pixels, to plan. Colors are packed for the search and, in their own order, to map.
+    assert counts == {**once, "open_picture": 2, "pack": 2}
