@@ -1,4 +1,4 @@
-"""Key frames: the frames of a film that stand for the others."""
+"""Key frames: the frames of a film that represent the others."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_AUTO_FRAMES = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyFrames:
-    """Key frames, and the frames that each stands for.
+    """Key frames, and the frames that each represents.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from cvtimg.designs.discrepancy import star_discrepancy
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, Cells, exact_cells
 from cvtimg.designs.sampled_cells import sampled_cells
 
-#: Samples that stand for the cube in more dimensions.
+#: Number of samples of the cube in more dimensions.
 _N_SAMPLES = 1 << 20
 
 

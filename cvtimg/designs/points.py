@@ -105,7 +105,7 @@ class Design:
 
 
 class _Request(NamedTuple):
-    """What is asked for, checked and in the unit cube."""
+    """A checked request, in the unit cube."""
 
     cube: Cube
     bounds: _Floats
@@ -134,7 +134,7 @@ def design(
     bounds : int or (d, 2) array
         Number of dimensions of a unit cube, at most 64, or least and greatest value along each axis.
     periodic : bool
-        Let opposite walls meet, so that points keep away from walls no more than from each other.
+        Join opposite walls, so that points need not keep away from walls.
     latin : bool, optional
         Give each of n slices along each axis one point, and still be nearly a tessellation: projections on each axis
         are then even as well. That is the default, except with `density` or `feasible`, with which it cannot be.

@@ -48,7 +48,7 @@ class EnergyCurve:
     generators : tuple of (k, D) float64 arrays
         The generators with these energies, in the units of the samples or in the color space.
     scale : Scale
-        What the rules measure the energies against.
+        The scale against which the rules measure energies.
     """
 
     energies: NDArray[np.float64]

@@ -14,7 +14,7 @@ from cvtimg.regions import Box, Density, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
 
-#: Points that stand for the boundary, for each side of a cell.
+#: Number of points along the boundary, for each side of a cell.
 _PER_CELL = 8
 #: What is called on the boundary may be off by so much of the size of the region.
 _NEAR = 1e-6

@@ -55,7 +55,7 @@ class Descent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """What a descent must respect.
+    """Conditions that a descent must respect.
 
     Attributes
     ----------

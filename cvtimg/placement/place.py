@@ -48,7 +48,7 @@ Points = NDArray[np.float64]
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
-#: What a density must be.
+#: Requirement for every density.
 _NOT_0 = "not be 0 everywhere in the region"
 
 

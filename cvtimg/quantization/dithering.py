@@ -36,7 +36,7 @@ _RIM = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """What a method of dithering is given.
+    """The arguments of a dithering method.
 
     Attributes
     ----------

@@ -65,7 +65,7 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions
 def without_background(versions: Versions, noise: NDArray[np.float64]) -> Versions:
     """Leave out each version that shows the background where another shows something else.
 
-    What any version shows is then kept, whichever versions hide it: the union of all. The background is the most
+    Everything that any version shows is then kept, even if others hide it: the union of all. The background is the most
     frequent color.
     """
     background = _commonest_color(versions)

@@ -1,4 +1,4 @@
-"""What is known about a picture from its versions, and the two ways to restore it: flat segments, or patches."""
+"""Evidence about an image from its versions, and the two ways to restore it: flat segments, or patches."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Evidence:
     versions : Versions
         As they came, in place.
     data : Versions
-        What is segmented: the same, or averaged.
+        The values to segment: the same, or averaged.
     trust : (S,) float64 array
         Weight of each version.
     average_after : Averaging or None

@@ -69,7 +69,7 @@ def restore(
         the elbow of the energy of the versions fused and blurred, up to 32, where painted-over parts may count as a
         color of their own; with `detail`, it is 96.
     masks : sequence of (H, W) arrays or None, optional
-        Known pixels of each version: those where its mask is True or not 0. None stands for all pixels.
+        Known pixels of each version: those where its mask is True or not 0. None means all pixels.
     nodata : float, optional
         Pixels with this value in all bands are unknown.
     weights : (S,) array, optional

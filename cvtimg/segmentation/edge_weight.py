@@ -214,7 +214,7 @@ class Disc(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Cells:
-    """What the descent knows of each label; row 0, for pixels outside the mask, stays empty.
+    """State of the descent for each label; row 0, for pixels outside the mask, stays empty.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is computed once before an image is segmented into any number of segments: values, averages and edge weight."""
+"""Values, averages and edge weight, computed once for any number of segments."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Prepared:
     field : (H, W, D) float32 array
         Values of the pixels about their mean; 0 outside the mask.
     data : (H, W, D) float32 array
-        What is segmented: the field, averaged if averaging comes first.
+        The values to segment: the field, averaged if averaging comes first.
     is_averaged : bool
         Whether it is averaged.
     noise : (D, D) float64 array

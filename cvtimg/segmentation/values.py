@@ -30,7 +30,7 @@ class PictureValues:
     samples : ColorSamples
         Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces.
     scale, offset : float
-        Values are scale times the colors of `samples`. In "rgb", the offset is the sample that level 0 stands for.
+        Values are scale times the colors of `samples`. In "rgb", the offset is the sample at level 0.
     space : str
         The color space.
     dtype : numpy.dtype

@@ -264,7 +264,7 @@ def find_tables(path: StrPath) -> list[Path]:
     Parameters
     ----------
     path : str or path-like
-        A folder stands for all files in it and below that end in .csv, .tsv or .npy, except hidden ones.
+        A folder means all files in it and its subfolders that end in .csv, .tsv or .npy, except hidden ones.
 
     Returns
     -------

@@ -55,7 +55,7 @@ class Watch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conditions:
-    """What a method must respect.
+    """Conditions that a method must respect.
 
     Attributes
     ----------

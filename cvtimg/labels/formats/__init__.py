@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONTOUR_FORMATS", "write_contours"]
 
-#: The registry: modules by suffix. Names stand for modules, because ``cvtimg segment --help`` must not import NumPy.
+#: The registry: modules by suffix. Modules are given by name, because ``cvtimg segment --help`` must not import NumPy.
 CONTOUR_FORMATS = {".svg": "svg", ".geojson": "geojson"}
 
 

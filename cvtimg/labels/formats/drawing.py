@@ -1,4 +1,4 @@
-"""What the formats of contours may draw."""
+"""The content that formats of contours draw."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Superpixels, a tessellation of the image, are the leaves. How much neighbors differ is told by the border between
 them, by the slow patterns of the whole image, and by the colors and textures of the regions, textures being told
-apart by a second tessellation. The pair that differs least merges, what is known of the two is added up, and so on.
+apart by a second tessellation. The pair that differs least is merged, its statistics are added up, and so on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a picture is as a whole: slow patterns on the graph of its regions.
+"""The global structure of an image: slow patterns on the graph of its regions.
 
 Neighboring regions are springs, weak across strong borders; the slowest vibrations of that graph move the large parts
 of a picture against each other, and steps of them from region to region tell of borders that no disc can see.

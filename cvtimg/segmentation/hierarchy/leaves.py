@@ -76,7 +76,7 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
         moments=np.stack([*(np.bincount(own, column) for column in rows.T), squares], axis=1),
         histograms=_histograms(own, len(sizes), channels),
         borders=borders,
-        # Eigenvectors have slopes even where there is nothing to see: they confirm what is there, and no more.
+        # Eigenvectors have slopes even where there is nothing to see: they can only confirm other evidence.
         strengths=strengths + np.minimum(_GLOBAL_WEIGHT * steps, strengths),
     )
 

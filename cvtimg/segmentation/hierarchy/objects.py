@@ -47,7 +47,7 @@ def cheapest_cut(
             is_whole[node] = False
     region_of = np.where(is_whole, np.arange(len(energies)), -1)
     for node, pair in zip(range(len(energies) - 1, n_leaves - 1, -1), merges[::-1].tolist(), strict=True):
-        # What is above a whole node takes it in.
+        # Ancestors of a whole node include it.
         region_of[pair] = np.where(region_of[node] >= 0, region_of[node], region_of[pair])
     nodes, leaf_labels = np.unique(region_of[:n_leaves], return_inverse=True)
     return nodes, leaf_labels.astype(np.int32) + np.int32(1)

@@ -13,7 +13,7 @@ import numpy as np
 from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks
 from cvtimg.segmentation.hierarchy.leaves import Leaves
 
-#: What the hierarchy of the reduced image counts for, and what it is worth on the scale of strengths.
+#: Weight of the hierarchy of the reduced image, and its factor on the scale of strengths.
 _WEIGHT, _WORTH = 0.6, 0.6
 #: Borders at the two scales belong to each other within this many half pixels of the reduced image.
 _NEAR = 2

@@ -274,7 +274,7 @@ class RegionHierarchy:
         Parameters
         ----------
         n_max : int
-            The greatest number of regions; no more than there are leaves are looked at.
+            The greatest number of regions, at most the number of leaves.
 
         Returns
         -------
