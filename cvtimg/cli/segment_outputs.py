@@ -154,13 +154,20 @@ def _write_edges(subject: Subject, path: Path) -> None:
     write_image(path, edges, overwrite=subject.overwrite)
 
 
+def _without_fourth(image: NDArray[Any]) -> NDArray[Any]:
+    """Drop the fourth of four bands, which is not alpha: that has been removed."""
+    return image[..., :3] if image.shape[2:] == (4,) else image
+
+
 def _write_overlay(subject: Subject, path: Path) -> None:
     from cvtimg import write_image
     from cvtimg.plotting.sheets import draw_edges
 
     style = subject.style
     color, thickness = style.line_color, style.line_width
-    drawn = draw_edges(subject.image, subject.labels, color=color, thickness=thickness, ignore=style.ignore)
+    drawn = draw_edges(
+        _without_fourth(subject.image), subject.labels, color=color, thickness=thickness, ignore=style.ignore
+    )
     write_image(path, drawn, overwrite=subject.overwrite)
 
 
@@ -177,7 +184,7 @@ def _write_contours(subject: Subject, path: Path) -> None:
     drawing = Drawing(
         polygons=subject.contours.polygons,
         size=labels.shape,
-        colors=shown_colors(means, subject.image, labels, ignore=0),
+        colors=shown_colors(means[:, :3], _without_fourth(subject.image), labels, ignore=0),
         properties={
             label: {"area": area, "mean": mean}
             for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))

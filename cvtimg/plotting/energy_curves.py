@@ -13,9 +13,9 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg.colors.places import from_places, to_places
 from cvtimg.colors.samples import color_samples
-from cvtimg.colors.spaces import peak
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import assign, pack
+from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.plotting.charts import figure_file
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int |
     """Show an image at a few k; the one that the rule picked has a frame in the color of its curve."""
     assert one.image is not None
     small = _reduced(one.image)
+    limits = natural_limits(_bands(small))
     for place, column in zip(axes, columns, strict=True):
         k = one.k if column is None else column
         place.set_xticks([])
@@ -94,8 +95,8 @@ def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int |
         if k > one.curve.n_max:
             place.set_axis_off()
             continue
-        shown = small if k == 0 else _in_generators(small, one.curve.generators[k - 1], one.space)
-        place.imshow(_as_shown(shown), cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+        reduced = small if k == 0 else _in_generators(small, one.curve.generators[k - 1], one.space)
+        place.imshow(shown(_bands(reduced), limits), interpolation="nearest")
         text = "original" if k == 0 else f"k = {k}"
         place.set_title(text, fontsize=8, pad=3, color=color if column is None else "black")
 
@@ -129,6 +130,12 @@ def _reduced(image: NDArray[Any]) -> NDArray[Any]:
     return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 
+def _bands(image: NDArray[Any]) -> NDArray[Any]:
+    """(H, W, C) image; a fourth band that is not alpha is not shown."""
+    bands = np.asarray(image).reshape(*image.shape[:2], -1)
+    return bands[..., :3] if bands.shape[2] == 4 and not says_alpha(image) else bands
+
+
 def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: SpaceName) -> NDArray[Any]:
     """Replace each pixel by its nearest generator."""
     samples = color_samples(image)
@@ -136,11 +143,3 @@ def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: 
     labels = assign(points, points.frame.inward(generators))[: points.n_points]
     colors = from_places(generators, space, samples.colors.dtype, samples.alpha)
     return colors[labels[samples.inverse]].reshape(image.shape)
-
-
-def _as_shown(image: NDArray[Any]) -> NDArray[np.float64]:
-    """(H, W) grey, (H, W, 3) or (H, W, 4) in 0..1; of other numbers of bands the first or the first three."""
-    bands = image.reshape(*image.shape[:2], -1)
-    n_shown = {3: 3, 4: 4}.get(bands.shape[2], 3 if bands.shape[2] > 4 else 1)
-    shown = np.clip(bands[..., :n_shown] / peak(image.dtype), 0, 1)
-    return shown[..., 0] if n_shown == 1 else shown

@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from cvtimg._shared.checks import check_count, check_density, check_image, check_labeled_image, check_labels, check_rows
 from cvtimg.labels.edges import find_edges
+from cvtimg.pictures.showing import limits_to_show, shown
 
 BACKGROUND = (255, 255, 255)
 MAT = (240, 240, 240)
@@ -50,7 +51,7 @@ class Panel:
     Attributes
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        bool, uint8, uint16 or floating point. One or two channels show the first as grey, three are RGB, four are
+        Of any integer or floating point type. One or two channels show the first as grey, three are RGB, four are
         RGB and alpha, of more the first three are shown.
     caption : sequence of str
         Lines below the image; those too long for the panel end in an ellipsis.
@@ -80,8 +81,8 @@ def palette_strip(
     Parameters
     ----------
     palette : (K, D) array
-        uint8: grey (D = 1), RGB or RGBA. uint16 and floating point are stretched from the least to the greatest
-        value. RGBA is shown over a grey checkerboard.
+        uint8: grey (D = 1), RGB or RGBA. Other types are stretched from the least to the greatest value. RGBA is
+        shown over a grey checkerboard.
     width, height : int
         Size of the strip in pixels.
     shares : (K,) array, optional
@@ -110,7 +111,7 @@ def palette_strip(
     check_count("width", width, LONGEST, "the longest side")
     check_count("height", height, LONGEST, "the longest side")
     rows = check_rows("palette", palette)
-    return np.array(_strip(rows, _limits([rows]), width, height, shares))
+    return np.array(_strip(rows, limits_to_show([rows]), width, height, shares))
 
 
 def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_width: int = 300) -> NDArray[np.uint8]:
@@ -139,8 +140,8 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
 
     Notes
     -----
-    uint16 and floating point images are stretched from black to white between the least and the greatest value of all
-    such images in their row, so that images in a row can be compared.
+    Images that are not 8-bit are stretched from black to white between the values that all but 0.1% of the samples of
+    such images in their row lie between, so that images in a row can be compared and a hot pixel darkens none.
 
     Examples
     --------
@@ -191,7 +192,8 @@ def draw_edges(
     Returns
     -------
     (H, W, 3) uint8 array
-        An image that is not 8-bit is stretched from its least to its greatest value outside `ignore`.
+        An image that is not 8-bit is stretched from black to white over the range of all but 0.1% of its values outside
+        `ignore`.
 
     Raises
     ------
@@ -209,7 +211,7 @@ def draw_edges(
     segments = check_labels("labels", labels)
     check_count("thickness", thickness, LONGEST, "the longest side")
     values = check_labeled_image("image", image, segments)
-    drawn = np.array(_over_checkers(Image.fromarray(_as_bytes(values, _limits([values[segments != ignore]])))))
+    drawn = np.array(_over_checkers(Image.fromarray(shown(values, limits_to_show([values[segments != ignore]])))))
     edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
     radius = (thickness - 1) // 2
     if radius and edges.any():
@@ -225,7 +227,7 @@ def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: in
     rows = np.asarray(colors)
     if values.dtype == np.uint8:
         rows = np.rint(rows).astype(np.uint8)
-    return _as_bytes(rows, _limits([values[segments != ignore]]))[:, :3]
+    return shown(rows, limits_to_show([values[segments != ignore]]))[:, :3]
 
 
 def _draw_title(title: str, width: int) -> Image.Image:
@@ -237,8 +239,8 @@ def _draw_title(title: str, width: int) -> Image.Image:
 def _draw_row(panels: list[Panel], width: int) -> Image.Image:
     """Draw the panels of a row side by side, with their parts aligned."""
     images = [_as_array(panel.image) for panel in panels]
-    limits = _limits(images)
-    pictures = [_fit(_as_bytes(image, limits), width) for image in images]
+    limits = limits_to_show(images)
+    pictures = [_fit(shown(image, limits), width) for image in images]
     mat_height = max(picture.height for picture in pictures)
     strip_top = mat_height + STRIP_GAP
     caption_top = mat_height + CAPTION_GAP
@@ -279,37 +281,8 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 def _as_array(image: Any) -> NDArray[Any]:
     """(H, W, C) array of the types that are drawn."""
-    array = np.asarray(image)
-    picture = check_image("image", array * np.uint8(255) if array.dtype == np.bool_ else array)
+    picture = check_image("image", image)
     return picture.reshape(*picture.shape[:2], -1)
-
-
-def _limits(pictures: Iterable[NDArray[Any]]) -> tuple[float, float]:
-    """Least and greatest value of the images that are not 8-bit, without their alpha."""
-    deep = [_split_alpha(picture)[0] for picture in pictures if picture.dtype != np.uint8]
-    low = min((float(color.min()) for color in deep), default=0)
-    return low, max((float(color.max()) for color in deep), default=low)
-
-
-def _split_alpha(picture: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Separate the channels to show, (..., 1) or (..., 3), from alpha, (..., 1) or (..., 0)."""
-    n_channels = picture.shape[-1]
-    return picture[..., : 3 if n_channels >= 3 else 1], picture[..., 3 : 4 if n_channels == 4 else 3]
-
-
-def _as_bytes(picture: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]:
-    """Colors to show, (..., 3), or (..., 4) with alpha, for channels on the last axis."""
-    color, alpha = _split_alpha(picture)
-    if picture.dtype != np.uint8:
-        opaque = np.iinfo(picture.dtype).max if picture.dtype.kind == "u" else 1
-        color, alpha = _stretch(color, *limits), _stretch(alpha, 0, opaque)
-    rgb = np.broadcast_to(color, (*color.shape[:-1], 3))
-    return np.concatenate([rgb, alpha], axis=-1)
-
-
-def _stretch(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]:
-    span = high - low or 1.0
-    return np.rint(np.clip((values - np.float64(low)) * 255 / span, 0, 255)).astype(np.uint8)
 
 
 def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:
@@ -344,7 +317,7 @@ def _strip(
     else:
         check_count("number of colors", n_colors, width, "the width of the strip")
         layout = np.tile(_bands(check_density(shares, n_colors), width), (height, 1))
-    return _over_checkers(Image.fromarray(_as_bytes(colors, limits)[layout]))
+    return _over_checkers(Image.fromarray(shown(colors, limits)[layout]))
 
 
 def _fields(n_colors: int, width: int, height: int) -> NDArray[np.intp]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_most, check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
-from cvtimg._shared.pixels import array_of, with_mark
+from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -79,14 +79,18 @@ class Quantized:
         error = "exact" if not self.energy else f"PSNR {self.psnr:.2f} dB"
         return f"Quantized({shape} {self.palette.dtype}, {len(self.palette)} of {self.n_distinct} colors, {error})"
 
-    def _repr_png_(self) -> bytes | None:
-        """Return the image as PNG, for notebooks; None if a PNG cannot hold it."""
+    def _repr_png_(self) -> bytes:
+        """Return the image as PNG, for notebooks; dark images of more than 8 bits are stretched."""
         from cvtimg.pictures.formats.encoding import encode_image
+        from cvtimg.pictures.showing import natural_limits, shown
 
         pixels, palette = self.content
-        if pixels.dtype not in (np.uint8, np.uint16) or self.palette.shape[1] > 4:
-            return None
-        return encode_image(".png", pixels, palette=palette)
+        if palette is not None:
+            return encode_image(".png", pixels, palette=palette)
+        bands = np.asarray(pixels).reshape(*pixels.shape[:2], -1)
+        bands = bands if says_alpha(pixels) else bands[..., :3]
+        seen = bands if self.inside is None else bands[self.inside]
+        return encode_image(".png", shown(bands, natural_limits(seen)))
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the image, indexed where the format allows, as `cvtimg.write_image` does."""

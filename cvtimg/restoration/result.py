@@ -12,6 +12,7 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import from_space, peak
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
+from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.restoration.versions import Floats, Versions
 
 
@@ -78,9 +79,8 @@ class Restoration:
 
     def _repr_png_(self) -> bytes:
         bands = self.image.reshape(*self.image.shape[:2], -1)
-        shown = bands[:, :, :3] if bands.shape[2] >= 3 else bands[:, :, 0]
-        levels = np.rint(np.clip(shown * (255 / peak(self.image.dtype)), 0, 255)).astype(np.uint8)
-        return encode_image(".png", levels)
+        bands = bands[:, :, :3] if bands.shape[2] >= 3 else bands[:, :, :1]
+        return encode_image(".png", shown(bands, natural_limits(bands)))
 
     def __repr__(self) -> str:
         height, width = self.image.shape[:2]

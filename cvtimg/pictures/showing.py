@@ -1,0 +1,66 @@
+"""Images of any type as 8-bit colors to look at: deep and wide samples are stretched to the range that they fill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["limits_to_show", "natural_limits", "shown"]
+
+#: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
+_TAIL = 0.001
+#: Samples looked at to find the limits.
+_SOME = 1 << 20
+#: Images whose brightest part is below this share of white are too dark to be shown as they are.
+_DARK = 0.5
+
+
+def limits_to_show(images: Iterable[NDArray[Any]]) -> tuple[float, float]:
+    """Return the values to show as black and as white: those that all but 0.1% of each image, (..., C), lie between.
+
+    8-bit images, alpha, NaN and infinity are not considered.
+    """
+    deep = [_split_alpha(image)[0].ravel() for image in images if image.dtype != np.uint8]
+    some = [values[:: max(1, values.size // _SOME)] for values in deep]
+    some = [finite for values in some if (finite := values[np.isfinite(values)]).size]
+    low = min((float(np.quantile(values, _TAIL, method="lower")) for values in some), default=0)
+    high = max((float(np.quantile(values, 1 - _TAIL, method="higher")) for values in some), default=low)
+    return low, high
+
+
+def natural_limits(image: NDArray[Any]) -> tuple[float, float]:
+    """Return 0 and white for an image, (..., C), that can be shown as it is; else `limits_to_show`."""
+    low, high = limits_to_show([image])
+    white = _white(image.dtype)
+    return (0.0, white) if low >= 0 and _DARK * white <= high <= white else (low, high)
+
+
+def shown(image: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]:
+    """Return the colors to show, (..., 3), or (..., 4) with alpha, for an image with channels on the last axis.
+
+    One or two channels are shown as gray by the first, four are RGB and alpha, and of others the first three count.
+    """
+    color, alpha = _split_alpha(image)
+    if image.dtype != np.uint8:
+        color, alpha = _stretched(color, *limits), _stretched(alpha, 0, _white(image.dtype))
+    rgb = np.broadcast_to(color, (*color.shape[:-1], 3))
+    return np.concatenate([rgb, alpha], axis=-1)
+
+
+def _split_alpha(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Separate the channels to show, (..., 1) or (..., 3), from alpha, (..., 1) or (..., 0)."""
+    n_channels = image.shape[-1]
+    return image[..., : 3 if n_channels >= 3 else 1], image[..., 3 : 4 if n_channels == 4 else 3]
+
+
+def _stretched(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]:
+    span = high - low or 1.0
+    levels = np.clip((values - np.float64(low)) * 255 / span, 0, 255)
+    return np.rint(np.nan_to_num(levels, copy=False)).astype(np.uint8)
+
+
+def _white(dtype: np.dtype[Any]) -> float:
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
