@@ -15,6 +15,7 @@ COMMANDS = {
     "restore": "Restore one image from several noisy or incomplete versions of it.",
     "stipple": "Reproduce the tones of images by N dots, for pen plotters and print.",
     "mosaic": "Compose images of N convex tiles of one color each.",
+    "mesh": "Divide masks, label images and polygons into triangles.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",

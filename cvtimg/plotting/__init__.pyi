@@ -1,5 +1,6 @@
 from .charts import draw_pairs, draw_spectrum
 from .energy_curves import Plotted, draw_curves
+from .meshes import draw_mesh
 from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
 
 __all__ = [
@@ -8,6 +9,7 @@ __all__ = [
     "contact_sheet",
     "draw_curves",
     "draw_edges",
+    "draw_mesh",
     "draw_pairs",
     "draw_spectrum",
     "palette_strip",

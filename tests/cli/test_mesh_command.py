@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cvtimg
+from cvtimg.cli.app import main
+
+SQUARE = {"type": "Polygon", "coordinates": [[[0, 0], [2, 0], [2, 1], [0, 1], [0, 0]]]}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "Feature", "geometry": SQUARE, "properties": {}}))
+    (tmp_path / "a.wkt").write_text("POLYGON ((0 0, 2 0, 2 1, 0 1, 0 0))")
+    (tmp_path / "a.csv").write_text("x,y\n0,0\n2,0\n2,1\n0,1\n")
+    y, x = np.mgrid[:40, :50]
+    cvtimg.write_image("mask.png", np.where(np.hypot(x - 25, y - 20) < 15, np.uint8(255), np.uint8(0)))
+    cvtimg.write_image("labels.png", (1 + (x > 20) + (y > 25)).astype(np.uint8))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["a.geojson", "a.wkt", "a.csv"])
+def test_polygons_are_meshed_as_by_the_function(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mesh", name, "-n", "60", "-o", "a.obj", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert (row["n"], row["n_wanted"], row["area"]) == (60, 60, pytest.approx(2))
+    wanted = cvtimg.mesh_region([[0, 0], [2, 0], [2, 1], [0, 1]], n=60)
+    assert row["triangles"] == len(wanted.triangles)
+    assert Path("a.obj").read_text().count("\nf ") == row["triangles"]
+
+
+def test_a_mask_is_meshed_with_a_plot(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "mesh",
+        "mask.png",
+        "--edge-length",
+        "2.5",
+        "--plot",
+        "a.png",
+        "--over",
+        "mask.png",
+        "--measures",
+        "--json",
+    ]
+    assert main(words) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["area"] == pytest.approx(np.pi * 225, rel=0.03)
+    assert row["output"] == "mask-mesh.vtu"
+    assert row["beta"] == pytest.approx(60 / row["least_angle"])
+    assert cvtimg.read_image("a.png").shape[2] in (3, 4)
+
+
+def test_label_images_keep_their_tags(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mesh", "labels.png", "-n", "300", "-o", "a.msh", "--quiet"]) == 0
+    text = Path("a.msh").read_text()
+    assert all(f'2 {tag} "{tag}"' in text for tag in (1, 2, 3))
+    assert capsys.readouterr().out == ""
+
+
+def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
+    size = np.where(np.arange(50) < 25, 1.0, 4.0).astype(np.float32) * np.ones((40, 1), np.float32)
+    cvtimg.write_image("size.tif", size)
+    assert main(["mesh", "mask.png", "--size", "size.tif", "-o", "a.vtu", "--json"]) == 0
+    many = json.loads(capsys.readouterr().out)["n"]
+    assert main(["mesh", "mask.png", "--size", "size.tif", "-n", "200", "-o", "b.vtu", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["n"] == 200
+    assert many > 300
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "message"),
+    [
+        (["mesh", "mask.png"], 2, "give -n, --edge-length, --size"),
+        (["mesh", "mask.png", "-n", "9", "--edge-length", "1"], 2, "give -n, --edge-length, --size"),
+        (["mesh", "mask.png", "-n", "9", "--over", "mask.png"], 2, "--over needs --plot"),
+        (["mesh", "mask.png", "-n", "9", "-o", "a.txt"], 2, ".vtu"),
+        (["mesh", "bad.geojson", "-n", "9"], 1, "bad.geojson: is not a .geojson file of polygons"),
+        (["mesh", "cross.csv", "-n", "9"], 1, "cross.csv: polygons must not cross themselves"),
+        (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
+        (["mesh", "labels.png", "-n", "3"], 1, "n=3 must be at least"),
+    ],
+)
+def test_wrong_usage_and_bad_inputs_are_named(
+    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("bad.geojson").write_text("{")
+    Path("cross.csv").write_text("0,0\n1,1\n1,0\n0,1\n")
+    cvtimg.write_image("black.png", np.zeros((5, 5), np.uint8))
+    assert main(words) == status
+    assert message in capsys.readouterr().err
+    assert not list(Path().glob("*mesh.vtu"))
