@@ -34,8 +34,10 @@ Points = NDArray[np.float64]
 _MOST_VERTICES = 1 << 26
 #: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
 _ROUNDS, _NEAR = 8, 0.01
-#: Where that leaves too many on borders, sizes are larger by this factor, and grow at will.
-_COARSEST, _ANY_GRADE = 100.0, 1e9
+#: Where it falls by less than this, short edges on borders need them: then sizes grow faster, up to a limit.
+_STUCK, _STEEPER, _STEEPEST = 0.8, 1.5, 1.0
+#: Where that leaves too many on borders, sizes are larger by this factor.
+_COARSEST = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ def mesh_region(
         Length of edges at each place: an image, at places (x, y) in pixels; or a function from (M, 2) points to (M,)
         sizes, such as a `MeshSize`. Give `n`, `edge_length`, `size`, or `n` and `size`.
     grade : float
-        How much sizes may grow for each unit of length, > 0.
+        How much sizes may grow for each unit of length, > 0; more where `n` is too small for that.
     min_size : float
         The least size, and the size of details of polygons that are left out.
     fixed : (F, 2) array, optional
@@ -157,7 +159,7 @@ def mesh_labels(
     n, edge_length, size, grade, min_size, effort, rng
         As in `mesh_region`; sizes as an image.
     tolerance : float
-        How far borders may be moved to make them smoother, in pixels.
+        How far borders may be moved to make them smoother, in pixels; 0 for the sides of pixels.
 
     Returns
     -------
@@ -231,20 +233,23 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders,
     """Place vertices on borders, with sizes that come to the wanted number of vertices."""
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
     start = size_field(outline, wanted.size, wanted.n, wanted.least, ends)
-    factor = 1.0
+    factor, grade, before = 1.0, wanted.grade, np.inf
     for _ in range(_ROUNDS):
-        field = start.scaled(factor).limited(wanted.grade, wanted.least)
-        borders, field = place_on_borders(outline, field, wanted.grade, wanted.least)
-        borders, field = _with_alone(borders, field, alone, wanted.grade)
+        field = start.scaled(factor).limited(grade, wanted.least)
+        borders, field = place_on_borders(outline, field, grade, wanted.least)
+        borders, field = _with_alone(borders, field, alone, grade)
         if wanted.n is None:
             return borders, field
         ratio = _number(borders, field) / wanted.n
         if abs(ratio - 1) < _NEAR:
             break
         factor *= ratio**0.5
+        if ratio > _STUCK * before:
+            grade = min(grade * _STEEPER, max(grade, _STEEPEST))
+        before = ratio
     if wanted.n is not None and len(borders.points) > wanted.n:
         coarsest = start.scaled(_COARSEST * factor)
-        borders, field = _with_alone(*place_on_borders(outline, coarsest, _ANY_GRADE, wanted.least), alone, _ANY_GRADE)
+        borders, field = _with_alone(*place_on_borders(outline, coarsest, _STEEPEST, wanted.least), alone, _STEEPEST)
     if wanted.n is not None and len(borders.points) > wanted.n:
         refuse("n", wanted.n, f"at least {len(borders.points)}, the vertices that the border needs")
     return borders, field

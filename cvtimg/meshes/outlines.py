@@ -18,8 +18,11 @@ Points = NDArray[np.float64]
 
 #: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays.
 _POLYGON_CORNER = 30.0
-#: Contours of labels are jagged by their pixels: there it must turn by more, between segments of this many pixels.
-_CONTOUR_CORNER, _CONTOUR_SEGMENT = 45.0, 2.0
+#: Contours of labels are jagged by their pixels: there it must turn by more, from so many pixels before to after it.
+_CONTOUR_CORNER, _REACH = 55.0, 4
+#: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
+#: what one pass makes shorter the next makes longer. G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
+_PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
 #: A fixed point this near to a line, by the diameter of all, is on it.
 _ON_LINE = 1e-9
 #: Cells along each axis by which the boundary of an implicit region is found.
@@ -63,7 +66,7 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
     ----------
     region : Region
     tolerance : float
-        How far contours of a mask may be moved to make them simpler, in pixels.
+        How far contours of a mask may be moved to make them smoother, in pixels.
     min_size : float
         Details of polygons smaller than this are left out.
     """
@@ -83,13 +86,12 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
     """Return the borders of segments; pixels of label 0 are outside."""
-    found = find_contours(labels, image, tolerance=tolerance)
+    found = find_contours(labels, image)
     lines: list[Points] = []
     sides: list[NDArray[np.int32]] = []
     for line, both in zip(found.lines, found.sides, strict=True):
         if both.max() > 0:
-            steps = np.linalg.norm(np.diff(line, axis=0), axis=1) > _CONTOUR_SEGMENT
-            parts = _cut(line, _CONTOUR_CORNER, steps)
+            parts = [_smoothed(part, tolerance) for part in _cut_contour(line, tolerance)]
             lines += parts
             sides += [both] * len(parts)
     check_that("labels", len(lines) > 0, "not be 0 everywhere")
@@ -113,7 +115,7 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
         check_in_range("min_size", min_size, geometry.area > 0, "less: nothing of the region is left")
     parts = shapely.orient_polygons(shapely.remove_repeated_points(shapely.get_parts(geometry)))
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)]
-    lines = [line for ring in rings for line in _cut(ring, _POLYGON_CORNER, np.ones(len(ring) - 1, bool), rings)]
+    lines = [line for ring in rings for line in _split(ring, _polygon_corners(ring, rings))]
     sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
     return Outline(tuple(lines), sides, np.array(geometry.bounds).reshape(2, 2), None, region.contains)
 
@@ -142,21 +144,77 @@ def _traced(region: ImplicitRegion) -> PolygonRegion:
     return PolygonRegion(whole)
 
 
-def _cut(line: Points, degrees: float, long: NDArray[np.bool_], others: Sequence[Points] = ()) -> list[Points]:
-    """Cut a line where it turns by more than some degrees between long segments, or passes a point of other lines."""
+def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:
+    """Find the points of a ring where it turns, or which other rings have, too."""
+    corner = _turns(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0)) > _POLYGON_CORNER
+    others = [other for other in rings if other is not ring]
+    if others:
+        shared = np.concatenate(others).view(np.complex128)[:, 0]
+        corner |= np.isin(np.ascontiguousarray(ring[:-1]).view(np.complex128)[:, 0], shared)
+    return np.flatnonzero(corner)
+
+
+def _cut_contour(line: Points, tolerance: float) -> list[Points]:
+    """Cut a contour at its corners, or, if it must stay where it is, at all turns."""
+    dense = _densified(line)
     is_closed = bool((line[0] == line[-1]).all())
-    steps = np.diff(line, axis=0)
-    before, after = np.roll(steps, 1, axis=0), steps
-    turns = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
-    corner = (np.abs(turns) > np.radians(degrees)) & long & np.roll(long, 1)
-    rest = [other for other in others if other is not line]
-    if rest:
-        shared = np.concatenate(rest).view(np.complex128)[:, 0]
-        corner |= np.isin(np.ascontiguousarray(line[:-1]).view(np.complex128)[:, 0], shared)
-    cuts = np.flatnonzero(corner)
-    if not is_closed:
-        inner = cuts[cuts > 0]
-        ends = [0, *inner.tolist(), len(line) - 1]
+    n = len(dense) - 1
+    reach = min(_REACH, max(n // 3, 1)) if tolerance else 1
+    at = np.arange(n) if is_closed else np.arange(1, n)
+    before, after = at - reach, at + reach
+    before, after = (before % n, after % n) if is_closed else (np.maximum(before, 0), np.minimum(after, n))
+    turns = _turns(dense[before], dense[at], dense[after])
+    corners: list[int] = []
+    for index in np.argsort(-turns, kind="stable"):
+        if turns[index] <= (_CONTOUR_CORNER if tolerance else 1e-6):
+            break
+        gaps = np.abs(np.array(corners, np.intp) - at[index])
+        if not len(gaps) or np.minimum(gaps, n - gaps if is_closed else gaps).min() >= reach:
+            corners.append(int(at[index]))
+    return _split(dense, np.sort(np.array(corners, np.intp)))
+
+
+def _turns(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
+    """Angles (N,), in degrees, by which the way over three points turns."""
+    come, go = at - before, after - at
+    turns = np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1))
+    degrees: NDArray[np.float64] = np.abs(np.degrees(turns))
+    return degrees
+
+
+def _densified(line: Points) -> Points:
+    """Add points to a line so that they are about a pixel apart, at most."""
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    n_parts = np.maximum(np.rint(lengths), 1).astype(np.intp)
+    own = np.repeat(np.arange(len(lengths)), n_parts)
+    part = (np.arange(len(own)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)) / n_parts[own]
+    return np.concatenate([line[own] + part[:, None] * (line[own + 1] - line[own]), line[-1:]])
+
+
+def _smoothed(line: Points, tolerance: float) -> Points:
+    """Smooth a line, its ends kept; no point moves farther than `tolerance`."""
+    if not tolerance or len(line) < 3:
+        return line
+    is_closed = bool((line[0] == line[-1]).all())
+    smooth = line.copy()
+    for turn in range(2 * _PASSES):
+        part = _AWAY if turn % 2 else _TOWARDS
+        if is_closed:
+            ring = smooth[:-1]
+            ring = ring + part * ((np.roll(ring, 1, axis=0) + np.roll(ring, -1, axis=0)) / 2 - ring)
+            smooth = np.concatenate([ring, ring[:1]])
+        else:
+            smooth[1:-1] += part * ((smooth[:-2] + smooth[2:]) / 2 - smooth[1:-1])
+    moved = smooth - line
+    lengths = np.linalg.norm(moved, axis=1, keepdims=True)
+    kept: Points = line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
+    return kept
+
+
+def _split(line: Points, cuts: NDArray[np.intp]) -> list[Points]:
+    """Cut a line at some of its points; a closed one that is cut nowhere stays closed."""
+    if not (line[0] == line[-1]).all():
+        ends = [0, *cuts[cuts > 0].tolist(), len(line) - 1]
         return [line[start : stop + 1] for start, stop in pairwise(ends)]
     if not len(cuts):
         return [line]

@@ -160,6 +160,29 @@ def test_pixels_of_label_0_are_not_meshed() -> None:
     assert mesh.area == pytest.approx(400, rel=0.01)
 
 
+def test_without_tolerance_borders_are_the_sides_of_pixels() -> None:
+    labels = 1 + (np.hypot(*(np.mgrid[:16, :16] - 7.5)) < 5)
+    mesh = mesh_labels(labels, n=600, tolerance=0)
+    areas = measure_triangles(mesh.points, mesh.triangles).areas
+    assert areas[mesh.tags == 2].sum() == pytest.approx((labels == 2).sum(), rel=1e-9)
+
+
+def test_corners_of_labels_are_kept_and_disks_stay_round() -> None:
+    labels = np.ones((80, 80), int)
+    labels[10:30, 10:40] = 2
+    labels[np.hypot(*(np.mgrid[:80, :80] - 54.5)) < 15] = 3
+    mesh = mesh_labels(labels, edge_length=4)
+    for corner in ([10, 10], [40, 10], [40, 30], [10, 30], [0, 0], [80, 80]):
+        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-9).any(), corner
+    areas = measure_triangles(mesh.points, mesh.triangles).areas
+    assert areas[mesh.tags == 2].sum() == pytest.approx(600, rel=0.003)
+    assert areas[mesh.tags == 3].sum() == pytest.approx((labels == 3).sum(), rel=0.02)
+    on_disk = np.unique(mesh.triangles[mesh.tags == 3])
+    radii = np.hypot(*(mesh.points[np.intersect1d(on_disk, mesh.boundary)] - 55).T)
+    assert radii.min() > 14.3
+    assert radii.max() < 15.7
+
+
 def test_a_seed_gives_the_same_bits() -> None:
     first, second = (mesh_region(FRAME, n=200, rng=5) for _ in range(2))
     assert (first.points == second.points).all()
