@@ -12,8 +12,6 @@ from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
-from cvtimg._shared.checks import check_in_range
-
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
@@ -28,6 +26,8 @@ def n_threads() -> int:
     """Threads of a pass: the environment variable CVTIMG_THREADS, or the processors that this process may use."""
     wanted = os.environ.get("CVTIMG_THREADS", "")
     if wanted:
+        from cvtimg._shared.checks import check_in_range  # imports NumPy, which printing help must not
+
         check_in_range("CVTIMG_THREADS", wanted, wanted.isdigit() and int(wanted) > 0, "a whole number >= 1")
         return int(wanted)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
