@@ -17,6 +17,7 @@ from . import (
     regions,
     restoration,
     segmentation,
+    supports,
     tables,
 )
 from .artwork.mosaics import mosaic
@@ -42,6 +43,7 @@ from .restoration.reconstruction import restore
 from .segmentation.grid_cells import superpixels
 from .segmentation.hierarchy.building import segment_hierarchy
 from .segmentation.segments import segment
+from .supports.radii import support_radii
 from .tables.estimator import CVT
 
 __version__: str
@@ -89,6 +91,8 @@ __all__ = [
     "segmentation",
     "stipple",
     "superpixels",
+    "support_radii",
+    "supports",
     "tables",
     "tessellate",
     "write_image",

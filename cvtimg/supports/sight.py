@@ -1,0 +1,150 @@
+"""A region of the plane as its boundary, and the barriers that block sight in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg.regions import Box, PictureRegion, PolygonRegion, Region
+from cvtimg.supports import _plane
+from cvtimg.supports.rows import Rows, as_rows, empty_rows
+
+_Floats = NDArray[np.float64]
+
+#: Shares of the size of the region: what counts as on a barrier, and by how much barriers are longer than they are.
+_TOLERANCE, _SLACK = 1e-12, 1e-8
+#: Distances that are computed at a time.
+_AT_ONCE = 1 << 22
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """A region of the plane.
+
+    Attributes
+    ----------
+    region : Region
+        What it is the outline of.
+    barriers : (S, 4) float64 array
+        Segments x1, y1, x2, y2: the boundary, then the slits.
+    n_boundary : int
+        How many are of the boundary.
+    tips : (T, 2) float64 array
+        Ends of barriers that cast shadows: reflex corners and ends of slits. None if nothing blocks sight.
+    blocking : bool
+        Whether barriers block sight.
+    """
+
+    region: Region
+    barriers: _Floats
+    n_boundary: int
+    tips: _Floats
+    blocking: bool
+
+    @property
+    def size(self) -> float:
+        """Diameter of the bounding box."""
+        return float(np.linalg.norm(np.ptp(self.region.bounds, axis=0)))
+
+    @property
+    def tolerance(self) -> float:
+        """Distance up to which a place is on a barrier."""
+        return _TOLERANCE * self.size
+
+    @property
+    def slack(self) -> float:
+        """By how much barriers are longer where what passes their ends is in doubt."""
+        return _SLACK * self.size
+
+    def near(self, points: _Floats, extents: _Floats) -> Rows:
+        """Barriers within some distance of each point; none if nothing blocks sight."""
+        return self.around(points, extents) if self.blocking else empty_rows(len(points))
+
+    def around(self, points: _Floats, extents: _Floats) -> Rows:
+        """Barriers within some distance of each point."""
+        own, items = [], []
+        step = max(1, _AT_ONCE // len(self.barriers))
+        for start in range(0, len(points), step):
+            part = slice(start, start + step)
+            meets = _distances(points[part], self.barriers) <= extents[part, None] + self.tolerance
+            rows, columns = np.nonzero(meets)
+            own.append(rows + start)
+            items.append(columns)
+        return as_rows(np.concatenate(own), np.concatenate(items), len(points))
+
+    def sees(self, points: _Floats, own: NDArray[np.integer], places: _Floats, slack: float = 0) -> NDArray[np.bool_]:
+        """Tell which of (m, 2) places is seen by the point that looks there, of (n, 2) points."""
+        seen = np.ones(len(own), np.uint8)
+        if self.blocking and len(own):
+            looks = np.asarray(own, np.int32)
+            extents = np.zeros(len(points))
+            np.maximum.at(extents, looks, np.linalg.norm(places - points[looks], axis=1))
+            near = self.near(points, extents)
+            targets = np.ascontiguousarray(places)
+            _plane.see(points, looks, targets, self.barriers, *near, self.tolerance, slack, seen)
+        return seen.view(np.bool_)
+
+
+def outline_of(region: Region, slits: ArrayLike | None) -> Outline | None:
+    """Return the outline of a region of the plane whose boundary is made of segments, or None of another.
+
+    Its boundary and the slits, (S, 2, 2) ends of segments, block sight if `slits` is not None.
+    """
+    if region.n_dims != 2 or not isinstance(region, (Box, PolygonRegion, PictureRegion)):
+        return None
+    if isinstance(region, Box):
+        if any(region.periodic):
+            raise ValueError(f"region={region!r} must not be periodic")
+        (left, top), (right, bottom) = region.bounds
+        rings = [np.array([[left, top], [right, top], [right, bottom], [left, bottom]])]
+        reflex = np.zeros((0, 2))
+    else:
+        region = region.polygons() if isinstance(region, PictureRegion) else region
+        rings = _rings(region)
+        reflex = np.concatenate([ring[_turns(ring) < 0] for ring in rings])
+    boundary = np.concatenate([np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    cuts = np.empty((0, 4)) if slits is None else _checked_slits(slits)
+    barriers = np.ascontiguousarray(np.concatenate([boundary, cuts]))
+    tips = np.unique(np.concatenate([reflex, cuts.reshape(-1, 2)]), axis=0)
+    return Outline(region, barriers, len(boundary), tips if slits is not None else tips[:0], slits is not None)
+
+
+def _checked_slits(slits: ArrayLike) -> _Floats:
+    array = np.asarray(slits, dtype=np.float64)
+    if array.size == 0:
+        return np.empty((0, 4))
+    if array.ndim != 3 or array.shape[1:] != (2, 2):
+        raise ValueError(f"visible of shape {array.shape} must be (S, 2, 2), the ends of S slits, or a function")
+    if not np.isfinite(array).all() or (array[:, 0] == array[:, 1]).all(axis=1).any():
+        raise ValueError("visible must have slits that are finite and longer than 0")
+    return array.reshape(-1, 4)
+
+
+def _rings(region: PolygonRegion) -> list[_Floats]:
+    """Corners of the rings of polygons, the region to the left of each."""
+    import shapely
+
+    rings = []
+    for part in shapely.get_parts(region.geometry):
+        for number, ring in enumerate([part.exterior, *part.interiors]):
+            corners = shapely.get_coordinates(ring)[:-1]
+            corners = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]
+            rings.append(corners if shapely.is_ccw(ring) == (number == 0) else corners[::-1])
+    return rings
+
+
+def _turns(ring: _Floats) -> NDArray[np.float64]:
+    """How a ring turns at each corner: > 0 to the left, < 0 to the right."""
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turns: _Floats = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return turns
+
+
+def _distances(points: _Floats, segments: _Floats) -> _Floats:
+    """(n, S) distances of points to segments."""
+    starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    steps = points[:, None] - starts
+    shares = np.clip((steps * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
+    return np.asarray(np.linalg.norm(steps - shares[..., None] * along, axis=2))
