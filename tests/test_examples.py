@@ -45,3 +45,10 @@ def test_territories_are_more_regular_where_fish_settle_together(example: Any, t
     alone, _, together = example("territories").main(tmp_path / "t.png").values()
     assert together.area_ratio < 0.7 * alone.area_ratio
     Image.open(tmp_path / "t.png").verify()
+
+
+def test_a_field_around_a_slit_is_interpolated_better_from_a_tessellation(example: Any, tmp_path: Path) -> None:
+    halton, graded = example("slit").main(tmp_path / "s.png", n_points=400, n_places=800).values()
+    assert graded[1] < 0.75 * halton[1]
+    assert graded[2] < 0.75 * halton[2]
+    Image.open(tmp_path / "s.png").verify()

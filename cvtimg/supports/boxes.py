@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_returned, refuse
 from cvtimg.regions import Region
 from cvtimg.supports import _covering
 from cvtimg.supports.rows import as_rows
@@ -131,16 +132,18 @@ def _seen(
     distances, near = np.take_along_axis(distances, behind, axis=1), np.take_along_axis(near, behind, axis=1)
     unseen = np.flatnonzero(np.isinf(distances[:, order - 1]))
     if len(unseen):
-        place = middles[unseen[0]].tolist()
-        raise ValueError(f"cover={order} must be at most the number of points that see each place, as of {place}")
+        refuse(
+            "cover",
+            order,
+            f"at most the number of points that see each place; {middles[unseen[0]].tolist()} is seen by fewer",
+        )
     return distances, near
 
 
 def _look(middles: _Floats, near: NDArray[np.intp], points: _Floats, visible: Visible) -> NDArray[np.bool_]:
     places = np.repeat(middles, near.shape[1], axis=0)
     seen = np.asarray(visible(places, points[near.ravel()]))
-    if seen.shape != (len(places),):
-        raise ValueError(f"visible returned shape {seen.shape} and must return ({len(places)},), one for each place")
+    check_returned("visible", seen, len(places))
     return seen.astype(bool).reshape(near.shape)
 
 

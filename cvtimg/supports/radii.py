@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_places
+from cvtimg._shared.checks import check_count, check_in_range, check_places, check_that
 from cvtimg.regions import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
@@ -173,10 +173,8 @@ def support_radii(
     if outline is not None:
         radii, proved = radii_in_plane(centers, outline, order, tighten)
     else:
-        if visible is not None and not callable(visible):
-            raise ValueError(
-                f"visible must be a function for region={where!r}: slits block sight in polygons and boxes"
-            )
+        function = visible is None or callable(visible)
+        check_that("visible", function, f"be a function for region={where!r}: slits block sight in polygons and boxes")
         radii = radii_by_boxes(centers, where, order, tighten, visible)  # type: ignore[arg-type]
         proved = visible is None and not isinstance(where, ImplicitRegion)
     blocks = visible if visible is None or callable(visible) else np.array(visible, np.float64).reshape(-1, 2, 2)
@@ -184,20 +182,17 @@ def support_radii(
 
 
 def _check_points(points: _Floats, region: Region) -> None:
-    if isinstance(region, Box) and any(region.periodic):
-        raise ValueError(f"region={region!r} must not be periodic")
+    periodic = isinstance(region, Box) and any(region.periodic)
+    check_in_range("region", region, not periodic, "not periodic")
     outside = np.flatnonzero(~region.contains(points))
     if len(outside):
         apart = np.linalg.norm(region.project(points[outside]) - points[outside], axis=1)
         outside = outside[apart > _OUTSIDE * np.linalg.norm(np.ptp(region.bounds, axis=0))]
-    if len(outside):
-        raise ValueError(f"points must lie in the region: number {outside[0]}, {points[outside[0]].tolist()}, does not")
-    unique, first = np.unique(points, axis=0, return_index=True)
-    if len(unique) < len(points):
-        twice = int(np.setdiff1d(np.arange(len(points)), first)[0])
-        raise ValueError(
-            f"points must differ from each other: number {twice}, {points[twice].tolist()}, is there twice"
-        )
+    for number in outside:
+        check_that("points", False, f"lie in the region: number {number}, {points[number].tolist()}, does not")
+    first = np.unique(points, axis=0, return_index=True)[1]
+    for twice in np.setdiff1d(np.arange(len(points)), first):
+        check_that("points", False, f"differ from each other: number {twice}, {points[twice].tolist()}, is there twice")
 
 
 def _overlap(points: _Floats, radii: _Floats, outline: Outline | None) -> Any:

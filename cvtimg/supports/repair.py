@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.supports.proof import Gaps, find_gaps
 from cvtimg.supports.sight import Outline
 
@@ -48,12 +49,12 @@ def fill(points: _Floats, radii: _Floats, outline: Outline, gaps: Gaps, beyond: 
         for at, row in zip(part, distances, strict=True):
             own = gaps.without[at]
             row[own[own >= 0]] = np.inf
+            place = gaps.places[at].tolist()
             n_more = int(gaps.missing[at]) - np.count_nonzero((row > before) & (row < radii))
             growth = np.where(row < radii, np.inf, row - radii)
             for disk in np.argsort(growth, kind="stable")[: max(n_more, 0)]:
-                if growth[disk] == np.inf:
-                    raise ValueError(
-                        f"cover must be at most the number of points that see each place of the region; "
-                        f"{gaps.places[at].tolist()} is seen by fewer"
-                    )
+                seen = growth[disk] < np.inf
+                check_that(
+                    "cover", seen, f"be at most the number of points that see each place; {place} is seen by fewer"
+                )
                 radii[disk] = row[disk] + beyond * radii[disk]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_shape, check_that
 from cvtimg.regions import Box, PictureRegion, PolygonRegion, Region
 from cvtimg.supports import _plane
 from cvtimg.supports.rows import Rows, as_rows, empty_rows
@@ -95,8 +96,6 @@ def outline_of(region: Region, slits: ArrayLike | None) -> Outline | None:
     if region.n_dims != 2 or not isinstance(region, (Box, PolygonRegion, PictureRegion)):
         return None
     if isinstance(region, Box):
-        if any(region.periodic):
-            raise ValueError(f"region={region!r} must not be periodic")
         (left, top), (right, bottom) = region.bounds
         rings = [np.array([[left, top], [right, top], [right, bottom], [left, bottom]])]
         reflex = np.zeros((0, 2))
@@ -115,10 +114,10 @@ def _checked_slits(slits: ArrayLike) -> _Floats:
     array = np.asarray(slits, dtype=np.float64)
     if array.size == 0:
         return np.empty((0, 4))
-    if array.ndim != 3 or array.shape[1:] != (2, 2):
-        raise ValueError(f"visible of shape {array.shape} must be (S, 2, 2), the ends of S slits, or a function")
-    if not np.isfinite(array).all() or (array[:, 0] == array[:, 1]).all(axis=1).any():
-        raise ValueError("visible must have slits that are finite and longer than 0")
+    fits = array.ndim == 3 and array.shape[1:] == (2, 2)
+    check_shape("visible", array.shape, fits, "(S, 2, 2), the ends of S slits, or a function")
+    long = np.isfinite(array).all() and (array[:, 0] != array[:, 1]).any(axis=1).all()
+    check_that("visible", long, "have slits that are finite and longer than 0")
     return array.reshape(-1, 4)
 
 

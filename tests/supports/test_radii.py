@@ -190,7 +190,7 @@ def test_points_on_the_boundary_are_taken() -> None:
         (([[0.5, 0.5], [2, 0.5]], SQUARE), r"points must lie in the region: number 1, \[2.0, 0.5\]"),
         (([[0.5, 0.5], [0.5, 0.5]], SQUARE), r"points must differ from each other: number 1"),
         (([[0.5, 0.5]], SQUARE, 2), r"cover=2 must be in 1\.\.1, the number of points"),
-        (([[0.5, 0.5]], Box([0, 0], [1, 1], periodic=True)), "must not be periodic"),
+        (([[0.5, 0.5]], Box([0, 0], [1, 1], periodic=True)), "must be not periodic"),
         (([[0.5] * 3], SQUARE), r"points of shape \(1, 3\) must be \(N, 2\)"),
     ],
 )
