@@ -3,8 +3,9 @@
     python tests/hostile.py            # all of them, some minutes
     python tests/hostile.py --quick    # fewer damages of each file
 
-Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process. It must end in
-a right result or in an error of one line: no traceback, no warning, no crash, no hang, and no file left over.
+Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process, and many also through their standard
+input. It must end in a right result or in an error of one line: no traceback, no warning, no crash, no hang, and no
+file left over.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import os
 import random
 import re
 import struct
@@ -19,11 +21,12 @@ import sys
 import tempfile
 import time
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
 from itertools import chain
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -48,7 +51,13 @@ def encoded(image: Image.Image, form: str, **options: Any) -> bytes:
 
 
 def seeds() -> Iterator[File]:
-    """Give whole files of all kinds: formats that Pillow writes, in all modes that each takes."""
+    """Give whole files of all kinds."""
+    yield from pictures()
+    yield from measured()
+
+
+def pictures() -> Iterator[File]:
+    """Give whole pictures: formats that Pillow writes, in all modes that each takes."""
     alpha = RGB.copy()
     alpha.putalpha(RGB.convert("L"))
     modes = {mode: RGB.convert(mode) for mode in ("1", "L", "LA", "P", "CMYK", "YCbCr", "LAB", "HSV", "I", "F", "RGB")}
@@ -64,7 +73,6 @@ def seeds() -> Iterator[File]:
             except Exception:  # this format does not hold this mode
                 continue
     yield from special()
-    yield from measured()
 
 
 def measured() -> Iterator[File]:
@@ -175,6 +183,13 @@ def tiff(entries: list[tuple[int, int, int, int]], follow: int = 0, tail: bytes 
     return b"II*\0" + struct.pack("<I", 8) + struct.pack("<H", len(entries)) + rows + struct.pack("<I", follow) + tail
 
 
+def fits_header(width: int, height: int) -> bytes:
+    """Write a FITS file that says what it likes, with hardly any data."""
+    values = {"SIMPLE": "T", "BITPIX": 16, "NAXIS": 2, "NAXIS1": width, "NAXIS2": height}
+    cards = [f"{name:8}= {value:>20}".ljust(80) for name, value in values.items()]
+    return "".join([*cards, "END".ljust(80)]).ljust(2880).encode() + bytes(99)
+
+
 def made() -> Iterator[File]:
     """Give files that say what is not so, or that are small and stand for much."""
     huge = 2**31 - 1
@@ -193,6 +208,7 @@ def made() -> Iterator[File]:
         )
         size = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
         yield f"declared-{width}x{height}.tif", tiff([*size, (273, 4, 1, 8), (278, 4, 1, height), (279, 4, 1, 64)])
+        yield f"declared-{width}x{height}.fits", fits_header(width, height)
     # A gigabyte of zeros in a megabyte, and 300 million pixels in half of one.
     yield "bomb.png", png(18000, 18000, color=0, data=zlib.compress(bytes(18001 * 600), 9) * 3)
     yield (
@@ -292,26 +308,73 @@ def damaged(files: Iterable[File], n_cuts: int, n_flips: int) -> Iterator[File]:
             yield f"{stem}-flip{n}.{suffix}", head if n % 2 else flipped(content, chance, chance.choice([1, 3, 20]))
 
 
-def judge(path: Path) -> str:
-    """Tell what became of a file: "right", "error", or what was wrong."""
-    out = path.parent / "out.png"
-    verdicts = []
-    for arguments in (["info", path, "--json"], ["quantize", path, "-k", "4", "-o", out, "--json"]):
+def corpus(n_cuts: int, n_flips: int) -> Iterator[tuple[str, str, bytes]]:
+    """Yield (kind, name, content) of all files; those of kind "pipe" are to come through standard input."""
+    for kind, files in (("pictures", pictures()), ("measurements", measured())):
+        for name, content in damaged(files, n_cuts, n_flips):
+            yield kind, name, content
+    for name, content in made():
+        yield "lies", name, content
+    for name, content in chain(damaged(seeds(), n_cuts // 3, 0), made()):
+        yield "pipe", f"pipe-{name}", content
+
+
+def judge(path: Path, *, piped: bool = False) -> str:
+    """Return what became of a file, given by its name or through a pipe: "right", "error", or what was wrong."""
+    # PNG holds neither bands nor pages.
+    suffix = ".tif" if path.suffix in (".tif", ".npy", ".fits") and not piped else ".png"
+    out, before = path.with_name(f"out{suffix}"), set(path.parent.iterdir())
+    source = "-" if piped else str(path)
+    verdict, rows = "right", list[dict[str, Any]]()
+    for arguments in (["info", source, "--json"], ["quantize", source, "-k", "4", "-o", str(out), "--json"]):
         start = time.perf_counter()
-        verdict, rows = outcome([str(argument) for argument in arguments])
+        with standard_input(path) if piped else nullcontext():
+            verdict, rows = outcome(arguments)
         if time.perf_counter() - start > LIMIT:
             return f"took {time.perf_counter() - start:.0f} seconds"
         if verdict not in ("right", "error"):
             return verdict
-        verdicts.append(verdict)
-    if verdicts[1] == "error":
-        return "left a file over" if out.exists() else "error"
-    with Image.open(out) as image:
-        shape, n_colors = image.size, len(image.convert("RGBA").getcolors(1 << 24) or ())
-    out.unlink()
-    if shape != (rows[0]["width"], rows[0]["height"]) or not 1 <= n_colors <= 4:
-        return f"wrong result: {shape}, {n_colors} colors"
-    return "right"
+    if verdict == "right":
+        verdict = compare(out, rows[0])
+        out.unlink()
+    left = set(path.parent.iterdir()) - before
+    return f"left over: {sorted(file.name for file in left)}" if left else verdict
+
+
+def compare(out: Path, row: dict[str, Any]) -> str:
+    """Compare the image written with what the command says of it, by other readers."""
+    shape: tuple[int, ...] = (row["height"], row["width"])
+    if out.suffix == ".tif":
+        image = tifffile.imread(out)
+        pages = (row["pages"],) if row.get("pages", 1) > 1 else ()
+        bands = image.shape[-1:] if image.ndim > len(pages + shape) else ()
+        shape, found = (*pages, *shape, *bands), image.shape
+        n_colors = len(np.unique(image.reshape(-1, *bands), axis=0))
+    else:
+        with Image.open(out) as opened:
+            found = opened.size[::-1]
+            n_colors = len(opened.convert("RGBA").getcolors(1 << 24) or ())
+    right = found == shape and 1 <= n_colors <= 4
+    return "right" if right else f"wrong result: {found} and not {shape}, {n_colors} colors"
+
+
+@contextmanager
+def standard_input(path: Path) -> Iterator[None]:
+    """Let the content of a file come through a pipe."""
+    reader, writer = os.pipe()
+
+    def feed() -> None:
+        with suppress(BrokenPipeError), os.fdopen(writer, "wb") as stream:
+            stream.write(path.read_bytes())
+
+    feeding, usual = Thread(target=feed), sys.stdin
+    feeding.start()
+    try:
+        with os.fdopen(reader) as sys.stdin:
+            yield
+    finally:
+        sys.stdin = usual
+        feeding.join()
 
 
 def outcome(arguments: list[str]) -> tuple[str, list[dict[str, Any]]]:
@@ -343,28 +406,34 @@ def main() -> None:
     options.add_argument("--keep", type=Path, metavar="DIR", help="keep the files that went wrong here")
     arguments = options.parse_args()
     n_cuts, n_flips = (1, 1) if arguments.quick else (8, 14)
-    counts: Counter[str] = Counter()
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
     slowest = (0.0, "")
     with tempfile.TemporaryDirectory() as folder:
-        for name, content in chain(damaged(seeds(), n_cuts, n_flips), made()):
+        tempfile.tempdir = folder  # files left over are seen
+        for kind, name, content in corpus(n_cuts, n_flips):
             path = Path(folder, name)
             path.write_bytes(content)
             start = time.perf_counter()
-            verdict = judge(path)
+            verdict = judge(path, piped=kind == "pipe")
             slowest = max(slowest, (time.perf_counter() - start, name))
-            counts[verdict if verdict in ("right", "error") else "wrong"] += 1
+            counts[kind][verdict if verdict in ("right", "error") else "wrong"] += 1
             if verdict not in ("right", "error"):
                 print(f"{name}: {verdict}", flush=True)
                 if arguments.keep:
                     arguments.keep.mkdir(parents=True, exist_ok=True)
                     (arguments.keep / name).write_bytes(content)
             path.unlink()
+    counts["in all"] = sum(counts.values(), Counter())
+    for kind, count in counts.items():
+        print(
+            f"{kind}: {count.total()} files: {count['right']} right results, {count['error']} errors of one line, "
+            f"{count['wrong']} of anything else"
+        )
     print(
-        f"{counts.total()} files: {counts['right']} right results, {counts['error']} errors of one line, "
-        f"{counts['wrong']} of anything else; the slowest took {slowest[0]:.1f} s ({slowest[1]}); "
+        f"the slowest took {slowest[0]:.1f} s ({slowest[1]}); "
         f"Pillow {Image.__version__}, libtiff {features.version('libtiff')}"
     )
-    sys.exit(1 if counts["wrong"] else 0)
+    sys.exit(1 if counts["in all"]["wrong"] else 0)
 
 
 if __name__ == "__main__":
