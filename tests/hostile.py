@@ -244,6 +244,9 @@ def made() -> Iterator[File]:
     ):
         lied = sorted([*(entry for entry in right if entry[0] != tag), (tag, 3, 1, value)])
         yield f"tag-{tag}-{value}.tif", tiff(lied, tail=bytes(range(64)))
+    for kind in (1, 7):  # a width of bytes, and a height of no type at all
+        lied = [(256, kind, 1, 8), (257, 127, 1, 8), *(entry for entry in right if entry[0] > 257)]
+        yield f"size-{kind}.tif", tiff(lied, tail=bytes(range(64)))
     yield "tile-zero.tif", tiff(sorted([*right, (322, 4, 1, 0), (323, 4, 1, 0)]), tail=bytes(range(64)))
     yield "tile-huge.tif", tiff(sorted([*right, (322, 4, 1, 2**31), (323, 4, 1, 2**31)]), tail=bytes(range(64)))
     yield "self.tif", tiff([(330, 4, 1, 8), *right], follow=8)
@@ -349,7 +352,8 @@ def compare(out: Path, row: dict[str, Any]) -> str:
         pages = (row["pages"],) if row.get("pages", 1) > 1 else ()
         bands = image.shape[-1:] if image.ndim > len(pages + shape) else ()
         shape, found = (*pages, *shape, *bands), image.shape
-        n_colors = len(np.unique(image.reshape(-1, *bands), axis=0))
+        rows = image.reshape(image.size // (bands or (1,))[0], -1)
+        n_colors = max(len(np.unique(rows[np.isfinite(rows).all(axis=1)], axis=0)), 1)
     else:
         with Image.open(out) as opened:
             found = opened.size[::-1]

@@ -46,6 +46,25 @@ def test_a_file_that_is_whole_is_right(tmp_path: Path) -> None:
         assert hostile.judge(tmp_path / name) == "right", name
 
 
+@pytest.mark.parametrize("name", ["stack-plain.tif", "deep-stack-imagej.tif", "bands-u2-big-5.tif"])
+def test_pages_and_bands_are_right_from_files_and_pipes(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(SEEDS[name])
+    assert hostile.judge(path) == "right"
+    assert hostile.judge(path, piped=True) == "error"  # a PNG holds neither
+    path.write_bytes(SEEDS["png-RGB.png"])
+    assert hostile.judge(path, piped=True) == "right"
+    path.write_bytes(SEEDS["png-RGB.png"][:500])
+    assert hostile.judge(path, piped=True) == "error"
+
+
+def test_a_size_that_is_no_number_is_an_error_of_one_line(tmp_path: Path) -> None:
+    files = dict(hostile.made())
+    for name in ("size-1.tif", "size-7.tif"):
+        (tmp_path / name).write_bytes(files[name])
+        assert hostile.judge(tmp_path / name) == "error"
+
+
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     name=st.sampled_from(sorted(SEEDS)),

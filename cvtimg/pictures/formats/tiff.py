@@ -34,6 +34,7 @@ __all__ = [
     "is_turned",
     "main_pages",
     "sample_options",
+    "size_of",
     "tiff_tags",
 ]
 
@@ -131,10 +132,19 @@ def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) ->
 def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
     """Return the first page, if it is an image."""
     page: tifffile.TiffPage = tiff.pages.first
+    height, width = size_of(page)
     if not {*page.axes} <= {*"YXS"} or page.size == 0 or page.dtype is None:
         raise UnfitContentError(f"holds an array of shape {page.shape}; an image must be (H, W) or (H, W, C)")
-    check_size(page.imagelength * page.imagewidth)
+    check_size(height * width)
     return page
+
+
+def size_of(page: tifffile.TiffPage) -> tuple[int, int]:
+    """Return the height and width of a page, which damaged tags may give as bytes or as several numbers."""
+    sides: tuple[Any, Any] = (page.imagelength, page.imagewidth)
+    if not all(isinstance(side, int) for side in sides):
+        raise UnfitContentError(f"is damaged: its size is given as {sides[0]!r} x {sides[1]!r}")
+    return sides
 
 
 def count_pages(file: BinaryIO) -> int:

@@ -15,7 +15,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.bands import SAMPLES, Band, Bands, Form, band_height, in_heights
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
-from cvtimg.pictures.formats.tiff import Layout, count_pages, icc_profile, sample_options, tiff_tags
+from cvtimg.pictures.formats.tiff import Layout, count_pages, icc_profile, sample_options, size_of, tiff_tags
 
 __all__ = ["open_tiff", "write_tiff"]
 
@@ -41,7 +41,7 @@ def open_tiff(path: StrPath) -> Bands:
             if (n_pages := count_pages(file)) > 1:
                 raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
             _check_page(page)
-            shape = (page.imagelength, page.imagewidth, *([page.samplesperpixel] if page.samplesperpixel > 1 else []))
+            shape = (*size_of(page), *([page.samplesperpixel] if page.samplesperpixel > 1 else []))
             place, layout = Place.of(tags), Layout.of(tags)
             form = Form(shape, np.dtype(page.dtype), layout.alpha, icc_profile(tags), geo_tags(tags), place.nodata)
     return Bands(form, lambda: _read(path, form))
