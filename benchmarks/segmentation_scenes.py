@@ -14,6 +14,7 @@ import argparse
 import importlib.util
 import statistics
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from skimage.measure import label
 
 import cvtimg
 from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
+from cvtimg.segmentation import Objects
+from cvtimg.segmentation.touching import BORDERS
 
 #: Two-phase threshold of the slice of bone, as published with it.
 BONE_THRESHOLD = 142
@@ -111,6 +114,14 @@ def nuclei_rivals(image: NDArray[Any]) -> Iterator[tuple[str, Callable[[], Label
         level = threshold_otsu(smooth) if n_classes == 2 else threshold_multiotsu(smooth, n_classes)[0]
         return pieces(smooth > level)
 
+    def split(n_segments: int, border: str) -> Labels:
+        options = {"edge_weight": "auto", "min_size": DUST, "objects": Objects(border=border)}
+        return cvtimg.segment(image, n_segments, **options).labels
+
+    for border in BORDERS:
+        for n_segments in (2, 3):
+            name = f"cvtimg, {n_segments} segments, objects, border {border}"
+            yield name, partial(split, n_segments, border)
     yield "cvtimg, 2 segments, edge weight auto", lambda: ours(2)
     yield "cvtimg, 3 segments, edge weight auto", lambda: ours(3)
     yield "Otsu", lambda: otsu(0, 2)

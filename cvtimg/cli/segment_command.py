@@ -137,6 +137,10 @@ NeckDepth = Annotated[
     float,
     Option(metavar="PIXELS", parser=_AMOUNT, help="With --objects: split at necks narrower by this in radius."),
 ]
+ObjectBorder = Annotated[
+    Literal["segment", "own"],
+    Option(help="With --objects: end them where segments end, or halfway in value between each and the background."),
+]
 Properties = Annotated[
     str,
     Option(metavar="NAME,...", help="More columns for --table, by their names in scikit-image, such as eccentricity."),
@@ -239,6 +243,7 @@ def segment(
     objects: Objects = False,
     background: Background = "largest",
     neck_depth: NeckDepth = 0.5,
+    object_border: ObjectBorder = "segment",
     properties: Properties = "",
     hierarchy: Hierarchy = False,
     threshold: Threshold = None,
@@ -304,7 +309,7 @@ def segment(
         keywords |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
         keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
         keywords["averaging"] = _averaging(averaging, kernel, radius)
-        keywords["objects"] = _objects(background, neck_depth) if objects else False
+        keywords["objects"] = _objects(background, neck_depth, object_border) if objects else False
     if not hierarchy or space != "rgb":  # a hierarchy has a space of its own by default
         keywords["space"] = space
     how = SegmentOptions(number, keywords, superpixels, mask, nodata, volume, hierarchy, threshold)
@@ -342,10 +347,10 @@ def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
         raise WrongUsageError(f"--radius: {error}") from error
 
 
-def _objects(background: str, neck_depth: float) -> ObjectOptions:
+def _objects(background: str, neck_depth: float, border: str) -> ObjectOptions:
     from cvtimg.segmentation.touching import Objects
 
-    return Objects(background, neck_depth)
+    return Objects(background, neck_depth, border)
 
 
 def _segment(

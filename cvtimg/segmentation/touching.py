@@ -1,21 +1,33 @@
-"""Objects before a background: touching ones are split at their necks.
+"""Objects before a background: touching ones are split at their necks, and each may get a border of its own.
 
 Where objects overlap in a segmentation, their union is one connected piece with a neck. The distance to the background
-has a maximum in the middle of each object and a saddle at the neck; a watershed of the distance cuts there.
+has a maximum in the middle of each object and a saddle at the neck; a watershed of the distance cuts there. Weighting
+the distance by the contrast with the background raises a bright object above the dim one that it touches.
+
+One border between two segments of a whole image runs inside dim objects and in the halo of bright ones. The border of
+an object's own runs where values are halfway between the mean of this object and that of the background: the two are
+the generators of a tessellation, and the object is its cell.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_labels, check_non_negative
+from cvtimg._shared.checks import check_choice, check_labels, check_non_negative, check_weights
+from cvtimg.segmentation.averaging import Averaging, averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
+BORDERS = ("segment", "own")
 #: Blur of the distance, in pixels, that keeps ragged borders from making maxima of their own.
 _BLUR = 1.0
+#: Averages in which contrast is measured, for the split and for borders, where it may blur less.
+_FOR_SPLIT, _FOR_BORDERS = Averaging("before", radius=2.0), Averaging("before", radius=1.0)
+#: Rounds of means and borders; most objects settle in five.
+_MAX_ROUNDS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,14 +40,21 @@ class Objects:
         The segment that is the background; all others are objects.
     neck_depth : float
         Split a piece at a neck if the largest circles inside the parts on both sides exceed that in the neck by more
-        than this in radius, in pixels. With infinity, pieces are not split.
+        than this in radius, in pixels, for objects of the usual contrast with the background. With infinity, pieces
+        are not split.
+    border : {"segment", "own"}
+        Where objects end: where their segments do; or, of these pixels, only those that are nearer in value to the
+        mean of the object than to that of the background. "own" suits objects of very different brightness, such as
+        nuclei in fluorescence; take enough segments (3, or ``volume_power=1``) to catch the dimmest.
     """
 
     background: str = "largest"
     neck_depth: float = 0.5
+    border: str = "segment"
 
     def __post_init__(self) -> None:
         check_choice("background", self.background, BACKGROUNDS)
+        check_choice("border", self.border, BORDERS)
         if self.neck_depth != np.inf:
             check_non_negative("neck_depth", self.neck_depth)
 
@@ -49,10 +68,18 @@ class Objects:
         else:
             brightness = np.bincount(own, values[labels > 0].sum(axis=1, dtype=np.float64))[present] / masses[present]
             background = present[brightness.argmin() if self.background == "darkest" else brightness.argmax()]
-        return split_touching((labels > 0) & (labels != background), self.neck_depth)
+        inside = (labels > 0) & (labels != background)
+        if not inside.any() or not (labels == background).any():
+            return split_touching(inside, self.neck_depth)
+        ground = values[labels == background].mean(axis=0, dtype=np.float64).astype(np.float32)
+        contrast = np.sqrt(_apart(averaged(values, _FOR_SPLIT, labels > 0), ground))
+        objects = split_touching(inside, self.neck_depth, contrast=contrast)
+        if self.border == "own":
+            return _with_own_borders(objects, averaged(values, _FOR_BORDERS, labels > 0), ground)
+        return objects
 
 
-def split_touching(mask: ArrayLike, neck_depth: float = 0.5) -> NDArray[np.int32]:
+def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayLike | None = None) -> NDArray[np.int32]:
     """Label the objects of a mask, splitting those that touch at their necks.
 
     Parameters
@@ -61,6 +88,8 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5) -> NDArray[np.int32
         Objects where it is not 0.
     neck_depth : float
         As in `Objects`: larger values split less.
+    contrast : (H, W) array, optional
+        Difference from the background, >= 0. Objects are then also split where they differ in it.
 
     Returns
     -------
@@ -87,11 +116,15 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5) -> NDArray[np.int32
     from skimage.segmentation import watershed
 
     inside = check_labels("mask", np.asarray(mask) != 0) > 0
+    if contrast is not None:
+        contrast = check_weights("contrast", contrast, inside.shape)
     pieces = np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     if not inside.any() or neck_depth == np.inf:
         return pieces
     # Beyond the image lies no background: objects that the image cuts off are no thinner for it.
     distance = gaussian_filter(np.asarray(distance_transform_edt(inside)), _BLUR, mode="nearest")
+    if contrast is not None and (usual := np.median(contrast[inside])) > 0:
+        distance *= np.sqrt(np.maximum(contrast, 0) / usual)
     # Maxima that rise by less than the depth above the saddle to a higher one are flooded. (scikit-image's own
     # `h_maxima` finds more of them in floating point.)
     flooded = reconstruction(distance - max(neck_depth, 1e-6), distance)  # type: ignore[no-untyped-call]
@@ -101,7 +134,42 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5) -> NDArray[np.int32
     lost = (np.bincount(pieces[centers > 0], minlength=int(pieces.max()) + 1) == 0)[pieces] & inside
     centers = np.where(lost, centers.max() + pieces, centers)
     split = watershed(-distance, centers, mask=inside)  # type: ignore[no-untyped-call]
-    _, numbers = np.unique(split[inside], return_inverse=True)
-    objects = np.zeros(inside.shape, np.int32)
-    objects[inside] = numbers + 1
-    return objects
+    return _numbered(split)
+
+
+def _with_own_borders(
+    objects: NDArray[np.int32], values: NDArray[np.float32], ground: NDArray[np.float32]
+) -> NDArray[np.int32]:
+    """Take from each object what is nearer to the mean of the background than to the object's own."""
+    from scipy.ndimage import binary_fill_holes
+    from skimage.measure import label
+
+    from_ground, own, inside = _apart(values, ground), objects, objects > 0
+    for _ in range(_MAX_ROUNDS):
+        sizes = np.maximum(np.bincount(own.ravel()), 1)
+        means = np.stack([np.bincount(own.ravel(), band.ravel()) / sizes for band in np.moveaxis(values, 2, 0)], axis=1)
+        near = np.where(inside & (_apart(values, means.astype(np.float32)[own]) < from_ground), own, 0)
+        if (near == own).all():
+            break
+        own = near
+    # What an object encloses is part of it, and what it has lost touch with is not.
+    own = np.where(binary_fill_holes(own > 0), objects, 0)
+    pieces = np.asarray(label(own, connectivity=1))  # type: ignore[no-untyped-call]
+    of = own.ravel()[np.unique(pieces, return_index=True)[1]]
+    by_size = np.argsort(np.bincount(pieces.ravel()), kind="stable")
+    main = np.zeros(int(objects.max()) + 1, np.int64)
+    main[of[by_size]] = by_size  # the largest piece of each object comes last
+    return _numbered(np.where((own > 0) & (main[own] == pieces), own, 0))
+
+
+def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) squared distances of (H, W, D) values to a color or to that of each pixel."""
+    squares: NDArray[np.float32] = np.square(values - color).sum(axis=2)
+    return squares
+
+
+def _numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
+    """Return objects numbered from 1 without gaps; 0 stays 0."""
+    present = np.bincount(objects.ravel()) > 0
+    present[0] = False
+    return (np.cumsum(present) * present).astype(np.int32)[objects]

@@ -13,6 +13,7 @@ import pytest
 from cvtimg import read_image, segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
+from cvtimg.segmentation import Objects
 
 
 @pytest.fixture
@@ -47,6 +48,9 @@ def test_objects_are_split_and_the_background_is_in_no_table(
     assert drawn.sum() > 3 * 40  # the rims of all three, though their other side has label 0
     assert cli.main(["segment", *how, "--neck-depth", "9", "--json", "-o", "m.png"]) == 0
     assert json.loads(capsys.readouterr().out)["k"] == 2
+    assert cli.main(["segment", *how, "--object-border", "own", "-o", "own.png"]) == 0
+    expected = segment(cells, 2, edge_weight="auto", objects=Objects(border="own")).labels
+    np.testing.assert_array_equal(read_labels("own.png"), expected)
 
 
 @pytest.mark.parametrize("options", [["--components"], ["--superpixels"]])

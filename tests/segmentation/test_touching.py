@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.ndimage import gaussian_filter
 
 from cvtimg import segment
 from cvtimg.segmentation import Objects, split_touching
+from cvtimg.segmentation.touching import BORDERS
 
 RNG = np.random.default_rng(0)
 
@@ -102,5 +104,50 @@ def test_wrong_options_are_refused() -> None:
         Objects("dark")
     with pytest.raises(ValueError, match="neck_depth=-1 must be"):
         Objects(neck_depth=-1)
+    with pytest.raises(ValueError, match="border='mine' must be one of segment, own"):
+        Objects(border="mine")
+    with pytest.raises(ValueError, match=r"contrast of shape \(2, 2\) must be \(5, 5\)"):
+        split_touching(np.eye(5), contrast=np.ones((2, 2)))
     with pytest.raises(ValueError, match="objects takes no components"):
         segment(np.eye(5), 2, objects=True, components=True)
+
+
+def bright_and_dim() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Draw a bright and a dim disc that touch, blurred as optics do, and where each is halfway to the background."""
+    down, right = np.mgrid[:60, :100]
+    truth = np.zeros((60, 100), np.int32)
+    for label, (row, column) in enumerate(((30, 35), (30, 58)), 1):
+        truth[np.hypot(down - row, right - column) < 12] = label
+    image = gaussian_filter(np.choose(truth, (0.0, 1.0, 0.2)), 1.5)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(image.shape)
+    return (image + noise).astype(np.float32), truth
+
+
+def test_own_borders_fit_bright_and_dim_objects_better_than_those_of_segments() -> None:
+    image, truth = bright_and_dim()
+    found = {border: segment(image, 3, objects=Objects(border=border), min_size=20).labels for border in BORDERS}
+    wrong = {border: np.count_nonzero((labels > 0) != (truth > 0)) for border, labels in found.items()}
+    assert wrong["own"] < wrong["segment"] / 2
+    assert ((found["own"] == 0) | (found["segment"] > 0)).all()
+    assert same_partition(found["own"], truth) > 0.9
+    assert found["own"].max() == len(np.unique(found["own"])) - 1
+
+
+def test_own_borders_leave_objects_whole() -> None:
+    down, right = np.mgrid[:60, :60]
+    far = np.hypot(down - 30, right - 30)
+    image = np.where(far < 5, 0.3, np.where(far < 20, 1.0, 0.0)).astype(np.float32)
+    labels = segment(image, 3, objects=Objects(border="own")).labels
+    np.testing.assert_array_equal(labels, far < 20)  # the dark core is enclosed
+
+
+def test_contrast_splits_where_the_shape_has_no_neck() -> None:
+    mask = np.zeros((30, 60), bool)
+    mask[5:25, 5:55] = True
+    across = np.abs(np.mgrid[:30, :60][1] - 29.5)
+    dip = 1 - 0.9 * np.exp(-np.square(across / 3))
+    assert split_touching(mask).max() == 1
+    split = split_touching(mask, contrast=dip)
+    assert split.max() == 2
+    assert (split[:, :28][mask[:, :28]] == 1).all()
+    np.testing.assert_array_equal(split_touching(mask, contrast=np.full(mask.shape, 7.0)), split_touching(mask))

@@ -143,7 +143,7 @@ def size_of(page: tifffile.TiffPage) -> tuple[int, int]:
     """Return the height and width of a page, which damaged tags may give as bytes or as several numbers."""
     sides: tuple[Any, Any] = (page.imagelength, page.imagewidth)
     if not all(isinstance(side, int) for side in sides):
-        raise UnfitContentError(f"is damaged: its size is given as {sides[0]!r} x {sides[1]!r}")
+        raise UnfitContentError("is damaged: its width or its height is not one number")
     return sides
 
 
