@@ -99,7 +99,7 @@ def options() -> argparse.Namespace:
 
 def programs(words: Sequence[str] | None) -> dict[str, Spelling]:
     """List the programs that run here, by name, and print why others are left out."""
-    path, reason = find_cvtimg()
+    path, reason = find_cvtimg(None)
     pngquant, magick = Pngquant(), ImageMagick()
     known: dict[str, tuple[str, Spelling]] = {"cvtimg": (reason, spell_cvtimg(path))}
     known |= {f"cvtimg --space {space}": (reason, spell_cvtimg(path, "--space", space)) for space in ("lab", "oklab")}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -89,3 +91,15 @@ def test_rows_without_a_value_can_be_dropped_by_elbow(
     assert main(["elbow", "t.csv"]) == 1
     assert "--missing drop" in capsys.readouterr().err
     assert main(["elbow", "t.csv", "--missing", "drop", "--quiet"]) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
+@pytest.mark.parametrize("command", [["quantize", "a.png", "-k", "2", "-o", "-"], ["info", "a.png"]])
+def test_a_full_standard_output_is_named(tmp_path: Path, command: list[str]) -> None:
+    cvtimg.write_image(tmp_path / "a.png", IMAGE)
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "cvtimg", *command],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, "cvtimg: standard output: no space left on device\n")

@@ -122,7 +122,9 @@ def run(given: list[str]) -> int:
         return error.exit_code
     except Exception as error:  # no traceback reaches a user
         named = isinstance(error, OSError) and error.errno is None  # its message begins with the file
-        path = error.filename if isinstance(error, OSError) and error.filename else "unexpected"
+        # Errors of the system that name no file are those of what is printed.
+        unnamed = "standard output" if isinstance(error, OSError) else "unexpected"
+        path = getattr(error, "filename", None) or unnamed
         complain(str(error) if named else f"{path}: {reason(path, error)}")
         return 1
     return code

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import SAMPLE_DTYPES
+from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 
@@ -24,6 +24,8 @@ _CENTER_ROWS = 1 << 20
 _TILES_AT_ONCE = 1 << 12
 #: Energies below this fraction of the energy about the origin are rounding errors in float64.
 _ROUNDING = 1e-24
+#: Energies, sums of squares, of values this far from their mean are out of the range of float64.
+_TOO_LARGE = 1e140
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +46,7 @@ class Frame:
 
     def energy(self, energy: float) -> float:
         """Convert an energy from the frame to squared units of the samples."""
-        return float(energy) / self.scale**2
+        return float(energy) / self.scale / self.scale  # the square of a scale may be out of range
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,6 +142,7 @@ def pack(
 
 def scale_for_float32(size: float) -> float:
     """Return a power of two, usually 1, that brings places of this size to one whose squares float32 holds."""
+    check_that(f"values up to {size:.3g} from their mean", size < _TOO_LARGE, f"be within {_TOO_LARGE:g} of it")
     return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
 
 

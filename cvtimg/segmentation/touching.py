@@ -172,4 +172,5 @@ def _numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     present = np.bincount(objects.ravel()) > 0
     present[0] = False
-    return (np.cumsum(present) * present).astype(np.int32)[objects]
+    numbers: NDArray[np.int32] = (np.cumsum(present) * present).astype(np.int32)[objects]
+    return numbers

@@ -371,3 +371,16 @@ def test_labels_of_many_generators_are_in_the_order_of_the_rows(n_dims: int, met
     chosen = distances[np.arange(len(rows)), result.labels]
     assert (chosen <= 1.5 * distances.min(axis=1) + 1e-3).mean() > 0.95
     np.testing.assert_allclose(chosen.sum(), result.energy, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-170, 1e-20, 1e20, 1e130])
+def test_any_range_of_values_is_tessellated(size: float) -> None:
+    rows = size * np.array([[0.0], [0.1], [1.0], [1.1]])
+    result = tessellate(rows, 2)
+    assert result.labels.tolist() == [0, 0, 1, 1]
+    np.testing.assert_allclose(result.energy, 0.01 * size**2, rtol=1e-6)
+
+
+def test_values_whose_squares_are_out_of_range_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"values up to .*e\+\d+ from their mean must be within 1e\+140 of it"):
+        tessellate(np.array([[0.0, 1.0], [1e300, 2.0], [3.0, 4.0]]), 2)
