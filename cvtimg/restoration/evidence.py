@@ -12,15 +12,16 @@ from cvtimg._shared.choices import EffortName
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.masked import MaskedCells, average_masked, masked_cells, masked_means
-from cvtimg.restoration.patches import restore_detail
+from cvtimg.restoration.detail import restore_detail
 from cvtimg.restoration.renormalization import RENORMALIZATIONS, Levels
 from cvtimg.restoration.result import Found
+from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import Floats, Versions, fuse
 from cvtimg.segmentation.averaging import Averaging
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 
 #: For "auto": this many cells of patches; or the elbow of up to this many, in an image with this blur.
-_AUTO_DETAIL, _AUTO_MAX, _AUTO_BLUR = 96, 32, 1.5
+_AUTO_DETAIL, _AUTO_MAX, _AUTO_BLUR = 32, 32, 1.5
 #: Blurs, in pixels, of the images in which the search for segments begins; the lowest end is kept.
 _BLURS = {"fast": (1.0,), "balanced": (0.0, 1.5), "best": (0.0, 0.75, 1.5, 3.0)}
 
@@ -46,6 +47,8 @@ class Evidence:
     volume_power : float
     channels : bool
         Whether versions share segments but no colors.
+    suspicion : Suspicion or None
+        How often versions hold additions; None if nothing else is to be left out.
     """
 
     versions: Versions
@@ -55,6 +58,7 @@ class Evidence:
     edge_weight: float
     volume_power: float
     channels: bool
+    suspicion: Suspicion | None
 
     def count(self, n_generators: int | str, detail: bool) -> int:
         """Check the number of generators, or find it."""
@@ -91,16 +95,14 @@ class Evidence:
         return Found(end.labels, generators, masses, colors, end.energies, end.converged)
 
     def patches(self, n_generators: int, effort: EffortName, variance: float, rng: np.random.Generator) -> Found:
-        """Find cells of patches, and filter in each what its generator leaves; `variance` is that of the noise."""
-        fused, weight = fuse(self.versions, self.trust)
-        noise = float(np.sqrt(variance / weight.max()))
-        found = restore_detail(fused, weight / weight.max(), noise, n_generators, effort, rng)
+        """Find kinds of patches, and filter groups of them; `variance` is that of the noise of a value of weight 1."""
+        found, kept = restore_detail(self.versions, self.trust, variance, self.suspicion, n_generators, effort, rng)
         labels = found.labels + 1
         generators, masses = self._measured(labels, n_generators)
         rows = found.image.reshape(labels.size, -1)
         nothing = np.zeros((n_generators, rows.shape[1]))
         colors, _ = masked_means(rows, np.ones_like(rows), labels.ravel(), nothing)
-        return Found(labels, generators, masses, colors, (found.energy,), image=found.image)
+        return Found(labels, generators, masses, colors, (found.energy,), image=found.image, used=kept.coverage)
 
     def _measured(self, labels: NDArray[np.int32], n_generators: int) -> tuple[_Doubles, _Doubles]:
         """(K, D) means of segments in the versions as they came, and (K, D) the weight behind them."""

@@ -1,193 +1,200 @@
-"""Detail, for photographs: cells of patches instead of cells of colors, with a filter for each cell.
+"""Kinds of patches, and groups of patches that look alike.
 
 A photograph has many colors but few kinds of patches: flat areas, edges in each direction, each texture. The patches
-around all pixels are tessellated. The covariance of a cell minus that of the noise tells which part of the residuals of
-its patches, after the generator, is signal and which is noise; a Wiener filter keeps the former. Each pixel is the mean
-of what the patches that contain it say.
-
-P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi 10.1109/TIP.2011.2172799.
+around all pixels are tessellated by their main components, and each cell is cut in two, by two generators of its own,
+until groups are small. Groups are small enough for one covariance to describe all patches in them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.points import assign, cell_energies, pack
+from cvtimg._shared.threads import in_parts
+from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
-
-Floats = NDArray[np.float32]
+from cvtimg.restoration import _patches
+from cvtimg.restoration.versions import Floats, Versions
+from cvtimg.segmentation.noise import scattered_noise
 
 #: Patches are 5 x 5 pixels.
-_REACH = 2
-_SIDE = 2 * _REACH + 1
-#: Patches are clustered by this many principal components, found from this many patches.
-_N_COMPONENTS = 12
-_N_SAMPLES = 1 << 16
-#: Each round finds the cells in the result of the last one. A fourth gains nothing.
-_ROUNDS = 3
-#: Blur, in pixels, of the image in which the first cells are found.
-_FIRST_BLUR = 0.7
-#: Number of patches in memory at once.
-_CHUNK = 1 << 17
+REACH = 2
+SIDE = 2 * REACH + 1
+
+#: Patches are compared by this many principal components, found from this many patches.
+_N_COMPONENTS = 16
+_N_SAMPLES = 1 << 14
+#: Lightness and opponent colors, as columns. Chroma counts double: it varies less, so noise hides less of what differs.
+_OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6])).astype(np.float32)
+#: This many axes are filtered together; noise of bands within this factor is equal.
+_MOST_BANDS, _EQUAL = 4, 1.25
+#: Number of patches in memory at once while features are found.
+_CHUNK = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Detailed:
-    """An image restored by its patches: (H, W, C) image, (H, W) labels of the patches from 0, and the energy.
+class Axes:
+    """Axes along which the bands of an image have equal noise, at most a few of them at a time.
 
-    The energy is the sum of the squared distances of patches to their generators, in principal components.
-    """
-
-    image: Floats
-    labels: NDArray[np.int32]
-    energy: float
-
-
-def restore_detail(
-    fused: Floats, share: Floats, noise: float, n_generators: int, effort: EffortName, rng: np.random.Generator
-) -> Detailed:
-    """Restore an image in which some pixels are noisier than others.
-
-    Parameters
+    Attributes
     ----------
-    fused : (H, W, C) array
-        The noisy image, with unknown pixels filled in.
-    share : (H, W) array
-        Smallest variance of the noise divided by that of each pixel: 1 for pixels known best, 0 for unknown ones.
-    noise : float
-        Standard deviation of the noise of the pixels known best.
-    n_generators : int
-        Number of cells of patches.
+    matrix : (C, C) array or None
+        Maps bands to axes; None where bands are axes.
+    slices : tuple of slice
+        Axes that are filtered together.
     """
-    from scipy.ndimage import gaussian_filter
-    from threadpoolctl import threadpool_limits
 
-    estimate = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
-    known = share[:, :, None] > 0
-    variance = noise**2 / np.maximum(share, share[share > 0].min())
-    # The matrices are small: threads of the BLAS would spend their time waiting for each other.
-    with threadpool_limits(1, user_api="blas"):
-        for _ in range(_ROUNDS):
-            cells = _Cells.of(estimate, n_generators, effort, rng)
-            filled = np.where(known, fused, estimate)
-            filters = _filters(filled, variance, cells.labels, n_generators)
-            # Noisier pixels are drawn toward the estimate until all are as good as the best: the fixed point is that of
-            # a filter that weights each pixel by its own noise.
-            drawn = estimate + share[:, :, None] * (filled - estimate)
-            estimate = _filtered(drawn, cells.labels, filters, noise**2)
-    return Detailed(estimate, cells.labels, cells.energy)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
-    """Cells of the patches of an image: (H, W) label of the patch around each pixel, and their energy."""
-
-    labels: NDArray[np.int32]
-    energy: float
+    matrix: NDArray[np.float64] | None
+    slices: tuple[slice, ...]
 
     @classmethod
-    def of(cls, image: Floats, n_generators: int, effort: EffortName, rng: np.random.Generator) -> _Cells:
-        n_pixels = image.shape[0] * image.shape[1]
-        drawn = np.sort(rng.choice(n_pixels, min(n_pixels, _N_SAMPLES), replace=False))
-        sample = _windows(image)[np.unravel_index(drawn, image.shape[:2])].reshape(len(drawn), -1)
+    def of(cls, versions: Versions, image: Floats) -> Axes:
+        """Give bands equal noise and, if there are many, order what they have in common before the rest."""
+        n_bands = image.shape[2]
+        slices = tuple(slice(first, first + _MOST_BANDS) for first in range(0, n_bands, _MOST_BANDS))
+        noise = np.stack(
+            [scattered_noise(versions.bands(s), versions.known[:, :, s]) for s in range(versions.n_versions)]
+        )
+        least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
+        equal = least.max() <= _EQUAL * least.min()
+        if equal and len(slices) == 1:
+            return cls(None, slices)
+        scales = np.ones(n_bands) if equal else np.sqrt(np.mean(least**2)) / least
+        rows = image.reshape(-1, n_bands)[:: max(1, image.size // (n_bands * _N_SAMPLES))] * scales
+        turned = np.linalg.eigh(np.cov(rows.T))[1][:, ::-1] if len(slices) > 1 else np.eye(n_bands)
+        return cls(scales[:, None] * turned, slices)
+
+    def along(self, image: Floats) -> Floats:
+        """(H, W, C) image, by axes."""
+        return image if self.matrix is None else image @ self.matrix.astype(np.float32)
+
+    def back(self, image: Floats) -> Floats:
+        """(H, W, C) image, by bands again."""
+        return image if self.matrix is None else image @ np.linalg.inv(self.matrix).astype(np.float32)
+
+    def looks(self, image: Floats) -> Floats:
+        """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
+        return image @ _OPPONENT if self.matrix is None and image.shape[2] == 3 else image[:, :, self.slices[0]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinds:
+    """Cells of the patches of an image.
+
+    Attributes
+    ----------
+    mean : (P,) array
+        Mean patch.
+    basis : (P, D) array
+        Main components of the patches.
+    generators : (K, D) array
+        Kinds of patches, in these components.
+    """
+
+    mean: Floats
+    basis: Floats
+    generators: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, bordered: Floats, n_generators: int, effort: EffortName, rng: np.random.Generator) -> Kinds:
+        """Find kinds of patches from some patches of an image with a border of `REACH` pixels."""
+        patches = windows(bordered)
+        n_pixels = patches.shape[0] * patches.shape[1]
+        drawn = np.sort(rng.choice(n_pixels, min(n_pixels, max(_N_SAMPLES, 50 * n_generators)), replace=False))
+        sample = patches[np.unravel_index(drawn, patches.shape[:2])].reshape(len(drawn), -1)
         mean = sample.mean(axis=0)
         sample = sample - mean
         _, axes = np.linalg.eigh((sample.T @ sample).astype(np.float64))
         basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
         generators = tessellate(sample @ basis, n_generators, effort=effort, rng=rng).generators
-        labels, energy = np.empty(image.shape[:2], np.int32), 0.0
-        for rows, patches in _chunks(image):
-            points = pack((patches - mean) @ basis, np.ones(len(patches)), center=np.zeros(basis.shape[1]))
-            nearest = assign(points, points.frame.inward(generators))
-            labels[rows] = nearest[: points.n_points].reshape(labels[rows].shape)
-            energy += points.frame.energy(cell_energies(points, points.frame.inward(generators), nearest).sum())
-        return cls(labels, energy)
+        return cls(mean, basis, generators)
+
+    def features(self, bordered: Floats) -> Floats:
+        """(N, D) features of the patches of an image with a border of `REACH` pixels."""
+        patches = windows(bordered)
+        height, width = patches.shape[:2]
+        found = np.empty((height, width, self.basis.shape[1]), np.float32)
+        step = max(1, _CHUNK // width)
+        for top in range(0, height, step):
+            rows = slice(top, top + step)
+            found[rows] = (patches[rows].reshape(-1, len(self.mean)) - self.mean).reshape(
+                -1, width, len(self.mean)
+            ) @ self.basis
+        return found.reshape(height * width, -1)
+
+    def label(self, features: Floats) -> tuple[NDArray[np.int32], Floats]:
+        """(N,) kind of each patch, from 0, and (N,) its squared distance to the generator."""
+        points = pack(features, np.ones(len(features)), center=np.zeros(features.shape[1]))
+        labels = assign(points, points.frame.inward(self.generators))[: points.n_points]
+        apart = features - self.generators.astype(np.float32)[labels]
+        return labels, np.einsum("nd,nd->n", apart, apart)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Filters:
-    """Mean patch of each cell, (K, P), and the axes, (K, P, P), and variances, (K, P), of what differs from it."""
+class Groups:
+    """Groups of patches: (N,) pixels in the order of their groups, and (G + 1,) where each group begins."""
 
-    means: Floats
-    axes: Floats
-    variances: NDArray[np.float64]
+    order: NDArray[np.int32]
+    bounds: NDArray[np.int64]
 
+    def __len__(self) -> int:
+        return len(self.bounds) - 1
 
-def _filters(image: Floats, variance: Floats, labels: NDArray[np.int32], n_cells: int) -> _Filters:
-    """Measure the cells of a noisy image, and subtract the variance of the noise from theirs."""
-    from scipy.ndimage import uniform_filter
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """(G,) number of patches of each group."""
+        return np.diff(self.bounds)
 
-    size = image.shape[2] * _SIDE**2
-    counts, noise = np.zeros(n_cells), np.zeros(n_cells)
-    sums, squares = np.zeros((n_cells, size)), np.zeros((n_cells, size, size))
-    patch_variance = uniform_filter(variance, _SIDE, mode="reflect")
-    for rows, patches in _chunks(image):
-        for cell, members in _members(labels[rows].ravel()):
-            inside = patches[members]
-            counts[cell] += len(members)
-            noise[cell] += patch_variance[rows].ravel()[members].sum()
-            sums[cell] += inside.sum(axis=0, dtype=np.float64)
-            squares[cell] += inside.T @ inside
-    masses = np.maximum(counts, 1)
-    means = sums / masses[:, None]
-    covariances = squares / masses[:, None, None] - means[:, :, None] * means[:, None, :]
-    variances, axes = np.linalg.eigh(covariances)
-    left = np.maximum(variances - (noise / masses)[:, None], 0)
-    return _Filters(means.astype(np.float32), axes.astype(np.float32), left)
+    def of_pixels(self) -> NDArray[np.int32]:
+        """(N,) group of each pixel."""
+        found = np.empty(len(self.order), np.int32)
+        found[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
+        return found
+
+    def sums(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(G,) or (G, ...) sums over the patches of each group."""
+        sums: NDArray[np.float64] = np.add.reduceat(values[self.order], self.bounds[:-1], axis=0, dtype=np.float64)
+        return sums
 
 
-def _filtered(image: Floats, labels: NDArray[np.int32], filters: _Filters, variance: float) -> Floats:
-    """Filter the patches of an image by cell, and assemble the image.
+def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
+    """Cut cells in two until no group has more than `largest` patches.
 
-    Patches are weighted by the inverse of the variance that their filter leaves.
+    Parameters
+    ----------
+    features : (N, D) array
+        What patches are compared by.
+    labels : (N,) array
+        Cell of each patch, from 0.
+    largest : int
+        Largest number of patches in a group.
     """
-    height, width, n_bands = image.shape
-    total = np.zeros((height + 2 * _REACH, width + 2 * _REACH, n_bands), np.float32)
-    weight = np.zeros(total.shape[:2], np.float32)
-    gains = filters.variances / (filters.variances + max(variance, 1e-30))
-    trust = (1 / (gains.mean(axis=1) + 0.02)).astype(np.float32)
-    gains = gains.astype(np.float32)
-    for rows, patches in _chunks(image):
-        near = labels[rows]
-        for cell, members in _members(near.ravel()):
-            mean, axes = filters.means[cell], filters.axes[cell]
-            patches[members] = mean + ((patches[members] - mean) @ axes * gains[cell]) @ axes.T
-        parts = patches.reshape(*near.shape, n_bands, _SIDE, _SIDE)
-        trusted = trust[near]
-        for down in range(_SIDE):
-            for right in range(_SIDE):
-                here = slice(rows.start + down, rows.stop + down), slice(right, right + width)
-                total[here] += parts[:, :, :, down, right] * trusted[:, :, None]
-                weight[here] += trusted
-    inner = slice(_REACH, -_REACH)
-    total[inner, inner] /= weight[inner, inner, None]
-    return total[inner, inner]
+    order = np.argsort(labels, kind="stable").astype(np.int32)
+    bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
+    sides, second = np.empty(len(order), np.uint8), np.empty(len(order), np.int32)
+    along = np.empty((2, len(order)), np.float32)
+    while True:
+        large = np.flatnonzero(np.diff(bounds) > largest)
+        if not len(large):
+            return Groups(order, bounds)
+        starts, stops, cuts = bounds[large], bounds[large + 1], np.empty(len(large), np.int64)
+
+        def halve(first: int, last: int, starts=starts, stops=stops, cuts=cuts) -> None:  # type: ignore[no-untyped-def]
+            _patches.halve_groups(features, order, starts, stops, sides, along, second, cuts, first, last)
+
+        in_parts(halve, len(large), work=float((stops - starts).sum()) * features.shape[1] ** 2 / 8)
+        bounds = np.insert(bounds, large + 1, cuts)
 
 
-def _windows(image: Floats) -> Floats:
-    """(H, W, C, 5, 5) patches around all pixels; only the borders are copied."""
-    padded = np.pad(image, ((_REACH, _REACH), (_REACH, _REACH), (0, 0)), mode="symmetric")
-    return np.lib.stride_tricks.sliding_window_view(padded, (_SIDE, _SIDE), axis=(0, 1))
+def with_border(image: Floats) -> Floats:
+    """Mirror the border of an image, so that there is a patch around each pixel."""
+    return np.pad(image, ((REACH, REACH), (REACH, REACH), (0, 0)), mode="symmetric")
 
 
-def _chunks(image: Floats) -> Iterator[tuple[slice, Floats]]:
-    """Yield bands of rows and a copy of their (N, P) patches."""
-    windows = _windows(image)
-    height, width = image.shape[:2]
-    step = max(1, _CHUNK // width)
-    for top in range(0, height, step):
-        rows = slice(top, min(top + step, height))
-        yield rows, windows[rows].reshape((rows.stop - top) * width, -1)
-
-
-def _members(labels: NDArray[np.int32]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Yield each label that occurs, and where."""
-    order = np.argsort(labels, kind="stable")
-    cells, starts = np.unique(labels[order], return_index=True)
-    for cell, members in zip(cells, np.split(order, starts[1:]), strict=True):
-        yield int(cell), members
+def windows(bordered: Floats) -> NDArray[np.float32]:
+    """(H, W, 5, 5, C) view of the patches of an (H + 4, W + 4, C) image."""
+    seen = np.lib.stride_tricks.sliding_window_view(bordered, (SIDE, SIDE), axis=(0, 1))
+    return np.moveaxis(seen, 2, 4)

@@ -17,6 +17,7 @@ from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
+from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import (
     Versions,
     averaged_versions,
@@ -147,7 +148,7 @@ def restore(
     """
     check_choice("effort", effort, EFFORTS)
     rule = check_choice("renormalize", renormalize or "none", RENORMALIZATIONS)
-    leave_out = HIDDEN[check_choice("hidden", hidden or "none", HIDDEN)]
+    hiding = check_choice("hidden", hidden or "none", HIDDEN)
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
     average = as_averaging(averaging)
     check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
@@ -155,7 +156,8 @@ def restore(
     noise = noise_of(given)  # before any interpolation, which smooths it
     trust = trust_in(given, weights, noise)
     placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))
-    versions = placed if channels else leave_out(placed, usual_noise(placed, noise))
+    versions = placed if channels else HIDDEN[hiding](placed, usual_noise(placed, noise))
+    suspicion = Suspicion.of(placed, versions, usual_noise(placed, noise)) if hiding == "outliers" else None
     data = averaged_versions(versions, average) if average and average.when == "before" else versions
     gain = average.noise_gain if average and data is not versions else 1.0
     variances = _variances(data, trust, noise, gain, channels)
@@ -170,6 +172,7 @@ def restore(
         edge_weight=cost * unit,
         volume_power=power,
         channels=channels,
+        suspicion=suspicion,
     )
     count = evidence.count(n_generators, detail)
     if detail:
@@ -181,7 +184,7 @@ def restore(
         versions,
         space,
         coverage=placed.coverage,
-        left_out=placed.coverage - versions.coverage,
+        left_out=placed.coverage - (versions.coverage if found.used is None else found.used),
         noise=noise,
         weights=trust,
         shifts=shifts,

@@ -94,7 +94,10 @@ class Restoration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Segments in the stacked space, in any order, and their colors; and an image that is not made of these, if any."""
+    """Segments in the stacked space, in any order, and their colors; and what is not made of these, if any.
+
+    That is the image, and how many versions were used at each pixel.
+    """
 
     labels: NDArray[np.int32]
     generators: NDArray[np.float64]
@@ -103,6 +106,7 @@ class Found:
     energies: tuple[float, ...]
     converged: bool = True
     image: Floats | None = None
+    used: NDArray[np.int32] | None = None
 
 
 def in_order(found: Found, versions: Versions, space: SpaceName, **about: Any) -> Restoration:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.places import has_alpha
-from cvtimg.colors.spaces import to_space
+from cvtimg.colors.spaces import peak, to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.noise import scattered_noise
 
@@ -38,6 +38,8 @@ class Versions:
         Types of the versions.
     grey : bool
         Whether the first version came without an axis of channels.
+    white : float or None
+        Where values end, at which noise may have been clipped; None if they have no ends.
     """
 
     values: Floats
@@ -45,6 +47,7 @@ class Versions:
     version_of: NDArray[np.intp]
     dtypes: tuple[np.dtype[Any], ...]
     grey: bool
+    white: float | None = None
 
     @property
     def n_versions(self) -> int:
@@ -79,6 +82,7 @@ class Versions:
             np.zeros(np.count_nonzero(bands), np.intp),
             (self.dtypes[version],),
             self.grey,
+            self.white,
         )
 
     def moved(self, values: Floats, known: NDArray[np.bool_]) -> Versions:
@@ -117,7 +121,8 @@ def stack_versions(
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)
     grey = np.ndim(images[0]) == 2
-    return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey)
+    white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
+    return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey, white)
 
 
 def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:

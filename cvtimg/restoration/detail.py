@@ -1,0 +1,161 @@
+"""Detail, for photographs: groups of patches instead of cells of colors, with a filter for each group.
+
+Each pass compares the patches of the last estimate, so groups become purer and can be smaller. The first pass takes
+covariances from the noisy patches; later ones from the estimate, as an oracle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.choices import EffortName
+from cvtimg.restoration.clipping import clipped_ends, mean_loss
+from cvtimg.restoration.filters import Noisy, filtered
+from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
+from cvtimg.restoration.suspicion import Suspicion, first_estimate
+from cvtimg.restoration.versions import Floats, Versions, fuse
+
+#: Largest number of patches in a group, pass by pass.
+_PASSES = {"fast": (600, 80), "balanced": (600, 150, 60), "best": (600, 150, 80, 60)}
+#: Blur, in pixels, of the first estimate.
+_FIRST_BLUR = 0.7
+#: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
+_PLACE = 0.18
+#: Longest side of a tile, and how far tiles reach into each other, in pixels.
+_TILE, _OVERLAP = 400, 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detailed:
+    """An image restored by its patches.
+
+    Attributes
+    ----------
+    image : (H, W, C) float32 array
+    labels : (H, W) int32 array
+        Kind of the patch around each pixel, from 0.
+    energy : float
+        Sum of the squared distances of patches to their generators, in principal components.
+    """
+
+    image: Floats
+    labels: NDArray[np.int32]
+    energy: float
+
+
+def restore_detail(
+    versions: Versions,
+    trust: NDArray[np.float64],
+    variance: float,
+    suspicion: Suspicion | None,
+    n_generators: int,
+    effort: EffortName,
+    rng: np.random.Generator,
+) -> tuple[Detailed, Versions]:
+    """Restore an image from versions of it, or denoise a single one.
+
+    Parameters
+    ----------
+    versions : Versions
+        Versions of one look.
+    trust : (S,) array
+        Weight of each version.
+    variance : float
+        Variance of the noise of a value of weight 1.
+    suspicion : Suspicion or None
+        How often versions hold additions; None if nothing else is to be left out.
+    n_generators : int
+        Number of kinds of patches.
+    effort : {"fast", "balanced", "best"}
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Detailed
+    Versions
+        What was left of the versions in the last pass.
+    """
+    from scipy.ndimage import gaussian_filter
+    from threadpoolctl import threadpool_limits
+
+    variance = max(variance, versions.rounding**2)
+    kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
+    fused, weight = fuse(kept, trust)
+    estimate = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
+    axes = Axes.of(versions, estimate)
+    # The matrices are small: threads of the BLAS would spend their time waiting for each other.
+    with threadpool_limits(1, user_api="blas"):
+        for number, largest in enumerate(_PASSES[effort]):
+            if suspicion and number:
+                kept = suspicion.kept(versions, estimate)
+                fused, weight = fuse(kept, trust)
+            values = _unclipped(kept, trust, variance, fused, weight, estimate)
+            noisy = Noisy(
+                with_border(axes.along(values)),
+                with_border(axes.along(estimate)),
+                with_border(weight[:, :, None] / np.float32(variance))[:, :, 0],
+            )
+            kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, effort, rng)
+            done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
+            estimate = axes.back(done.image)
+    return Detailed(estimate, done.labels, done.energy), kept
+
+
+def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Detailed:
+    """Group patches and filter each group, tile by tile; where tiles reach into each other they are blended."""
+    height, width = (side - 2 * REACH for side in noisy.precision.shape)
+    total = np.zeros((height, width, noisy.values.shape[2]), np.float32)
+    weight = np.zeros((height, width, 1), np.float32)
+    labels, energy = np.empty((height, width), np.int32), 0.0
+    near = _PLACE * np.sqrt(1 / noisy.precision[noisy.precision > 0].mean(dtype=np.float64))
+    for rows, row_ramp in _tiles(height):
+        for columns, column_ramp in _tiles(width):
+            part = noisy.part(rows, columns)
+            features = kinds.features(axes.looks(part.estimate))
+            own, apart = kinds.label(features)
+            shape = len(row_ramp), len(column_ramp)
+            places = near * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=2).reshape(-1, 2)
+            groups = group_patches(np.concatenate([features, places], axis=1, dtype=np.float32), own, largest)
+            ramp = (row_ramp[:, None] * column_ramp)[:, :, None]
+            for bands in axes.slices:
+                total[rows, columns, bands] += ramp * filtered(part.bands(bands), groups, from_estimate)
+            weight[rows, columns] += ramp
+            labels[rows, columns] = own.reshape(shape)
+            energy += float(ramp.ravel() @ apart)
+    return Detailed(total / weight, labels, energy)
+
+
+def _tiles(side: int) -> Iterator[tuple[slice, Floats]]:
+    """Yield the slices of equal parts of a side, each reaching into the next, and weights that sum to 1 over them."""
+    n_tiles = -(-side // _TILE)
+    cuts = [side * number // n_tiles for number in range(n_tiles + 1)]
+    rise = (np.arange(2 * _OVERLAP, dtype=np.float32) + 0.5) / (2 * _OVERLAP)
+    for low, high in pairwise(cuts):
+        first, last = max(low - _OVERLAP, 0), min(high + _OVERLAP, side)
+        ramp = np.ones(last - first, np.float32)
+        if low > 0:
+            ramp[: 2 * _OVERLAP] = rise
+        if high < side:
+            ramp[-2 * _OVERLAP :] = rise[::-1]
+        yield slice(first, last), ramp
+
+
+def _unclipped(
+    versions: Versions, trust: NDArray[np.float64], variance: float, fused: Floats, weight: Floats, estimate: Floats
+) -> Floats:
+    """Subtract from fused versions what clipping has added to each, given an estimate of what they show."""
+    white = versions.white
+    if white is None:
+        return fused
+    added = np.zeros_like(fused)
+    for version, share in enumerate(trust):
+        sigma = float(np.sqrt(variance / share))
+        known = versions.known[:, :, version]
+        ends = clipped_ends(versions.bands(version)[known], estimate[known], sigma, white)
+        added[known] += np.float32(share) * mean_loss(estimate[known], sigma, white, ends)
+    return fused - np.divide(added, weight[:, :, None], out=added, where=weight[:, :, None] > 0)

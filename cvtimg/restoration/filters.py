@@ -1,0 +1,216 @@
+"""One Wiener filter for each group of patches, and the image that the filtered patches make.
+
+What a patch differs by from the mean of its group is signal and noise; the covariance of the group tells how much of each
+direction is signal. P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi
+10.1109/TIP.2011.2172799.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.threads import in_parts
+from cvtimg.restoration import _patches
+from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
+from cvtimg.restoration.versions import Floats
+
+_Doubles = NDArray[np.float64]
+
+#: Covariances in memory at once.
+_CHUNK = 256
+#: The estimate has lost some detail, so its covariances are raised by this.
+_GAIN = 1.2
+#: Noise makes the covariance of few patches uneven: eigenvalues are lowered by this part of the largest of noise alone.
+_LOWERED = 0.7
+#: Added to the variance that a filter leaves, as a share of that of the noise: no patch is trusted without limit.
+_LEFT_ANYWAY = 0.02
+#: Every covariance has this share of the variance of noise in all directions, so that its inverse exists.
+_RIDGE = 1e-4
+#: Filters are applied this often, each time to an image whose noisier pixels are drawn to the last.
+_ROUNDS = 2
+#: Unknown pixels, filled from nearby, are taken to have this times less precision than those known around them.
+_FILLED = 0.4
+#: Side, in pixels, of the windows in which the usual precision is found.
+_NEAR = 15
+#: Pixels known better than the mean of their group by more than this factor would make rounds diverge.
+_LARGEST_STEP = 1.9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noisy:
+    """A noisy image, what it is taken to be, and how well its pixels are known; with a border of `REACH` pixels.
+
+    Attributes
+    ----------
+    values, estimate : (H + 4, W + 4, C) arrays
+        The noisy image, anything where nothing is known, and an estimate of it without noise.
+    precision : (H + 4, W + 4) array
+        1 / variance of the noise of each pixel; 0 where nothing is known.
+    """
+
+    values: Floats
+    estimate: Floats
+    precision: Floats
+
+    def part(self, rows: slice, columns: slice) -> Noisy:
+        """Return a part with its own border."""
+        here = slice(rows.start, rows.stop + 2 * REACH), slice(columns.start, columns.stop + 2 * REACH)
+        return Noisy(*(np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)))
+
+    def bands(self, chosen: slice) -> Noisy:
+        """Return some of the bands."""
+        values, estimate = (np.ascontiguousarray(image[:, :, chosen]) for image in (self.values, self.estimate))
+        return Noisy(values, estimate, self.precision)
+
+
+def filtered(noisy: Noisy, groups: Groups, from_estimate: bool) -> Floats:
+    """(H, W, C) image, from patches filtered by group.
+
+    Parameters
+    ----------
+    noisy : Noisy
+    groups : Groups
+        Groups of patches.
+    from_estimate : bool
+        Whether covariances are those of patches of the estimate, or those of the noisy patches less the noise.
+    """
+    variances = _variances(noisy.precision, groups)
+    filters = _Filters.of(noisy, groups, variances, from_estimate)
+    height, width = (side - 2 * REACH for side in noisy.precision.shape)
+    group_of = groups.of_pixels().reshape(height, width)
+    # Weighted by the inverse of the variance that the filters leave, relative to that of all.
+    trust = (np.median(variances) / variances[:, None] / (filters.left() + _LEFT_ANYWAY)).astype(np.float32)
+    estimate, inner = noisy.estimate, noisy.estimate[REACH:-REACH, REACH:-REACH]
+    for _ in range(_ROUNDS):
+        # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
+        # a filter that weights each pixel by its own noise.
+        change = noisy.precision[:, :, None] * (noisy.values - estimate)
+        patches = filters.applied(estimate, change, groups, variances)
+        inner = np.empty((height, width, estimate.shape[2]), np.float32)
+
+        def join(first: int, last: int, patches: Floats = patches, inner: Floats = inner) -> None:
+            _patches.join_patches(patches, group_of, trust, inner, first, last)
+
+        in_parts(join, height, work=patches.size)
+        estimate = estimate.copy()
+        estimate[REACH:-REACH, REACH:-REACH] = inner
+    return inner
+
+
+def _variances(precision: Floats, groups: Groups) -> _Doubles:
+    """(G,) variance of the noise in the patches of each group: that of the mean precision of known pixels."""
+    from scipy.ndimage import maximum_filter, uniform_filter
+
+    def around(image: Floats) -> Floats:
+        return image[REACH:-REACH, REACH:-REACH].ravel()
+
+    known = (precision > 0).astype(np.float32)
+    n_known = groups.sums(around(uniform_filter(known, SIDE)))
+    total = groups.sums(around(uniform_filter(precision, SIDE)))
+    usual = known.sum(dtype=np.float64) / max(precision.sum(dtype=np.float64), 1e-30)
+    best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
+    variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
+    return np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Filters:
+    """The (G, P) mean patch and the (G, P, R) filter of each group; columns from P on are 0."""
+
+    means: Floats
+    matrices: Floats
+
+    @classmethod
+    def of(cls, noisy: Noisy, groups: Groups, variances: _Doubles, from_estimate: bool) -> _Filters:
+        known = noisy.precision[:, :, None] > 0
+        image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
+        image = np.ascontiguousarray(image, np.float32)
+        size = SIDE**2 * image.shape[2]
+        columns, most = -(-size // 16) * 16, int(groups.sizes.max())
+        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
+        noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
+        for start in range(0, len(groups), _CHUNK):
+            stop = min(start + _CHUNK, len(groups))
+            covariances = np.empty((stop - start, size, size))
+
+            def measure(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
+                patches, products = np.empty((most, columns), np.float32), np.empty((columns, columns), np.float32)
+                own = covariances[first:last]
+                _patches.measure_groups(
+                    image, groups.order, groups.bounds, patches, products, means, own, start + first, start + last
+                )
+
+            def make(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
+                own = covariances[first:last]
+                _patches.make_filters(own, variances, matrices, start + first, start + last)
+
+            work = float(groups.sizes[start:stop].sum()) * size**2 / 16
+            in_parts(measure, stop - start, work)
+            here = slice(start, stop)
+            if noise is None:
+                covariances *= _GAIN
+            else:
+                covariances[:] = _without_noise(covariances, noise[here], variances[here], groups.sizes[here])
+            diagonal = np.einsum("gii->gi", covariances)
+            diagonal += _RIDGE * variances[here, None]
+            in_parts(make, stop - start, work=(stop - start) * size**3 / 8)
+        return cls(means, matrices)
+
+    def left(self) -> Floats:
+        """(G, 25) variance that remains at each place of a patch, as a share of that of the noise."""
+        size = self.means.shape[1]
+        diagonal = np.einsum("gii->gi", self.matrices[:, :, :size])
+        left: Floats = diagonal.reshape(len(diagonal), SIDE**2, -1).mean(axis=2)
+        return left
+
+    def applied(self, image: Floats, change: Floats, groups: Groups, steps: _Doubles) -> Floats:
+        """(N, P) filtered patches of the image plus `steps` of each group times the change."""
+        size, columns = self.matrices.shape[1:]
+        most = -(-int(groups.sizes.max()) // 4) * 4
+        patches = np.empty((len(groups.order), size), np.float32)
+
+        def apply(first: int, last: int) -> None:
+            scratch = np.empty((2, most, columns), np.float32)
+            _patches.filter_groups(
+                image,
+                change,
+                steps,
+                groups.order,
+                groups.bounds,
+                self.means,
+                self.matrices,
+                scratch,
+                patches,
+                first,
+                last,
+            )
+
+        in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
+        return patches
+
+
+def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:
+    """(G, P) variance of the noise at each place of the patches of each group."""
+    from scipy.ndimage import uniform_filter
+
+    usual = uniform_filter((precision > 0).astype(np.float32), _NEAR)
+    near = uniform_filter(precision, _NEAR)
+    anywhere = precision.mean() / max((precision > 0).mean(), 1e-30)
+    least = np.divide(near, usual, out=np.full_like(near, anywhere), where=usual > 1e-3)
+    variance = 1 / np.maximum(precision, _FILLED * np.maximum(least, 1e-3 * anywhere))
+    patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)
+    return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
+
+
+def _without_noise(covariances: _Doubles, noise: _Doubles, variances: _Doubles, sizes: NDArray[np.int64]) -> _Doubles:
+    """Subtract noise from covariances, and lower their eigenvalues by what chance adds to the largest; none is < 0."""
+    size = covariances.shape[1]
+    diagonal = np.einsum("gii->gi", covariances)
+    diagonal -= noise
+    values, axes = np.linalg.eigh(covariances)
+    values = np.maximum(values - (_LOWERED * variances * np.sqrt(size / sizes))[:, None], 0)
+    left: _Doubles = (axes * values[:, None, :]) @ axes.transpose(0, 2, 1)
+    return left
