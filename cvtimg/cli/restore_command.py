@@ -29,7 +29,8 @@ EXAMPLES = """Examples:
 
 \b
   cvtimg restore scan_1.png scan_2.png scan_3.png -k 6 -o whole.png
-  cvtimg restore photo_*.png -k 96 --detail --align -o photo.png --sheet sheet.png
+  cvtimg restore photo_*.png --detail --align -o photo.png --sheet sheet.png
+  cvtimg restore noisy.png --detail -o clean.png
   cvtimg restore a.tif b.tif --mask a-known.png --mask b-known.png -k 4 -o c.tif --labels c-labels.png
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
 """
@@ -60,7 +61,7 @@ Segments = Annotated[
         metavar="N|auto",
         # More segments than this no file of labels holds.
         parser=options.or_auto(options.whole_number(1, options.MAX_COLORS - 1)),
-        help="Number of segments, or with --detail kinds of patches, such as 96; auto picks it by the energy.",
+        help="Number of segments; auto picks it by the energy. With --detail, kinds of patches; auto is 32.",
     ),
 ]
 Output = Annotated[
@@ -118,7 +119,9 @@ Align = Annotated[bool, Option("--align", help="Shift each version onto the firs
 Channels = Annotated[
     bool, Option("--channels", help="Versions share segments but not colors, as channels do; the first is restored.")
 ]
-Detail = Annotated[bool, Option("--detail", help="Restore texture too, patch by patch; for photographs.")]
+Detail = Annotated[
+    bool, Option("--detail", help="Restore texture too, patch by patch; for photographs, and to denoise a single one.")
+]
 Labels = Annotated[
     Path | None, Option(metavar="FILE", help="Write the segment of each pixel, from 1: .png, .tif or .npy.")
 ]
@@ -138,8 +141,8 @@ class Versions(NamedTuple):
 
 def restore(
     versions: VersionFiles,
-    segments: Segments,
     output: Output,
+    segments: Segments = "auto",
     mask: Masks = None,
     nodata: Nodata = None,
     weights: Weights = None,

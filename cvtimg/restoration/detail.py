@@ -83,10 +83,10 @@ def restore_detail(
     from scipy.ndimage import gaussian_filter
     from threadpoolctl import threadpool_limits
 
-    variance = max(variance, versions.rounding**2)
+    variance = max(variance, versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
     fused, weight = fuse(kept, trust)
-    estimate = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
+    estimate: Floats = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"):
@@ -127,7 +127,8 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
             weight[rows, columns] += ramp
             labels[rows, columns] = own.reshape(shape)
             energy += float(ramp.ravel() @ apart)
-    return Detailed(total / weight, labels, energy)
+    total /= weight
+    return Detailed(total, labels, energy)
 
 
 def _tiles(side: int) -> Iterator[tuple[slice, Floats]]:

@@ -11,8 +11,8 @@ from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.restoration.masked import MaskedCells, average_masked, masked_cells, masked_means
 from cvtimg.restoration.detail import restore_detail
+from cvtimg.restoration.masked import MaskedCells, average_masked, masked_cells, masked_means
 from cvtimg.restoration.renormalization import RENORMALIZATIONS, Levels
 from cvtimg.restoration.result import Found
 from cvtimg.restoration.suspicion import Suspicion

@@ -1,7 +1,7 @@
 """One Wiener filter for each group of patches, and the image that the filtered patches make.
 
-What a patch differs by from the mean of its group is signal and noise; the covariance of the group tells how much of each
-direction is signal. P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi
+What a patch differs by from the mean of its group is signal and noise; the covariance of the group tells how much of
+each direction is signal. P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi
 10.1109/TIP.2011.2172799.
 """
 
@@ -113,7 +113,8 @@ def _variances(precision: Floats, groups: Groups) -> _Doubles:
     usual = known.sum(dtype=np.float64) / max(precision.sum(dtype=np.float64), 1e-30)
     best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
-    return np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
+    limited: _Doubles = np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
+    return limited
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -37,7 +37,7 @@ _EDGE_WEIGHT_PER_VARIANCE = 0.5
 
 def restore(
     images: Sequence[Any],
-    n_generators: int | str,
+    n_generators: int | str = "auto",
     *,
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
@@ -66,9 +66,9 @@ def restore(
         array, have alpha 0 (of two or four channels the last is alpha), or are given by `masks` or `nodata`. A single
         version is denoised.
     n_generators : int or "auto"
-        Initial number of segments K; with `detail`, of cells of patches, for which 64 to 128 work well. "auto" takes
-        the elbow of the energy of the versions fused and blurred, up to 32, where painted-over parts may count as a
-        color of their own; with `detail`, it is 96.
+        Initial number of segments K; with `detail`, of kinds of patches, which matters little. "auto" takes the elbow
+        of the energy of the versions fused and blurred, up to 32, where painted-over parts may count as a color of
+        their own; with `detail`, it is 32.
     masks : sequence of (H, W) arrays or None, optional
         Known pixels of each version: those where its mask is True or not 0. None means all pixels.
     nodata : float, optional
@@ -101,10 +101,12 @@ def restore(
         the background, so that colors span the range of the versions again. "median" takes the median of all that is
         known of the segment, "none" or None the mean. With `detail`, colors are means.
     detail : bool
-        For photographs: cells of patches of 5 x 5 pixels, each with a filter that restores the detail its generator
-        leaves out. Not available with averaging, edge weight or volume power.
+        For photographs: cells of patches of 5 x 5 pixels, cut into groups of patches that look alike, each with a
+        filter that restores the detail its generator leaves out. Integer values are taken to be clipped at the
+        ends of their type where they pile up there. Not available with averaging, edge weight or volume power.
     effort : {"fast", "balanced", "best"}
-        Number of blurred images in which the search for segments starts: 1, 2 or 4.
+        Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
+        in each of which groups are found anew: 2, 3 or 4.
     rng : int or numpy.random.Generator
         Seed of the patches that are drawn for `detail`.
 
@@ -130,7 +132,8 @@ def restore(
     ----------
     M. Gunzburger, lecture "Centroidal Voronoi Tessellations"; Q. Du, M. Gunzburger, L. Ju, X. Wang, J. Math. Imaging
     Vision 24 (2006) 177-194, doi 10.1007/s10851-005-3620-4; J. Wang, L. Ju, X. Wang, IEEE Trans. Image Processing 18
-    (2009) 1844-1858, for the edges.
+    (2009) 1844-1858, for the edges; P. Chatterjee, P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi
+    10.1109/TIP.2011.2172799, for `detail`.
 
     Examples
     --------

@@ -124,7 +124,7 @@ def _disagree(versions: Versions, one: int, other: int, noise: NDArray[np.float6
 def _shares_of_two(versions: Versions, noise: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """(2,) pixels that both versions know, and (2,) the share of these at which they disagree, half of it for each."""
     both = versions.known.all(axis=2)
-    n_both = np.count_nonzero(both)
-    share = np.count_nonzero(both & _disagree(versions, 0, 1, noise)) / max(n_both, 1)
-    share = share if share <= _MOST_OF_TWO else 0.0
-    return np.full(2, n_both), np.full(2, share / 2)
+    n_both = max(int(np.count_nonzero(both)), 1)
+    share = np.count_nonzero(both & _disagree(versions, 0, 1, noise)) / n_both
+    each = share / 2 if share <= _MOST_OF_TWO else 0.0
+    return np.full(2, n_both), np.full(2, each)

@@ -70,7 +70,7 @@ def test_options_reach_the_function(run: Run) -> None:
 
 
 def test_auto_is_found_by_the_command_too(run: Run) -> None:
-    assert run("v_*.png", "-k", "auto", "-o", "auto.png")[0] == 0
+    assert run("v_*.png", "-o", "auto.png")[0] == 0
     result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], "auto")
     np.testing.assert_array_equal(read_image("auto.png"), result.image)
 

@@ -1,45 +1,95 @@
-"""Claims about patches in cells of their own."""
+"""Claims about patches in groups, and the filter of each group."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from damaging import psnr
+import pytest
 from numpy.typing import NDArray
 
-from cvtimg.restoration.patches import _filtered, _Filters, restore_detail
+from cvtimg._shared import threads
+from cvtimg.restoration.filters import Noisy, filtered
+from cvtimg.restoration.patches import Groups, group_patches, windows, with_border
 
 
-def restored(
-    photograph: NDArray[Any], sigmas: tuple[float, float], share: bool = True
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Restore a photograph whose left half has less noise than the right; return it, what it was, and the truth."""
-    clean = (photograph[:96, 64:192] / 255).astype(np.float32)
-    sigma = np.repeat([*sigmas], 64)[None].repeat(96, axis=0).astype(np.float32)
-    noisy = clean + sigma[..., None] * np.random.default_rng(0).standard_normal(clean.shape).astype(np.float32)
-    shares = (sigma.min() / sigma) ** 2 if share else np.ones_like(sigma)
-    found = restore_detail(noisy, shares, float(sigma.min()), 24, "fast", np.random.default_rng(0))
-    return found.image, noisy, clean
+def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), seed: int = 0) -> Noisy:
+    """Noise that is known unequally well, and an estimate."""
+    rng = np.random.default_rng(seed)
+    estimate = rng.random(shape).astype(np.float32)
+    values = estimate + 0.1 * rng.standard_normal(shape).astype(np.float32)
+    precision = rng.choice([80, 100, 120], shape[:2]).astype(np.float32)
+    return Noisy(with_border(values), with_border(estimate), with_border(precision[:, :, None])[:, :, 0])
 
 
-def test_pixels_count_by_how_well_they_are_known(photograph: NDArray[Any]) -> None:
-    image, noisy, clean = restored(photograph, (0.03, 0.2))
-    for half in (slice(4, 60), slice(68, 124)):
-        assert psnr(image[:, half], clean[:, half]) > psnr(noisy[:, half], clean[:, half])
-    blind, _, _ = restored(photograph, (0.03, 0.2), share=False)
-    assert psnr(image[:, 68:124], clean[:, 68:124]) > psnr(blind[:, 68:124], clean[:, 68:124]) + 3
+def as_written(noisy: Noisy, groups: Groups) -> NDArray[np.float64]:
+    """Filter each group by the formulas, patch by patch."""
+    height, width = (side - 4 for side in noisy.precision.shape)
+    values, estimate, precision = (
+        np.asarray(part, np.float64) for part in (noisy.values, noisy.estimate, noisy.precision)
+    )
+    n_bands = values.shape[2]
+    precisions = windows(precision[:, :, None].astype(np.float32)).reshape(height * width, -1)
+    for _ in range(2):
+        total, weight = np.zeros((height + 4, width + 4, n_bands)), np.zeros((height + 4, width + 4, 1))
+        change = precision[:, :, None] * (values - estimate)
+        for start, stop in zip(groups.bounds[:-1], groups.bounds[1:], strict=True):
+            members = groups.order[start:stop]
+            variance = 1 / precisions[members].mean()
+            places = [(pixel // width, pixel % width) for pixel in members]
+            of_oracle = np.stack([noisy.estimate[y : y + 5, x : x + 5].ravel() for y, x in places]).astype(np.float64)
+            mean = of_oracle.mean(axis=0)
+            size = len(mean)
+            covariance = 1.2 * np.cov(of_oracle.T, bias=True) + 1e-4 * variance * np.eye(size)
+            matrix = covariance @ np.linalg.inv(covariance + variance * np.eye(size))
+            left = np.diag(matrix).reshape(25, n_bands).mean(axis=1).reshape(5, 5, 1)
+            for y, x in places:
+                patch = (estimate + variance * change)[y : y + 5, x : x + 5].ravel()
+                share = 1 / variance / (left + 0.02)
+                total[y : y + 5, x : x + 5] += share * (matrix @ (patch - mean) + mean).reshape(5, 5, n_bands)
+                weight[y : y + 5, x : x + 5] += share
+        estimate[2:-2, 2:-2] = (total / weight)[2:-2, 2:-2]
+    return estimate[2:-2, 2:-2]
 
 
-def test_a_pixel_is_the_mean_of_its_patches_weighted_by_what_their_filters_leave() -> None:
-    image = np.random.default_rng(0).random((9, 14, 1)).astype(np.float32)
-    labels = np.repeat([0, 1], 7)[None].repeat(9, axis=0).astype(np.int32)
-    # The first cell keeps nothing of a patch, the second all of it.
-    axes = np.eye(25, dtype=np.float32)[None].repeat(2, axis=0)
-    filters = _Filters(np.zeros((2, 25), np.float32), axes, np.array([[0.0], [1e12]]).repeat(25, axis=1))
-    found = _filtered(image, labels, filters, 1.0)
-    trust = 1 / (np.array([0.0, 1.0]) + 0.02)
-    for y, x in ((4, 2), (4, 5), (4, 6), (4, 7), (2, 9)):
-        near = labels[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3]
-        expected = image[y, x, 0] * (trust[near] * (near == 1)).sum() / trust[near].sum()
-        np.testing.assert_allclose(found[y, x, 0], expected, rtol=1e-5)
+@pytest.mark.parametrize("n_bands", [1, 3, 4])
+def test_the_image_is_that_of_patches_filtered_by_the_formulas(n_bands: int) -> None:
+    noisy = noisy_image((11, 13, n_bands))
+    order = np.random.default_rng(1).permutation(11 * 13).astype(np.int32)
+    groups = Groups(order, np.array([0, 50, 81, 143]))
+    np.testing.assert_allclose(filtered(noisy, groups, from_estimate=True), as_written(noisy, groups), atol=2e-4)
+
+
+def test_groups_are_no_larger_than_allowed_and_hold_each_patch_once() -> None:
+    rng = np.random.default_rng(0)
+    features = rng.standard_normal((5000, 18)).astype(np.float32)
+    features[:1000] = 0  # patches that do not differ at all
+    labels = rng.integers(7, size=5000).astype(np.int32)
+    groups = group_patches(features, labels, 60)
+    assert groups.sizes.min() >= 1
+    assert 20 < groups.sizes.max() <= 60
+    np.testing.assert_array_equal(np.sort(groups.order), np.arange(5000))
+    for start, stop in zip(groups.bounds[:-1], groups.bounds[1:], strict=True):
+        assert len(np.unique(labels[groups.order[start:stop]])) == 1
+
+
+def test_groups_hold_what_is_alike() -> None:
+    rng = np.random.default_rng(0)
+    which = rng.integers(8, size=4000)
+    features = (10 * np.eye(8)[which] + rng.standard_normal((4000, 8))).astype(np.float32)
+    groups = group_patches(features, np.zeros(4000, np.int32), 600)
+    of_group = groups.of_pixels()
+    purity = [np.bincount(which[of_group == group]).max() / size for group, size in enumerate(groups.sizes)]
+    assert np.average(purity, weights=groups.sizes) > 0.99
+
+
+def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    noisy = noisy_image((40, 50, 3))
+    features = np.random.default_rng(0).standard_normal((2000, 6)).astype(np.float32)
+    monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
+    found: list[NDArray[Any]] = []
+    for n in (1, 3):
+        monkeypatch.setattr(threads, "n_threads", lambda n=n: n)
+        groups = group_patches(features, np.zeros(2000, np.int32), 40)
+        found.append(filtered(noisy, groups, from_estimate=False))
+    assert found[0].tobytes() == found[1].tobytes()

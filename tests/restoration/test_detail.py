@@ -1,0 +1,98 @@
+"""Claims about photographs restored by their patches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from damaging import damage, psnr
+from numpy.typing import NDArray
+
+from cvtimg import restore
+from cvtimg.restoration import detail
+from cvtimg.restoration.clipping import clipped_ends, mean_loss
+
+Damage = damage.Damage
+
+
+@pytest.fixture(scope="module")
+def clean(photograph: NDArray[Any]) -> NDArray[np.float64]:
+    return np.asarray(photograph[40:136, 64:192] / 255)
+
+
+def noisy(clean: NDArray[np.float64], sigma: float | NDArray[np.float64], seed: int = 0) -> NDArray[np.float64]:
+    return clean + sigma * np.random.default_rng(seed).standard_normal(clean.shape)
+
+
+def as_bytes(image: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+
+
+def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
+    image = restore(images, detail=True, **options).image
+    return image / (255 if image.dtype == np.uint8 else 1)
+
+
+@pytest.mark.parametrize("n_bands", [1, 3, 5])
+def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: int) -> None:
+    bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
+    image = noisy(bands, 0.1)
+    assert psnr(restored([image]), bands) > psnr(image, bands) + 6
+
+
+def test_versions_count_by_their_noise(clean: NDArray[np.float64]) -> None:
+    images = [noisy(clean, 0.03, 1), noisy(clean, 0.2, 2)]
+    both = restored(images)
+    assert psnr(both, clean) > psnr(restored(images, weights=[1, 1]), clean) + 2
+    assert psnr(both, clean) > psnr(restored(images[:1]), clean) - 0.1
+
+
+def test_clipping_is_undone_for_integers(clean: NDArray[np.float64]) -> None:
+    dark = clean * 0.3
+    image = as_bytes(noisy(dark, 0.1))
+    found = restored([image])
+    as_if_not_clipped = restored([image / 255])
+    shade = dark < 0.1
+    assert abs((found - dark)[shade].mean()) < abs((as_if_not_clipped - dark)[shade].mean()) * 0.6
+
+
+def test_the_loss_by_clipping_is_that_of_many_draws() -> None:
+    true = np.array([0.0, 3, 10, 128, 250, 255], np.float32)
+    draws = np.clip(true + 8 * np.random.default_rng(0).standard_normal((200_000, 6)), 0, 255)
+    np.testing.assert_allclose(mean_loss(true, 8, 255), draws.mean(axis=0) - true, atol=0.05)
+    assert clipped_ends(draws[:, 0], np.zeros(200_000, np.float32), 8, 255)[0]
+    assert not clipped_ends(np.full(200_000, 2.0, np.float32), np.full(200_000, 2, np.float32), 8, 255)[0]
+
+
+def test_tiles_leave_no_seams(clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch) -> None:
+    image = noisy(clean, 0.1)
+    whole = restored([image])
+    monkeypatch.setattr(detail, "_TILE", 48)
+    tiled = restored([image])
+    assert psnr(tiled, clean) > psnr(whole, clean) - 0.6  # these tiles are tiny
+    # Across the border of two tiles the image steps no more than it does elsewhere.
+    errors = tiled - clean
+    steps = np.abs(np.diff(errors, axis=1)).mean(axis=(0, 2))
+    borders = [round(128 * number / 3) - 1 for number in (1, 2)]
+    assert steps[borders].max() < 1.6 * np.median(steps)
+
+
+def test_spikes_cost_little_and_nothing_is_left_out_without_them(clean: NDArray[np.float64]) -> None:
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
+    rng = np.random.default_rng(1)
+    spiked = [version.copy() for version in versions]
+    for version in spiked:
+        hit = rng.random(clean.shape[:2]) < 0.02
+        version[hit] = rng.integers(2, size=(np.count_nonzero(hit), 1))
+    plain = psnr(restored(versions, masks=known), clean)
+    assert psnr(restored(spiked, masks=known), clean) > plain - 1
+    assert psnr(restored(spiked, masks=known, hidden="none"), clean) < plain - 3
+    assert psnr(restored(versions, masks=known, hidden="none"), clean) < plain + 0.05
+
+
+def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.05, blocks=1, scratches=2), seed=0)
+    found = restored(versions, masks=known)
+    best = restored([noisy(clean, 0.05, seed) for seed in range(3)])
+    assert psnr(found, clean) > psnr(best, clean) - 2
