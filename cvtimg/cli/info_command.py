@@ -15,11 +15,17 @@ EXAMPLES = "Example:  cvtimg info photos/ --json"
 COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
 
 
-def info(inputs: options.Images, max_pixels: options.MaxPixels = None, *, common: options.BatchOptions) -> int:
+def info(
+    inputs: options.Images,
+    max_pixels: options.MaxPixels = None,
+    *,
+    reading: options.InputOptions,
+    common: options.BatchOptions,
+) -> int:
     """Show the size, format, bands, bit depth and number of distinct colors of images."""
     from cvtimg import find_images
 
-    return run_plan(plan_each(inputs, find_images), _info, COLUMNS, common, max_pixels=max_pixels)
+    return run_plan(plan_each(inputs, find_images), reading.chosen(_info), COLUMNS, common, max_pixels=max_pixels)
 
 
 def _info(task: Task, _: Stopwatch) -> Row:

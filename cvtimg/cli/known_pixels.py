@@ -62,8 +62,13 @@ def _known(
 def _read_masks(path: Path, n: int) -> Sequence[NDArray[Any]]:
     """Read a mask for each of n images: its pages or frames, or its only one for all."""
     from cvtimg.pictures import is_animated, read_frames, read_pages
+    from cvtimg.pictures.formats.selection import Selection, selected, selecting
 
-    masks = read_frames(path).images if is_animated(path) else read_pages(path).images
+    with selecting(Selection()):
+        masks = read_frames(path).images if is_animated(path) else read_pages(path).images
+    page = selected().page
+    if page is not None and 1 < page <= len(masks):
+        masks = masks[page - 1 : page]
     if len(masks) not in (1, n):
         wanted = "1" if n == 1 else f"1 or {n}"
         raise ValueError(f"needs a mask of {wanted} pages or frames, and {path} has {len(masks)}")

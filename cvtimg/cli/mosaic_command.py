@@ -56,6 +56,7 @@ def mosaic(
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
+    reading: options.InputOptions,
     common: options.BatchOptions,
 ) -> int:
     """Compose images of N tiles, each of one color.
@@ -72,7 +73,7 @@ def mosaic(
     plan = plan_each(inputs, find_images, {"-o": output or ("{}.png" if out_dir else "{}-mosaic.png")}, out_dir=out_dir)
     making = {"n_cells": tiles, "shape": shape, "space": space, "palette": colors, "effort": effort}
     work = partial(_mosaic, making=making, drawing={"outline": outline, "scale": scale, "overwrite": common.overwrite})
-    return run_plan(plan, work, COLUMNS, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    return run_plan(plan, reading.chosen(work), COLUMNS, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _mosaic(task: Task, stopwatch: Stopwatch, *, making: Mapping[str, Any], drawing: Mapping[str, Any]) -> Row:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from string import hexdigits
 from typing import Annotated, Any, Literal, TypeAlias
@@ -159,6 +160,40 @@ MaxPixels = Annotated[
         help="Refuse larger images, for safety; 178956970 by default, no limit for images read in tiles.",
     ),
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class InputOptions:
+    """What to read of files that hold more than an image."""
+
+    page: Annotated[
+        int | None,
+        Option(
+            "--page", metavar="N", parser=whole_number(1, 1 << 31), help="Read only page N of files of several pages."
+        ),
+    ] = None
+    channel_axis: Annotated[
+        int | None,
+        Option(
+            "--channel-axis",
+            metavar="AXIS",
+            parser=whole_number(0, 2),
+            help="Axis of the bands in .npy arrays: 0 for (bands, height, width).",
+        ),
+    ] = None
+
+    def chosen(self, work: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that reads what is chosen."""
+        given = self.page is not None or self.channel_axis is not None
+        return partial(_chosen, work=work, page=self.page, channel_axis=self.channel_axis) if given else work
+
+
+def _chosen(*arguments: Any, work: Callable[..., Any], page: int | None, channel_axis: int | None) -> Any:
+    from cvtimg.pictures.formats.selection import Selection, selecting
+
+    with selecting(Selection(page, channel_axis)):
+        return work(*arguments)
+
 
 # The method
 

@@ -25,7 +25,7 @@ __all__ = ["has_pages", "quantize_pages", "read_whole", "segment_pages"]
 
 def has_pages(header: ImageInfo) -> bool:
     """Return whether a file has several pages; frames of an animation are none."""
-    return header.format == "TIFF" and header.frames > 1
+    return header.format in ("TIFF", "FITS") and header.frames > 1
 
 
 def read_whole(source: Path) -> NDArray[Any]:

@@ -51,6 +51,7 @@ def palette(
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
+    reading: options.InputOptions,
     common: options.BatchOptions,
 ) -> int:
     """Print the palette of images, and the share of the pixels that has each color.
@@ -65,7 +66,7 @@ def palette(
     plan = plan_each(inputs, find_images, {"--save-palette": save_palette})
     report = _Palettes((), as_json=common.as_json, quiet=common.quiet)
     work = partial(_palette, n_colors=colors, overwrite=common.overwrite)
-    return run_plan(plan, work, report, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    return run_plan(plan, reading.chosen(work), report, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _palette(task: Task, stopwatch: Stopwatch, *, n_colors: int | None, overwrite: bool) -> Row:

@@ -68,6 +68,7 @@ def quantize(
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
+    reading: options.InputOptions,
     engine: options.EngineOptions,
     common: options.BatchOptions,
 ) -> int:
@@ -134,7 +135,7 @@ def quantize(
         running = common.running(skip_existing=skip_existing, in_place=in_place)
         find = partial(_palette_of_all, how=how)
         count = partial(count_known, depth=depth, mask=mask, nodata=nodata, max_pixels=max_pixels)
-        shared = share(plan, find, count, running=running)
+        shared = share(plan, find, reading.chosen(count), running=running)
         how = replace(how, search={}, colors={"palette": shared})
         if save_palette and shared is not None:
             write_palette(save_palette, shared, overwrite=running.overwrite or skip_existing)
@@ -143,7 +144,7 @@ def quantize(
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
     return run_plan(
         plan,
-        work,
+        reading.chosen(work),
         columns,
         common,
         max_pixels=max_pixels,

@@ -261,6 +261,7 @@ def segment(
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
+    reading: options.InputOptions,
     common: options.BatchOptions,
 ) -> int:
     """Divide images into N segments of similar color.
@@ -328,7 +329,7 @@ def segment(
     plan = plan_each(inputs, find_images, outputs, out_dir=out_dir, also_read=[mask])
     columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" and not hierarchy else COLUMNS
     work = partial(_segment, how=how, style=style, overwrite=common.overwrite, max_pixels=max_pixels)
-    return run_plan(plan, work, columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    return run_plan(plan, reading.chosen(work), columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _exclude(option: str, **others: Any) -> None:

@@ -116,6 +116,7 @@ def stipple(
     skip_existing: options.SkipExisting = False,
     max_pixels: options.MaxPixels = None,
     *,
+    reading: options.InputOptions,
     common: options.BatchOptions,
 ) -> int:
     """Reproduce the tones of images by N dots.
@@ -147,7 +148,7 @@ def stipple(
     stippling |= {"n_dots": dot_count, "layers": layers, "invert": invert}
     drawing = {"width": width, "marks": marks, "pen_width": pen_width, "tour": order == "tour"}
     work = partial(_stipple, how=StippleOptions(stippling, drawing, common.overwrite))
-    return run_plan(plan, work, COLUMNS, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    return run_plan(plan, reading.chosen(work), COLUMNS, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
 
 def _stipple(task: Task, stopwatch: Stopwatch, *, how: StippleOptions) -> Row:

@@ -6,12 +6,14 @@ for animations, `pages` for multi-page files and `tiles` for images larger than 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import with_mark
 from cvtimg.files.finding import find_images
@@ -21,6 +23,7 @@ from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suf
 from cvtimg.pictures.formats.header import ImageInfo, read_header
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
 from cvtimg.pictures.formats.opening import Source, reading
+from cvtimg.pictures.formats.selection import selected, selecting
 
 __all__ = [
     "ImageInfo",
@@ -37,7 +40,9 @@ __all__ = [
 ]
 
 
-def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
+def read_image(
+    source: Source, *, page: int | None = None, channel_axis: int | None = None, keep_profile: bool = False
+) -> NDArray[Any]:
     """Read an image as an upright sRGB array.
 
     Parameters
@@ -46,6 +51,11 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
         Any raster format that Pillow reads (PNG, JPEG, TIFF, WebP, GIF, BMP, AVIF and others), TIFF with any sample
         type and number of bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Only the first
         frame of an animation is read. Use `read_frames` for animations and `read_pages` for multi-page files.
+    page : int, optional
+        Page to read, from 1, of a file of several pages or planes.
+    channel_axis : int, optional
+        Axis of the bands in a .npy array of three axes. By default the last; an array that is longer along the last
+        axis than along another is refused, unless this says which.
     keep_profile : bool
         Do not convert colors with an RGB profile, such as Display P3, to sRGB. Write the result with the metadata from
         ``read_metadata(source, keep_profile=True)``.
@@ -61,8 +71,8 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
     Raises
     ------
     OSError
-        If the file cannot be read or has several pages; `FileNotFoundError`, `IsADirectoryError` or
-        `PermissionError` where they apply.
+        If the file cannot be read, or has several pages and `page` chooses none; `FileNotFoundError`,
+        `IsADirectoryError` or `PermissionError` where they apply.
 
     Notes
     -----
@@ -81,7 +91,12 @@ def read_image(source: Source, *, keep_profile: bool = False) -> NDArray[Any]:
     ...     read_image(f"{folder}/a.png").shape
     (2, 3, 3)
     """
-    with reading(source) as file:
+    chosen = selected()
+    if page is not None:
+        chosen = replace(chosen, page=check_at_least("page", page, 1, "the first"))
+    if channel_axis is not None:
+        chosen = replace(chosen, channel_axis=range(3)[channel_axis])
+    with selecting(chosen), reading(source) as file:
         image = decode(file, keep_profile=keep_profile)
         if image.shape[2:] != (4,):
             return image

@@ -95,7 +95,8 @@ def read_pages(path: StrPath) -> Pages:
     Parameters
     ----------
     path : str or path-like
-        A multi-page TIFF: plain, ImageJ or OME. Any other image is read as one page.
+        A multi-page TIFF: plain, ImageJ or OME; or a FITS cube, whose planes are pages. Any other image is read as one
+        page.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from PIL import Image
 
 from cvtimg import read_image, write_image
 from cvtimg.cli.app import main
-from cvtimg.pictures import encode_image, image_info, read_metadata
+from cvtimg.pictures import encode_image, image_info, read_metadata, read_pages, write_pages
 
 RNG = np.random.default_rng(6)
 RGB = RNG.integers(0, 256, (5, 7, 3), np.uint8)
@@ -73,6 +73,31 @@ def test_bytes_that_are_no_image_are_named_with_the_reason(source: Any, reason: 
         read_image(source)
 
 
+def test_a_page_can_be_read_alone(tmp_path: Path) -> None:
+    pages = np.arange(3 * 5 * 7, dtype=np.uint16).reshape(3, 5, 7)
+    write_pages(tmp_path / "a.tif", pages)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif", page=3), pages[2])
+    with pytest.raises(OSError, match="has 3 pages, and no page 4"):
+        read_image(tmp_path / "a.tif", page=4)
+    with pytest.raises(ValueError, match="page=0 must be an integer >= 1"):
+        read_image(tmp_path / "a.tif", page=0)
+    write_image(tmp_path / "b.png", pages[0])
+    np.testing.assert_array_equal(read_image(tmp_path / "b.png", page=1), pages[0])
+
+
+def test_bands_of_an_array_lie_along_a_given_axis_or_surely_the_last(tmp_path: Path) -> None:
+    planes = np.arange(3 * 9 * 8, dtype=np.uint8).reshape(3, 9, 8)
+    np.save(tmp_path / "a.npy", planes)
+    for axis in (0, -3):
+        np.testing.assert_array_equal(read_image(tmp_path / "a.npy", channel_axis=axis), planes.transpose(1, 2, 0))
+    assert read_image(tmp_path / "a.npy", channel_axis=2).shape == (3, 9, 8)
+    with pytest.raises(OSError, match=r"shape \(3, 9, 8\), whose bands could lie along the first or the last axis"):
+        read_image(tmp_path / "a.npy")
+    for shape in ((9, 8, 7), (2, 2, 4), (9, 8)):
+        np.save(tmp_path / "b.npy", np.zeros(shape))
+        assert read_image(tmp_path / "b.npy").shape == shape
+
+
 @pytest.mark.parametrize(("dtype", "zero"), [(np.int16, 0), (np.uint16, 32768), (np.float32, 0), (np.uint8, 0)])
 def test_fits_is_read_with_its_zero_point_its_sign_and_upright(tmp_path: Path, dtype: type, zero: int) -> None:
     fits = pytest.importorskip("astropy.io.fits")
@@ -97,8 +122,12 @@ def test_fits_without_astropy_says_what_it_needs(tmp_path: Path, monkeypatch: py
 def test_a_fits_cube_is_not_taken_for_one_image(tmp_path: Path) -> None:
     fits = pytest.importorskip("astropy.io.fits")
     fits.PrimaryHDU(np.zeros((3, 5, 7), np.int16)).writeto(tmp_path / "a.fits")
-    with pytest.raises(OSError, match=r"holds an array of shape \(3, 5, 7\), where one image is expected"):
+    with pytest.raises(OSError, match="has 3 planes, where one image is expected; --page N chooses one"):
         read_image(tmp_path / "a.fits")
+    planes = np.arange(105, dtype=np.int16).reshape(3, 5, 7)
+    fits.PrimaryHDU(planes).writeto(tmp_path / "b.fits")
+    np.testing.assert_array_equal(read_image(tmp_path / "b.fits", page=2), planes[1, ::-1])
+    np.testing.assert_array_equal(read_pages(tmp_path / "b.fits").images, planes[:, ::-1])
 
 
 def test_avif_is_near_and_not_taken_for_lossless(tmp_path: Path) -> None:

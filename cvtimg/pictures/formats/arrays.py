@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+from cvtimg.pictures.formats.selection import selected
 
 __all__ = ["NPY_MAGIC", "as_samples", "decode_npy", "npy_header", "upright"]
 
 NPY_MAGIC = b"\x93NUMPY"
+#: A last axis of at most this length holds bands, however small the image is.
+_FEW_BANDS = 4
 
 
 def as_samples(values: NDArray[Any]) -> NDArray[Any]:
@@ -53,7 +56,16 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 
 def _checked(values: NDArray[Any]) -> NDArray[Any]:
+    """Check that an array is an image, and move its bands to the last axis."""
+    shape, axis = values.shape, selected().channel_axis
     if values.ndim not in (2, 3) or values.size == 0:
-        raise UnfitContentError(f"holds an array of shape {values.shape}; an image must be (H, W) or (H, W, C)")
+        raise UnfitContentError(f"holds an array of shape {shape}; an image must be (H, W) or (H, W, C)")
+    if values.ndim == 3 and axis is not None:
+        values = np.moveaxis(values, axis, -1)
+    elif values.ndim == 3 and shape[2] > _FEW_BANDS and shape[2] > min(shape[:2]):
+        raise UnfitContentError(
+            f"holds an array of shape {shape}, whose bands could lie along the first or the last axis: "
+            "say which by --channel-axis 0 or 2 (channel_axis in Python)"
+        )
     check_size(values.shape[0] * values.shape[1])
     return values

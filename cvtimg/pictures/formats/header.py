@@ -10,9 +10,10 @@ from PIL import ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
-from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_fits
+from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_planes
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation
+from cvtimg.pictures.formats.selection import selected
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -72,15 +73,20 @@ class ImageInfo:
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
-    """Read the header of an open file, as `image_info` does."""
+    """Read the header of an open file, as `image_info` does; a page that is chosen is alone."""
+    header = _read(file)
+    return header if selected().page is None else replace(header, frames=1)
+
+
+def _read(file: BinaryIO) -> ImageInfo:
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
         shape, dtype = npy_header(file)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
     if magic.startswith(FITS_MAGIC):
-        values = decode_fits(file)
-        return replace(_of_array(values.shape, 1, values.dtype), format="FITS")
+        planes = decode_planes(file)
+        return replace(_of_array(planes.shape[1:], 1, planes.dtype), format="FITS", frames=len(planes))
     try:
         image = open_picture(file)
     except UnidentifiedImageError:

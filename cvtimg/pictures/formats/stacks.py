@@ -13,6 +13,7 @@ from PIL import Image
 
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
+from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_planes
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, open_picture
 from cvtimg.pictures.formats.tiff import (
     Layout,
@@ -53,8 +54,13 @@ class Stack(NamedTuple):
 
 def decode_stack(file: BinaryIO) -> Stack:
     """Read all pages; files of other formats are read as one page."""
+    file.seek(0)
+    if file.read(len(FITS_MAGIC)) == FITS_MAGIC:
+        planes = decode_planes(file)
+        return Stack(list(planes), "Q", (len(planes),), "", {}, False)
     size = count_pages(file)
     if size == 1:
+        file.seek(0)
         return Stack([decode(file)], "Q", (1,), "", {}, False)
     import tifffile
 

@@ -1,0 +1,92 @@
+"""--page and --channel-axis, and standard input that is cut short or declares too much."""
+
+from __future__ import annotations
+
+import io
+import struct
+import sys
+import zlib
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import tifffile
+
+from cvtimg import quantize, read_image, segment
+from cvtimg.cli import app as cli
+from cvtimg.pictures import encode_image, image_info
+
+PAGES = np.random.default_rng(5).integers(0, 4000, (3, 24, 32), np.uint16)
+
+
+@pytest.fixture(autouse=True)
+def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_commands_read_one_page(capsys: pytest.CaptureFixture[str]) -> None:
+    tifffile.imwrite("a.tif", PAGES, photometric="minisblack")
+    tifffile.imwrite("masks.tif", (PAGES > 1000).astype(np.uint8), photometric="minisblack")
+    assert cli.main(["quantize", "a.tif", "-k", "4", "--page", "2", "-o", "out.png"]) == 0
+    np.testing.assert_array_equal(read_image("out.png"), quantize(PAGES[1], 4).image)
+    assert cli.main(["segment", "a.tif", "-k", "3", "--page", "3", "--mask", "masks.tif", "-o", "labels.npy"]) == 0
+    np.testing.assert_array_equal(np.load("labels.npy"), segment(PAGES[2], 3, mask=PAGES[2] > 1000).labels)
+    assert cli.main(["mosaic", "a.tif", "-n", "5", "--page", "1", "-o", "tiles.png"]) == 0
+    assert image_info("tiles.png").width == 32
+    capsys.readouterr()
+    assert cli.main(["quantize", "a.tif", "-k", "4", "--page", "4", "-o", "none.png"]) == 1
+    assert capsys.readouterr().err == "cvtimg: a.tif: has 3 pages, and no page 4\n"
+
+
+def test_the_bands_of_an_array_are_where_the_option_says(capsys: pytest.CaptureFixture[str]) -> None:
+    np.save("a.npy", PAGES)
+    assert cli.main(["quantize", "a.npy", "-k", "4", "-o", "out.npy"]) == 1
+    assert "say which by --channel-axis 0 or 2" in capsys.readouterr().err
+    assert cli.main(["quantize", "a.npy", "-k", "4", "--channel-axis", "0", "-o", "out.npy"]) == 0
+    expected = quantize(PAGES.transpose(1, 2, 0), 4).image
+    np.testing.assert_array_equal(np.load("out.npy"), expected)
+
+
+def huge_png() -> bytes:
+    header = b"IHDR" + struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header))
+
+
+COMMANDS = {
+    "quantize": ["-k", "4"],
+    "segment": ["-k", "3"],
+    "stipple": ["-n", "20"],
+    "mosaic": ["-n", "5"],
+    "restore": ["-k", "3"],
+    "palette": [],
+    "info": [],
+}
+WHOLE = encode_image(".png", PAGES[0].astype(np.uint8))
+BAD = {"cut short": WHOLE[: len(WHOLE) // 2], "huge": huge_png(), "empty": b"", "text": b"not an image"}
+
+
+@pytest.mark.parametrize("content", BAD)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_bad_standard_input_is_one_line_and_no_output(
+    command: str, content: str, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(BAD[content])))
+    output = [] if command in ("palette", "info") else ["-o", "-"]
+    assert cli.main([command, "-", *COMMANDS[command], *output]) == 1
+    out, err = capfdbinary.readouterr()
+    assert out == b""
+    assert err.startswith(b"cvtimg: -: ")
+    assert err.count(b"\n") == 1
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.parametrize("command", ["quantize", "segment", "stipple", "mosaic", "restore"])
+def test_one_picture_goes_through_pipes(
+    command: str, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(WHOLE)))
+    assert cli.main([command, "-", *COMMANDS[command], "-o", "-"]) == 0
+    out, err = capfdbinary.readouterr()
+    assert (out[:4], err) == (b"\x89PNG", b"")
+    assert image_info(out).format == "PNG"
