@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
+from cvtimg._shared.pixels import array_of
 from cvtimg.colors.spaces import peak, to_space
 
 Floats32 = NDArray[np.float32]
@@ -69,7 +70,7 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
 def _as_samples(image: Any) -> NDArray[Any]:
     """Return (H, W, C) samples of uint8, uint16, or floating point in 0..1."""
     plain = np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image
-    samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(np.asarray(plain)))
+    samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(array_of(plain)))
     if samples.dtype.kind == "f":
         check_within("image", samples, 0, 1, ", as floating point samples")
     return samples.reshape(*samples.shape[:2], -1)

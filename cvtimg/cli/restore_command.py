@@ -122,6 +122,15 @@ Channels = Annotated[
 Detail = Annotated[
     bool, Option("--detail", help="Restore texture too, patch by patch; for photographs, and to denoise a single one.")
 ]
+Seed = Annotated[
+    int,
+    Option(
+        "--seed",
+        metavar="N",
+        parser=options.whole_number(0, 2**63 - 1),
+        help="With --detail: seed of the random number generator. Nothing else is random.",
+    ),
+]
 Labels = Annotated[
     Path | None, Option(metavar="FILE", help="Write the segment of each pixel, from 1: .png, .tif or .npy.")
 ]
@@ -137,6 +146,7 @@ class Versions(NamedTuple):
     masks: list[NDArray[np.bool_]] | None
     names: list[str]
     mask_names: list[str]
+    alpha: bool | None  # False: no version has any
 
 
 def restore(
@@ -157,7 +167,7 @@ def restore(
     volume_power: options.VolumePower = 0,
     space: options.Space = "rgb",
     effort: options.Effort = "balanced",
-    seed: options.Seed = 0,
+    seed: Seed = 0,
     labels: Labels = None,
     sheet: Sheet = None,
     max_pixels: options.MaxPixels = None,
@@ -203,7 +213,7 @@ def restore(
 
 def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     """Read all versions and masks, and report all that cannot be read."""
-    from cvtimg.pictures import read_pages
+    from cvtimg.pictures import image_info, read_pages
 
     failed: Missing = []
     names: list[str] = []
@@ -222,7 +232,8 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     images, known = read(sources), [_known(mask) for mask in read(masks)]
     if failed:
         raise InputsFailedError(failed)
-    return Versions(images, known or None, names[: len(images)], names[len(images) :])
+    alpha = None if any(image_info(path).has_alpha for path in sources) else False
+    return Versions(images, known or None, names[: len(images)], names[len(images) :], alpha)
 
 
 def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:
@@ -243,7 +254,7 @@ def _restore(
     read = _read(task.sources, masks)
     stopwatch.lap("read")
     try:
-        result = restore(read.images, masks=read.masks, **how)
+        result = restore(read.images, masks=read.masks, alpha=read.alpha, **how)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
@@ -303,7 +314,7 @@ def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.versions import stack_versions
 
-    stack = stack_versions(read.images, read.masks, how["nodata"], channels=how["channels"])
+    stack = stack_versions(read.images, read.masks, how["nodata"], channels=how["channels"], alpha=read.alpha)
     panels = []
     for number, name in enumerate(read.names):
         values, known = stack.bands(number), stack.known[:, :, number]

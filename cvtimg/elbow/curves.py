@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
     raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
@@ -274,5 +275,5 @@ def _points(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[
 
 
 def _is_image(samples: Any) -> bool:
-    array = np.asarray(samples)
+    array = array_of(samples)
     return array.ndim == 3 or hasattr(samples, "getbands") or array.dtype in (np.uint8, np.uint16)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import refuse
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import says_alpha
+from cvtimg._shared.pixels import array_of, says_alpha
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.colors.places import widen_samples, without_idle_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
@@ -82,9 +82,9 @@ def count_picture(
     image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
     alpha = says_alpha(image)
     if depth:
-        image = to_depth(np.asarray(image), np.dtype(f"uint{depth}"))
+        image = to_depth(array_of(image), np.dtype(f"uint{depth}"))
     if alpha:
-        seen = without_idle_alpha(np.asarray(image))
+        seen = without_idle_alpha(array_of(image))
         image, alpha = seen, seen.shape[2] in (2, 4)
     samples = color_samples(image, alpha=alpha, mask=mask)
     return replace(samples, inverse=np.empty((0, 0), np.int32), inside=None)

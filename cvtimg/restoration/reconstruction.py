@@ -41,6 +41,7 @@ def restore(
     *,
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
+    alpha: bool | None = None,
     weights: ArrayLike | None = None,
     align: bool = False,
     channels: bool = False,
@@ -62,9 +63,8 @@ def restore(
     Parameters
     ----------
     images : sequence of (H, W) or (H, W, C) arrays, or Pillow images
-        The versions, all of one size: uint8, uint16 or floating point. Unknown pixels are NaN, masked in a masked
-        array, have alpha 0 (of two or four channels the last is alpha), or are given by `masks` or `nodata`. A single
-        version is denoised.
+        The versions, all of one size, of any integer or floating point type. Unknown pixels are NaN, masked in a
+        masked array, have alpha 0, or are given by `masks` or `nodata`. A single version is denoised.
     n_generators : int or "auto"
         Initial number of segments K; with `detail`, of kinds of patches, which matters little. "auto" takes the elbow
         of the energy of the versions fused and blurred, up to 32, where painted-over parts may count as a color of
@@ -73,6 +73,8 @@ def restore(
         Known pixels of each version: those where its mask is True or not 0. None means all pixels.
     nodata : float, optional
         Pixels with this value in all bands are unknown.
+    alpha : bool, optional
+        Whether the last channel of versions of two or four channels is alpha; False makes it a band. By default it is.
     weights : (S,) array, optional
         Weight of each version, > 0; by default the inverse variance of its noise, which is estimated.
     align : bool
@@ -155,7 +157,7 @@ def restore(
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
     average = as_averaging(averaging)
     check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
-    given = stack_versions(images, masks, nodata, space, channels=channels)
+    given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
     noise = noise_of(given)  # before any interpolation, which smooths it
     trust = trust_in(given, weights, noise)
     placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))

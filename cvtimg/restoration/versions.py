@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import peak, to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
@@ -106,10 +107,11 @@ def stack_versions(
     space: SpaceName = "rgb",
     *,
     channels: bool = False,
+    alpha: bool | None = None,
 ) -> Versions:
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
     check_that("images", len(images) > 0, "have at least one version")
-    read = [_read(number, image, nodata) for number, image in enumerate(images)]
+    read = [_read(number, image, nodata, alpha) for number, image in enumerate(images)]
     check_same("size", [known.shape for _, known in read])
     if not channels:
         check_same("bands", [values.shape[2] for values, _ in read])
@@ -120,14 +122,14 @@ def stack_versions(
     placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)
-    grey = np.ndim(images[0]) == 2
+    grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
     return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey, white)
 
 
-def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """(H, W, C) values of a version, and where they are known by its own mask, NaN, alpha and nodata."""
-    array = np.asarray(image)
+    array = array_of(image)
     known: NDArray[np.bool_] = np.ones(array.shape[:2], np.bool_)
     if isinstance(image, np.ma.MaskedArray) and array.ndim in (2, 3):
         known &= ~np.ma.getmaskarray(image).reshape(*known.shape, -1).any(axis=2)
@@ -137,7 +139,7 @@ def _read(number: int, image: Any, nodata: float | None) -> tuple[NDArray[Any], 
         array = np.where(np.isnan(array), array.dtype.type(0), array)
     checked = check_image(f"images[{number}]", array)
     values = checked.reshape(*known.shape, -1)
-    if has_alpha(values.shape[2]):
+    if alpha is not False and has_alpha(values.shape[2]):
         known &= values[:, :, -1] > 0
         values = values[:, :, :-1]
     if nodata is not None:

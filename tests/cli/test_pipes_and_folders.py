@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -207,6 +208,28 @@ def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pyte
     assert names(".") == ["a.png"]
     Image.fromarray(RGB).save("photo.jpg")
     assert cli.main(["quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet"]) == 1
+
+
+def test_a_kill_in_place_leaves_each_file_whole(here: Path) -> None:
+    Path("a.png").unlink()
+    sources = [Path(f"{number}.png") for number in range(9)]
+    after = {}
+    for number, path in enumerate(sources):
+        write_image(path, np.roll(RGB, number, axis=0))
+        quantize(np.roll(RGB, number, axis=0), 4).save("after.png", overwrite=True)
+        after[path] = read_image("after.png")
+    Path("after.png").unlink()
+    before = {path: path.read_bytes() for path in sources}
+    command = [sys.executable, "-m", "cvtimg", "quantize", *map(str, sources), "-k", "4", "--in-place", "-j", "1"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+        while process.poll() is None and sources[0].read_bytes() == before[sources[0]]:
+            time.sleep(0.001)
+        process.kill()
+    for path in sources:
+        if path.read_bytes() != before[path]:
+            np.testing.assert_array_equal(read_image(path), after[path])
+    assert cli.main(["quantize", *map(str, sources), "-k", "4", "--in-place", "--quiet"]) == 0
+    assert names(".") == [str(path) for path in sources]
 
 
 def test_outputs_that_are_no_smaller_are_not_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

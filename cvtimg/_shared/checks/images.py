@@ -87,7 +87,7 @@ def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
 
 def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDArray[Any]:
     """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
-    array = np.asarray(image)
+    array = array_of(image)
     alike = array.shape[:2] == labels.shape
     check_shape(name, array.shape, alike, f"{labels.shape}, as the labels, with channels or none")
     if array.dtype.kind == "f":
@@ -101,7 +101,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
 
     Pixels that are masked in any band of a masked array are outside.
     """
-    array = np.asarray(image)
+    array = array_of(image)
     finite = np.isfinite(array) if array.dtype.kind == "f" else np.True_
     if isinstance(image, np.ma.MaskedArray):
         finite = finite & ~np.ma.getmaskarray(image)
@@ -117,7 +117,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
 
 def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
     """Return the density of a picture as an (H, W) float32 array: finite, >= 0 and not all 0."""
-    array = np.asarray(density)
+    array = array_of(density)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     check_numbers(name, array.dtype)
     with np.errstate(over="ignore"):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks.values import check_that, refuse_path, refuse_type
+from cvtimg._shared.pixels import array_of
 
 #: Types of samples that the kernels read.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
@@ -62,7 +63,7 @@ def check_returned(name: str, values: NDArray[Any], n_points: int) -> None:
 def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
     """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
     refuse_path(name, rows)
-    array = np.asarray(rows)
+    array = array_of(rows)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(N, D) with N, D >= 1")
     return as_samples(name, array)
 
