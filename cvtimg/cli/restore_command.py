@@ -128,7 +128,7 @@ Seed = Annotated[
         "--seed",
         metavar="N",
         parser=options.whole_number(0, 2**63 - 1),
-        help="With --detail: seed of the random number generator. Nothing else is random.",
+        help="With --detail, in images of over 65536 pixels: seed of the random sample of patches.",
     ),
 ]
 Labels = Annotated[
