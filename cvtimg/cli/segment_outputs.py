@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
 
-_PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy")
+_AVIF = (".avif",) if find_spec("PIL._avif") else ()
+_PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
 #: Kinds of output and their suffixes, the default first.
 KINDS = {
     "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
