@@ -24,6 +24,7 @@ from cvtimg.pictures.formats.header import ImageInfo, read_header
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
 from cvtimg.pictures.formats.opening import Source, reading
 from cvtimg.pictures.formats.selection import selected, selecting
+from cvtimg.pictures.formats.stacks import decode_page
 
 __all__ = [
     "ImageInfo",
@@ -97,7 +98,10 @@ def read_image(
     if channel_axis is not None:
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
     with selecting(chosen), reading(source) as file:
-        image = decode(file, keep_profile=keep_profile)
+        if chosen.page is None:
+            image = decode(file, keep_profile=keep_profile)
+        else:
+            image = decode_page(file, chosen.page)
         if image.shape[2:] != (4,):
             return image
         file.seek(0)

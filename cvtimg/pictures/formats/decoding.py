@@ -7,7 +7,6 @@ imagecodecs, which are imported on first use.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -18,7 +17,6 @@ from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
 from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_fits
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
-from cvtimg.pictures.formats.selection import selected, selecting
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
 
 __all__ = ["decode", "decode_opened", "depth", "to_srgb"]
@@ -36,9 +34,6 @@ _UPRIGHT = {
 
 def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
     """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors."""
-    page = selected().page
-    if page is not None:
-        return _decode_page(file, page)
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
@@ -62,17 +57,6 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
             return decode_deep_png(file, image, keep_profile=keep_profile)
         return decode_opened(image, keep_profile=keep_profile)
-
-
-def _decode_page(file: BinaryIO, page: int) -> NDArray[Any]:
-    """Decode one page, from 1, of a file that may have several."""
-    from cvtimg.pictures.formats.stacks import decode_stack
-
-    with selecting(replace(selected(), page=None)):
-        images = decode_stack(file).images
-    if page > len(images):
-        raise UnfitContentError(f"has {len(images)} page{'s' * (len(images) > 1)}, and no page {page}")
-    return np.ascontiguousarray(images[page - 1])
 
 
 def _check_alone(file: BinaryIO) -> None:

@@ -30,7 +30,7 @@ from cvtimg.pictures.formats.tiff import (
 if TYPE_CHECKING:
     import tifffile
 
-__all__ = ["Stack", "decode_stack", "encode_stack"]
+__all__ = ["Stack", "decode_page", "decode_stack", "encode_stack"]
 
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 #: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
@@ -84,6 +84,14 @@ def decode_stack(file: BinaryIO) -> Stack:
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
     return Stack(images, axes, shape, kind, scale, layout.alpha and images[0].ndim == 3)
+
+
+def decode_page(file: BinaryIO, page: int) -> NDArray[Any]:
+    """Decode one page, from 1, of a file that may have several."""
+    images = decode_stack(file).images
+    if page > len(images):
+        raise UnfitContentError(f"has {len(images)} page{'s' * (len(images) > 1)}, and no page {page}")
+    return np.ascontiguousarray(images[page - 1])
 
 
 def _series(tiff: tifffile.TiffFile) -> tuple[str, NDArray[Any]]:
