@@ -98,10 +98,8 @@ def read_image(
     if channel_axis is not None:
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
     with selecting(chosen), reading(source) as file:
-        if chosen.page is None:
-            image = decode(file, keep_profile=keep_profile)
-        else:
-            image = decode_page(file, chosen.page)
+        page = chosen.page
+        image = decode(file, keep_profile=keep_profile) if page is None else decode_page(file, page)
         if image.shape[2:] != (4,):
             return image
         file.seek(0)
