@@ -128,7 +128,7 @@ Seed = Annotated[
         "--seed",
         metavar="N",
         parser=options.whole_number(0, 2**63 - 1),
-        help="With --detail, in images of over 65536 pixels: seed of the random sample of patches.",
+        help="With --detail: seed of the sample of patches that large images are learned from.",
     ),
 ]
 Labels = Annotated[
