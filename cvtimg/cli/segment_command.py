@@ -36,7 +36,7 @@ EXAMPLES = """Examples:
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k auto --edges edges.png
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
-  cvtimg segment photo.jpg -k auto --hierarchy --overlay regions.png --cuts cuts.png --tree photo.npz
+  cvtimg segment photo.jpg --hierarchy --overlay regions.png --cuts cuts.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
@@ -54,7 +54,7 @@ Number = Annotated[
         "-k",
         metavar="N|auto",
         parser=options.or_auto(options.whole_number(1, options.MAX_COLORS)),
-        help="Number of segments; auto picks it at the elbow of the energy.",
+        help="Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
     ),
 ]
 Labels = Annotated[
@@ -149,11 +149,11 @@ Volume = Annotated[
     bool, Option("--volume", help="Use the same segments in all pages of a file, not in each page its own.")
 ]
 Hierarchy = Annotated[
-    bool, Option("--hierarchy", help="Divide into N connected regions, as people see them; auto: by --threshold.")
+    bool, Option("--hierarchy", help="Divide into connected regions, as people see them; -k is optional.")
 ]
 Threshold = Annotated[
     float | None,
-    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy -k auto: keep regions apart that differ by more."),
+    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy, in place of -k: keep regions apart that differ by more."),
 ]
 Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
 Strengths = Annotated[
@@ -216,7 +216,7 @@ class SegmentOptions:
 
 def segment(
     inputs: options.Images,
-    number: Number,
+    number: Number = None,
     output: Labels = None,
     out_dir: OutDir = None,
     write: Write = "",
@@ -287,8 +287,12 @@ def segment(
             objects=objects,
         )
         _exclude("--volume", edge_weight=edge_weight, averaging=averaging != "none")
+    if number is None:
+        if not hierarchy:
+            raise WrongUsageError("-k is needed without --hierarchy: a number of segments, or auto")
+        number = "auto"
     if threshold is not None and not (hierarchy and number == "auto"):
-        raise WrongUsageError("--threshold needs --hierarchy and -k auto")
+        raise WrongUsageError("--threshold needs --hierarchy, and excludes -k N")
     if hierarchy:
         _exclude("--hierarchy", superpixels=superpixels, components=components, min_size=min_size, objects=objects)
         _exclude("--hierarchy", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)

@@ -104,13 +104,20 @@ class Subject:
         image = self.image if self.style.subpixel else None
         return find_contours(self.labels, image, tolerance=self.style.simplify)
 
+    def place(self, nodata: float | None = None) -> Metadata | None:
+        """Return the georeference of a GeoTIFF, with a value for no data; None for other images."""
+        from cvtimg.pictures import Metadata, read_metadata
+
+        geo = read_metadata(self.source).geo if self.header.geo_transform else None
+        return Metadata(geo=geo, nodata=nodata) if geo else None
+
     def write(self, outputs: Mapping[str, Path]) -> None:
         """Write what was asked for, by option."""
         from cvtimg.cli import hierarchies
 
         for option, path in outputs.items():
             if self.hierarchy and kind_of(option) in HIERARCHY_KINDS:
-                hierarchies.WRITERS[kind_of(option)](self.hierarchy, self.image, path, self.overwrite)
+                hierarchies.WRITERS[kind_of(option)](self.hierarchy, self, path)
             else:
                 _WRITERS[kind_of(option)](self, path)
 
@@ -118,15 +125,7 @@ class Subject:
 def _write_labels(subject: Subject, path: Path) -> None:
     from cvtimg.labels.files import write_labels
 
-    write_labels(path, subject.labels, metadata=_place(subject, nodata=0), overwrite=subject.overwrite)
-
-
-def _place(subject: Subject, nodata: float | None = None) -> Metadata | None:
-    """Return the georeference and the nodata value of a GeoTIFF, or None for other images."""
-    from cvtimg.pictures import Metadata, read_metadata
-
-    geo = read_metadata(subject.source).geo if subject.header.geo_transform else None
-    return Metadata(geo=geo, nodata=nodata) if geo else None
+    write_labels(path, subject.labels, metadata=subject.place(nodata=0), overwrite=subject.overwrite)
 
 
 def _write_mean(subject: Subject, path: Path) -> None:
@@ -134,7 +133,7 @@ def _write_mean(subject: Subject, path: Path) -> None:
     from cvtimg.cli.sample_types import as_stored
 
     mean, _ = as_stored(_mean_picture(subject.image, subject.labels), path)
-    write_image(path, mean, alpha=False, metadata=_place(subject), overwrite=subject.overwrite)
+    write_image(path, mean, alpha=False, metadata=subject.place(), overwrite=subject.overwrite)
 
 
 def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
@@ -153,7 +152,7 @@ def _write_edges(subject: Subject, path: Path) -> None:
     from cvtimg import find_edges, write_image
 
     edges = find_edges(subject.labels, mode=subject.style.edge_mode, ignore=subject.style.ignore)
-    write_image(path, edges, overwrite=subject.overwrite)
+    write_image(path, edges, metadata=subject.place(), overwrite=subject.overwrite)
 
 
 def _without_fourth(image: NDArray[Any]) -> NDArray[Any]:
@@ -170,7 +169,7 @@ def _write_overlay(subject: Subject, path: Path) -> None:
     drawn = draw_edges(
         _without_fourth(subject.image), subject.labels, color=color, thickness=thickness, ignore=style.ignore
     )
-    write_image(path, drawn, overwrite=subject.overwrite)
+    write_image(path, drawn, metadata=subject.place(), overwrite=subject.overwrite)
 
 
 def _write_contours(subject: Subject, path: Path) -> None:

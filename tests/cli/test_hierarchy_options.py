@@ -45,16 +45,19 @@ def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], capsys: pyt
 
 def test_auto_cuts_at_the_threshold(small: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
     hierarchy = segment_hierarchy(small)
-    assert run(capsys, "-k", "auto", "-o", "a.png")["k"] == hierarchy.n_regions()
-    assert run(capsys, "-k", "auto", "--threshold", "0.6", "-o", "b.png")["k"] == hierarchy.n_regions(0.6)
+    for number in (["-k", "auto"], []):
+        assert run(capsys, *number, "-o", "a.png", "--overwrite")["k"] == hierarchy.n_regions()
+        row = run(capsys, *number, "--threshold", "0.6", "-o", "b.png", "--overwrite")
+        assert row["k"] == hierarchy.n_regions(0.6)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--tree", "t.npz"], "-k is needed without --hierarchy"),
         (["-k", "3", "--tree", "t.npz"], "--tree needs --hierarchy"),
         (["-k", "3", "--write", "cuts"], "'cuts' must be one of"),
-        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold needs --hierarchy and -k auto"),
+        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold needs --hierarchy, and excludes -k N"),
         (["-k", "3", "--hierarchy", "--superpixels"], "--superpixels and --hierarchy exclude each other"),
         (["-k", "3", "--hierarchy", "--edge-weight", "2"], "--edge-weight and --hierarchy exclude each other"),
     ],

@@ -248,10 +248,13 @@ def test_labels_and_reduced_colors_of_a_geotiff_lie_where_it_does(run: Run) -> N
     tags = [(33550, "d", 3, scale), (33922, "d", 6, corner), (42113, "s", 0, "7")]
     tifffile.imwrite("geo.tif", rgb, photometric="rgb", extratags=tags)
     assert run("geo.tif", "-k", "2", "-o", "labels.tif", "--mean", "mean.tif").status == 0
+    drawn = ["--strengths", "strengths.tif", "--edges", "edges.tif", "--overlay", "overlay.tif"]
+    assert run("geo.tif", "--hierarchy", *drawn).status == 0
     assert cli.main(["quantize", "geo.tif", "-k", "3", "-o", "few.tif", "--quiet"]) == 0
     place = image_info("geo.tif").geo_transform
     assert place == (10, 0, 500_000, 0, -10, 4_600_000)
-    assert [image_info(name).geo_transform for name in ("labels.tif", "mean.tif", "few.tif")] == [place] * 3
+    for name in ("labels", "mean", "few", "strengths", "edges", "overlay"):
+        assert image_info(f"{name}.tif").geo_transform == place
     # 7 is a label like others; 0 stands for pixels that are left out.
     assert [image_info(name).nodata for name in ("labels.tif", "few.tif")] == [0, None]
 

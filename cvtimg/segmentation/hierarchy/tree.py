@@ -14,6 +14,7 @@ from cvtimg._shared.checks import check_alone, check_at_least, check_choice, che
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.segmentation.hierarchy._merging import label_pixels
 from cvtimg.segmentation.hierarchy.borders import find_borders
 from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks, on_pixels
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
@@ -143,7 +144,9 @@ class RegionHierarchy:
         nodes, leaf_labels = self._cut(self._n_regions(n_regions, threshold, min_regions))
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
-        return np.take(np.append(np.int32(0), new_label[leaf_labels]), self.leaves)  # twice as fast as an index
+        labels = np.empty_like(self.leaves)
+        label_pixels(self.leaves, np.append(np.int32(0), new_label[leaf_labels]), labels)
+        return labels
 
     def find_objects(
         self,
