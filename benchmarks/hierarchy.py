@@ -27,7 +27,7 @@ from segmentation import metrics_of
 from skimage import __version__ as skimage_version
 
 from cvtimg import read_image, segment_hierarchy
-from cvtimg.segmentation.hierarchy.tree import DEFAULT_THRESHOLD
+from cvtimg.segmentation.hierarchy.thresholds import OF_PHOTOGRAPHS
 
 PARTS = ("regions", "edges", "objects", "speed")
 SIZES = ((481, 321), (1224, 816), (4000, 3000))
@@ -127,7 +127,7 @@ def summary(scores: NDArray[np.float64], thresholds: NDArray[np.float64]) -> dic
         return f"{values[0]:.3f} / {values[1]:.3f} / {values[2]:.3f}"
 
     signs = np.array([1, -1, 1])
-    fixed = np.isclose(thresholds, DEFAULT_THRESHOLD) if thresholds.max() < 1 else np.zeros(len(thresholds), bool)
+    fixed = np.isclose(thresholds, OF_PHOTOGRAPHS) if thresholds.max() < 1 else np.zeros(len(thresholds), bool)
     return {
         "ods": text(signs * (signs * scores.mean(axis=0)).max(axis=0)),
         "ois": text((signs * (signs * scores).max(axis=1)).mean(axis=0)),

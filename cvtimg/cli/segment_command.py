@@ -153,7 +153,9 @@ Hierarchy = Annotated[
 ]
 Threshold = Annotated[
     float | None,
-    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy, in place of -k: keep regions apart that differ by more."),
+    Option(
+        metavar="T", parser=_AMOUNT, help="With --hierarchy, in place of -k: keep regions apart that differ by more."
+    ),
 ]
 Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
 Strengths = Annotated[

@@ -16,9 +16,11 @@ from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import SPACES, peak
 from cvtimg.segmentation.hierarchy.channels import find_channels
+from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
 from cvtimg.segmentation.hierarchy.scales import aligned
+from cvtimg.segmentation.hierarchy.thresholds import default_threshold
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, picture_values
 
@@ -114,6 +116,12 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
         nodes[node] = nodes[one] + nodes[other]
     sizes, sums, squares = nodes[:, 0], nodes[:, 1:-1], nodes[:, -1]
     means = sums / sizes[:, None]
+    energies = np.maximum(squares - np.einsum("nd,nd->n", sums, means), 0)
+    roots = np.setdiff1d(np.arange(len(nodes)), merges.pairs)
+    total = float(energies[roots].sum())
+    borders = leaves.borders
+    between = altitudes_between(borders.pairs, merges.pairs, merges.altitudes, n_leaves)
+    explained = 1 - float(energies[:n_leaves].sum()) / total if total > 0 else 0.0
     return RegionHierarchy(
         leaves=leaves.labels,
         merges=merges.pairs,
@@ -121,5 +129,6 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
         sizes=sizes.copy(),
         colors=values.to_picture(means + values.center) * white,
         means=means,
-        energies=np.maximum(squares - np.einsum("nd,nd->n", sums, means), 0),
+        energies=energies,
+        default_threshold=default_threshold(borders.lengths, between, explained),
     )

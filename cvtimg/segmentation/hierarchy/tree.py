@@ -20,8 +20,6 @@ from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cra
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
 
-#: Where the default cut is: found on training pictures of the Berkeley Segmentation Data Set, against human regions.
-DEFAULT_THRESHOLD = 0.5
 _FORMAT = "cvtimg region hierarchy 1"
 _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
 #: Objects differ by this part of the standard deviation of the image from their surroundings, and fill no more than
@@ -56,6 +54,10 @@ class RegionHierarchy:
         The same in the color space, about the mean of the image, in units in which white is 255.
     energies : (N + M,) float64 array
         Sum over the pixels of each node of the squared distance to its mean, in those units.
+    default_threshold : float
+        Where the tree is cut by default: at 0.5, the best single threshold on photographs that people had divided into
+        regions, or in 0.25 .. 0.5 where hardly any border of the image is so strong but regions explain most of its
+        variance, as in micrographs of many small objects.
     """
 
     leaves: NDArray[np.int32]
@@ -65,6 +67,7 @@ class RegionHierarchy:
     colors: NDArray[np.float64]
     means: NDArray[np.float64]
     energies: NDArray[np.float64]
+    default_threshold: float
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -101,9 +104,9 @@ class RegionHierarchy:
         altitudes = np.concatenate([self.altitudes, np.full(len(joins), np.inf)])
         return np.column_stack([pairs, altitudes, counts[self.n_leaves :]])
 
-    def n_regions(self, threshold: float = DEFAULT_THRESHOLD) -> int:
-        """Count the regions of the cut at a threshold."""
-        return self.n_leaves - int(np.searchsorted(self.altitudes, _checked(threshold), side="right"))
+    def n_regions(self, threshold: float | None = None) -> int:
+        """Count the regions of the cut at a threshold, by default `default_threshold`."""
+        return self.n_leaves - int(np.searchsorted(self.altitudes, self._threshold(threshold), side="right"))
 
     def cut(
         self, n_regions: int | None = None, *, threshold: float | None = None, min_regions: int = 1
@@ -115,8 +118,8 @@ class RegionHierarchy:
         n_regions : int, optional
             How many, in `n_parts` .. `n_leaves`.
         threshold : float, optional
-            Keep regions apart that differ by more than this, >= 0. By default, and without `n_regions`, 0.5: the
-            best single threshold on photographs that people had divided into regions.
+            Keep regions apart that differ by more than this, >= 0. Without `n_regions`, it is `default_threshold` by
+            default.
         min_regions : int
             With a threshold, the least number of regions.
 
@@ -244,14 +247,14 @@ class RegionHierarchy:
         draw = on_pixels if kind == "pixels" else on_cracks
         return draw(borders, between, self.leaves.shape)
 
-    def find_edges(self, threshold: float = DEFAULT_THRESHOLD) -> NDArray[np.bool_]:
+    def find_edges(self, threshold: float | None = None) -> NDArray[np.bool_]:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
 
         Parameters
         ----------
-        threshold : float
-            Keep borders that are stronger than this, >= 0. About 0.25 finds the most edges that people would draw for
-            the fewest that they would not.
+        threshold : float, optional
+            Keep borders that are stronger than this, >= 0; by default, `default_threshold`. About 0.25 finds the most
+            edges that people would draw for the fewest that they would not.
 
         Returns
         -------
@@ -268,7 +271,7 @@ class RegionHierarchy:
         """
         from skimage.morphology import thin
 
-        edges: NDArray[np.bool_] = thin(self.contour_map() > _checked(threshold))  # type: ignore[no-untyped-call]
+        edges: NDArray[np.bool_] = thin(self.contour_map() > self._threshold(threshold))  # type: ignore[no-untyped-call]
         return edges
 
     def energy_curve(self, n_max: int = CHORD_ENDS) -> EnergyCurve:
@@ -324,7 +327,7 @@ class RegionHierarchy:
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         with whole_file(path, overwrite=overwrite) as file:
-            np.savez_compressed(file, format=_FORMAT, **arrays)
+            np.savez_compressed(file, format=_FORMAT, default_threshold=self.default_threshold, **arrays)
 
     @classmethod
     def load(cls, path: StrPath) -> RegionHierarchy:
@@ -341,7 +344,7 @@ class RegionHierarchy:
             with np.load(path, allow_pickle=False) as file:
                 if str(file["format"]) != _FORMAT:
                     raise ValueError(f"format {file['format']}")
-                return cls(*(file[name] for name in _ARRAYS))
+                return cls(*(file[name] for name in _ARRAYS), default_threshold=float(file["default_threshold"]))
         except (KeyError, ValueError, TypeError, AttributeError, BadZipFile) as error:
             raise ValueError(f"{path}: is not a region hierarchy ({error})") from error
 
@@ -349,10 +352,13 @@ class RegionHierarchy:
         """Return how many regions a cut has."""
         if n_regions is None:
             least = check_count("min_regions", min_regions, self.n_leaves, "the number of leaves")
-            return max(self.n_regions(DEFAULT_THRESHOLD if threshold is None else threshold), least)
+            return max(self.n_regions(threshold), least)
         check_alone("n_regions", ["threshold"] if threshold is not None else [])
         check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
         return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
+
+    def _threshold(self, threshold: float | None) -> float:
+        return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)
 
     def _cut(self, n_regions: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
@@ -372,7 +378,3 @@ class RegionHierarchy:
         parents = np.arange(self.n_leaves + len(merges))
         parents[merges.ravel()] = np.repeat(np.arange(self.n_leaves, len(parents)), 2)
         return parents
-
-
-def _checked(threshold: float) -> float:
-    return check_non_negative("threshold", threshold)

@@ -61,7 +61,7 @@ def test_a_threshold_keeps_apart_what_differs_by_more(hierarchy: RegionHierarchy
         n = 1 + np.count_nonzero(hierarchy.altitudes > threshold)
         assert hierarchy.n_regions(threshold) == n == hierarchy.cut(threshold=threshold).max()
     assert hierarchy.cut(threshold=99, min_regions=4).max() == 4
-    np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=0.5))
+    np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=hierarchy.default_threshold))
 
 
 def test_the_tree_is_a_linkage_that_scipy_cuts_alike(hierarchy: RegionHierarchy) -> None:
@@ -122,6 +122,7 @@ def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_p
     np.testing.assert_array_equal(loaded.cut(17), hierarchy.cut(17))
     np.testing.assert_array_equal(loaded.tree, hierarchy.tree)
     np.testing.assert_array_equal(loaded.colors, hierarchy.colors)
+    assert loaded.default_threshold == hierarchy.default_threshold
     with pytest.raises(FileExistsError):
         hierarchy.save(path)
     with pytest.raises(ValueError, match="suffix"):
