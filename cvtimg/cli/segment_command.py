@@ -153,9 +153,7 @@ Hierarchy = Annotated[
 ]
 Threshold = Annotated[
     float | None,
-    Option(
-        metavar="T", parser=_AMOUNT, help="With --hierarchy, in place of -k: keep regions apart that differ by more."
-    ),
+    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy, not -k N: keep regions apart that differ by more."),
 ]
 Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
 Strengths = Annotated[
