@@ -344,7 +344,8 @@ class RegionHierarchy:
             with np.load(path, allow_pickle=False) as file:
                 if str(file["format"]) != _FORMAT:
                     raise ValueError(f"format {file['format']}")
-                return cls(*(file[name] for name in _ARRAYS), default_threshold=float(file["default_threshold"]))
+                arrays: dict[str, Any] = {name: file[name] for name in _ARRAYS}
+                return cls(**arrays, default_threshold=float(file["default_threshold"]))
         except (KeyError, ValueError, TypeError, AttributeError, BadZipFile) as error:
             raise ValueError(f"{path}: is not a region hierarchy ({error})") from error
 
