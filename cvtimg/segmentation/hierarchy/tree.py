@@ -27,6 +27,8 @@ _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energie
 _CONTRAST, _LARGEST = 0.5, 0.25
 #: They do so along this share of their border.
 _MOST_OF_BORDER = 2 / 3
+#: They are regions of their own up to this part of the default threshold; grain of wood or fur is not.
+_LASTING = 0.45
 _TINY = 1e-9
 
 
@@ -162,7 +164,8 @@ class RegionHierarchy:
         """Find the regions that stand out from what surrounds them, wherever in the tree they are.
 
         Every branch is cut by itself: a region is divided where its parts differ by about `contrast` and have
-        `min_size` pixels. Of these regions, objects are those that differ from their surroundings.
+        `min_size` pixels. Of these regions, objects are those that differ from their surroundings and are still regions
+        of their own in coarser cuts.
 
         Parameters
         ----------
@@ -174,8 +177,9 @@ class RegionHierarchy:
         max_size : float, optional
             Largest number of pixels of an object; by default, a quarter of the image.
         polarity : {"any", "bright", "dark"}
-            Keep all objects, or only those that are brighter or darker than those neighbors, by the sum of the bands.
-            Ground that objects enclose stands out from them, too: say which are meant if you can.
+            Keep objects that are brighter than those neighbors, or darker, or both, by the sum of the bands. Rims
+            between bright and dark are none. Ground that objects enclose may count as an object: say which are meant
+            if you can.
 
         Returns
         -------
@@ -209,8 +213,9 @@ class RegionHierarchy:
         regions = np.append(np.int32(0), leaf_labels)[self.leaves]
         colors, sizes = self.colors[nodes], self.sizes[nodes]
         brighter, darker = shares_that_part(regions, self.means[nodes], colors.sum(axis=1), max(apart, _TINY)).T
-        standing_out = {"any": brighter + darker, "bright": brighter, "dark": darker}[polarity]
+        standing_out = {"any": np.maximum(brighter, darker), "bright": brighter, "dark": darker}[polarity]
         are_objects = (standing_out >= _MOST_OF_BORDER) & (sizes >= least) & (sizes <= largest)
+        are_objects &= self._lasting()[nodes] > _LASTING * self.default_threshold
         labels = dark_to_bright(colors, np.where(are_objects, sizes, 0))
         return np.append(np.int32(0), labels)[regions]
 
@@ -357,6 +362,12 @@ class RegionHierarchy:
         check_alone("n_regions", ["threshold"] if threshold is not None else [])
         check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
         return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
+
+    def _lasting(self) -> NDArray[np.float64]:
+        """(N + M,) altitudes up to which nodes are regions of their own; infinite for what never merges."""
+        lasting = np.full(len(self.sizes), np.inf)
+        lasting[self.merges.ravel()] = np.repeat(self.altitudes, 2)
+        return lasting
 
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)

@@ -91,5 +91,15 @@ def test_polarity_and_size_say_which_objects_are_kept(spots: tuple[NDArray[Any],
         hierarchy.find_objects(min_size=0)
 
 
+def test_the_rim_of_an_object_is_none() -> None:
+    rows, columns = np.mgrid[:120, :120]
+    distances = np.hypot(rows - 60, columns - 60)
+    image = np.where(distances < 20, 250, np.where(distances < 32, 150, 40)).astype(np.uint8)
+    objects = segment_hierarchy(image, n_leaves=200).find_objects(contrast=30)
+    assert objects.max() == 1
+    assert (objects[distances < 18] == 1).all()
+    assert not objects[(distances > 34) | ((distances > 22) & (distances < 30))].any()
+
+
 def test_one_color_has_no_objects() -> None:
     assert not segment_hierarchy(np.zeros((30, 40), np.uint8)).find_objects().any()
