@@ -117,7 +117,8 @@ class Subject:
 
         for option, path in outputs.items():
             if self.hierarchy and kind_of(option) in HIERARCHY_KINDS:
-                hierarchies.WRITERS[kind_of(option)](self.hierarchy, self, path)
+                write = hierarchies.WRITERS[kind_of(option)]
+                write(self.hierarchy, self.image, path, self.place(), self.overwrite)
             else:
                 _WRITERS[kind_of(option)](self, path)
 
