@@ -1,3 +1,4 @@
+from .anisotropy import HuangMetric, RecoveredHessian
 from .files import MESH_FORMATS
 from .measures import MeshMeasures, TriangleMeasures, measure_mesh, measure_triangles
 from .meshing import EFFORTS, Effort, mesh_labels, mesh_region
@@ -8,9 +9,11 @@ __all__ = [
     "EFFORTS",
     "MESH_FORMATS",
     "Effort",
+    "HuangMetric",
     "Mesh",
     "MeshMeasures",
     "MeshSize",
+    "RecoveredHessian",
     "TriangleMeasures",
     "measure_mesh",
     "measure_triangles",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg.meshes.fields import Field
+from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.triangulation import Borders
 
@@ -20,6 +20,8 @@ _NEAR = 0.4
 _ROUNDS, _LAST_ROUNDS = 12, 5
 #: The sizes around follow edges that are shorter than this part of what was wanted.
 _SHORT = 0.75
+#: On contours of pixels, vertices are moved outwards by no more than this many pixels, to keep areas.
+_MOST_OUTWARDS = 0.7
 
 
 def place_on_borders(outline: Outline, field: Field, grade: float, min_size: float) -> tuple[Borders, Field]:
@@ -51,13 +53,6 @@ def place_on_borders(outline: Outline, field: Field, grade: float, min_size: flo
     return borders, field
 
 
-def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
-    """Return the lengths (N,) of steps (N, 2) in metrics (N, 3)."""
-    (xx, xy, yy), (x, y) = metric.T, steps.T
-    lengths: NDArray[np.float64] = np.sqrt(xx * x * x + 2 * xy * x * y + yy * y * y)
-    return lengths
-
-
 def _spaced(outline: Outline, field: Field) -> Borders:
     """Place vertices at equal steps, in the metric, along each line."""
     places, line_of = _sampled(outline.lines, field)
@@ -82,11 +77,36 @@ def _spaced(outline: Outline, field: Field) -> Borders:
     chain = np.empty(int((n_edges + 1).sum()), np.int32)
     chain[offsets], chain[offsets + n_edges] = first, last
     chain[offsets[own] + number] = len(nodes) + np.arange(len(own))
+    points = np.concatenate([nodes, inner])
+    if outline.mask is not None:
+        swept = np.append(0, np.cumsum(_cross(places[:-1], places[1:])))
+        at_chain = np.empty(len(chain))
+        at_chain[offsets], at_chain[offsets + n_edges] = swept[starts], swept[stops]
+        at_chain[offsets[own] + number] = np.interp(at, along, swept)
+        points[len(nodes) :] += _outwards(points[chain], at_chain)[offsets[own] + number]
     joined = np.ones(len(chain) - 1, bool)
     joined[offsets[1:] - 1] = False
     edges = np.stack([chain[:-1][joined], chain[1:][joined]], axis=1)
     of_line = np.repeat(np.arange(len(starts)), n_edges)
-    return Borders(np.concatenate([nodes, inner]), edges, outline.sides[of_line])
+    return Borders(points, edges, outline.sides[of_line])
+
+
+def _outwards(points: Points, swept: NDArray[np.float64]) -> Points:
+    """Find steps (N, 2) of points to the outer side of their curve, so that chords enclose as much area as it does.
+
+    `swept` is twice the area that the curve has swept over, around the origin, until each point.
+    """
+    missing = np.append((np.diff(swept) - _cross(points[:-1], points[1:])) / 2, 0)
+    chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-300)
+    shifts = np.clip((missing + np.roll(missing, 1)) / lengths, -_MOST_OUTWARDS, _MOST_OUTWARDS)
+    steps: Points = shifts[:, None] * np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths[:, None]
+    return steps
+
+
+def _cross(a: Points, b: Points) -> NDArray[np.float64]:
+    product: NDArray[np.float64] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return product
 
 
 def _sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:

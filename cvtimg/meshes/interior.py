@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
-from cvtimg.meshes.fields import Field
+from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.triangulation import Borders, Triangulation
 
 Points = NDArray[np.float64]
@@ -25,6 +25,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     if n <= 0:
         return np.empty((0, 2))
     frame = Triangulation.constrained(borders, np.empty((0, 2)))
+    edges = None if field.isotropic else _Edges(frame)
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
     reach = _reach(frame)[used]
@@ -34,7 +35,10 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         gaps, near = tree.query(points)
         metric = field.metric(points)
         size = (metric[:, 0] * metric[:, 2] - metric[:, 1] ** 2) ** -0.25
-        far = gaps > part * np.maximum(size, reach[near])
+        if edges is None:
+            far = gaps > part * np.maximum(size, reach[near])
+        else:
+            far = lengths_of(metric, points - edges.nearest(points)) > part
         points, near = points[far], near[far]
         _, shares = frame.locate(points, used[near])
         points = points[shares.min(axis=1) > 1e-9]
@@ -56,3 +60,23 @@ def _reach(frame: Triangulation) -> NDArray[np.float64]:
     for end in (0, 1):
         np.maximum.at(reach, edges[:, end], 0.8 * lengths)
     return reach
+
+
+class _Edges:
+    """The border edges of a frame, to find the nearest place on them."""
+
+    def __init__(self, frame: Triangulation) -> None:
+        import shapely
+
+        self._edges = shapely.linestrings(frame.points[frame.border_edges()])
+        self._tree = shapely.STRtree(self._edges)
+
+    def nearest(self, points: Points) -> Points:
+        """Return the nearest place (M, 2) for each of (M, 2) points."""
+        import shapely
+
+        places = shapely.points(points)
+        nearest = self._tree.query_nearest(places, all_matches=False)[1]
+        lines = shapely.shortest_line(self._edges[nearest], places)
+        ends: Points = shapely.get_coordinates(lines)[::2]
+        return ends

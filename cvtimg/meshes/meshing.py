@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     check_that,
     refuse,
 )
+from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
@@ -55,7 +56,8 @@ EFFORTS: dict[str, Effort] = {
     "balanced": Effort(40, 1e-3, 3),
     "best": Effort(300, 1e-4, 5),
 }
-#: Smoothing lowers the sum of this power of (sum of squared sides) / (4 3^(1/2) area), so that the worst counts most.
+#: Smoothing, which is for sizes only, lowers the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
+#: triangles, so that the worst counts most.
 _POWER = 8
 
 
@@ -68,6 +70,7 @@ def mesh_region(
     grade: float = 0.2,
     min_size: float = 0.0,
     fixed: ArrayLike | None = None,
+    metric: MatrixFunction | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -91,6 +94,10 @@ def mesh_region(
         The least size, and the size of details of polygons that are left out.
     fixed : (F, 2) array, optional
         Points of the region that become vertices.
+    metric : callable, optional
+        From (M, 2) points to (M, 2, 2) positive definite matrices, by which all edges should have length 1, for edges
+        that are longer in some directions; with `n`, only its ratios count. `HuangMetric` makes one of a Hessian.
+        Instead of `edge_length` and `size`; `grade` and `min_size` do not limit it.
     effort : {"fast", "balanced", "best"}
         How long vertices move.
     rng : int or numpy.random.Generator
@@ -124,11 +131,11 @@ def mesh_region(
     >>> from cvtimg import mesh_region
     >>> mesh = mesh_region([[0, 0], [3, 0], [3, 1], [0, 1]], n=100)
     >>> mesh, round(mesh.area, 9)
-    (Mesh(100 vertices, 166 triangles), 3.0)
+    (Mesh(100 vertices, 158 triangles), 3.0)
     """
     least = check_non_negative("min_size", min_size)
     outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
-    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least), fixed, effort, rng)
+    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least, metric), fixed, effort, rng)
 
 
 #: How far contours of masks and labels are moved to make them smoother, in pixels.
@@ -193,20 +200,31 @@ class _Wanted:
     size: SizeLike
     grade: float
     least: float
+    metric: MatrixFunction | None
 
     @classmethod
     def checked(
-        cls, n: int | None, edge_length: float | None, size: SizeLike | None, grade: float, least: float
+        cls,
+        n: int | None,
+        edge_length: float | None,
+        size: SizeLike | None,
+        grade: float,
+        least: float,
+        metric: MatrixFunction | None = None,
     ) -> _Wanted:
         if n is not None:
             check_count("n", n, _MOST_VERTICES, "what memory holds")
-        given = [name for name, value in (("n", n), ("edge_length", edge_length), ("size", size)) if value is not None]
-        is_enough = given in (["n"], ["edge_length"], ["size"], ["n", "size"])
-        check_that(" and ".join(given) or "nothing", is_enough, "be n, edge_length, size, or n and size")
+        ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
+        given = [name for name, value in ways.items() if value is not None]
+        is_enough = given in (["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
+        demand = "be n, edge_length, size, metric, n and size, or n and metric"
+        check_that(" and ".join(given) or "nothing", is_enough, demand)
         if edge_length is not None:
             check_positive("edge_length", edge_length)
         check_positive("grade", grade)
-        return cls(n, next((each for each in (edge_length, size) if each is not None), 1.0), float(grade), least)
+        return cls(
+            n, next((each for each in (edge_length, size) if each is not None), 1.0), float(grade), least, metric
+        )
 
 
 def _mesh(
@@ -221,9 +239,9 @@ def _mesh(
     mesh = Triangulation.constrained(borders, inner)
     settings = EFFORTS[effort]
     relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=settings.moves, tolerance=settings.tolerance)
-    for _ in range(settings.smoothing):
+    for _ in range(settings.smoothing if field.isotropic else 0):
         mesh.smooth(field.metric(mesh.points), _POWER)
-        mesh.flip(None if field.isotropic else field.metric(mesh.points))
+        mesh.flip(None)
     return Mesh(
         mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
     )
@@ -232,7 +250,11 @@ def _mesh(
 def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders, Field]:
     """Place vertices on borders, with sizes that come to the wanted number of vertices."""
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
-    start = size_field(outline, wanted.size, wanted.n, wanted.least, ends)
+    start: Field
+    if wanted.metric is not None:
+        start = MetricField.of(wanted.metric, outline, wanted.n, ends)
+    else:
+        start = size_field(outline, wanted.size, wanted.n, wanted.least, ends)
     factor, grade, before = 1.0, wanted.grade, np.inf
     for _ in range(_ROUNDS):
         field = start.scaled(factor).limited(grade, wanted.least)

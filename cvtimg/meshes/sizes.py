@@ -61,22 +61,33 @@ class MeshSize:
         values = np.asarray(sizes, np.float64)
         check_shape("sizes", values.shape, values.shape == (len(places),), f"({len(places)},), as the points")
         check_that("sizes", ((values > 0) & (values < np.inf)).all(), "be finite and > 0")
-        from scipy.spatial import cKDTree
-
-        flat = np.arange(len(places)) < 0
-        nothing = np.empty((0, 2), np.int32)
-        self._mesh = Triangulation(places, flat, _counter_clockwise(places, corners), nothing)
-        self._used = np.unique(self._mesh.triangles).astype(np.int32)
-        self._tree = cKDTree(places[self._used])
-        self._sizes = values
+        self._values = MeshValues(places, corners, values[:, None])
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return sizes (M,) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
+        return self._values(points)[:, 0]
+
+
+class MeshValues:
+    """Values (N, C) at the vertices of a mesh, interpolated on its triangles."""
+
+    def __init__(self, points: Points, triangles: NDArray[np.int32], values: Points) -> None:
+        from scipy.spatial import cKDTree
+
+        free = np.zeros(len(points), bool)
+        nothing = np.empty((0, 2), np.int32)
+        self._mesh = Triangulation(points, free, _counter_clockwise(points, triangles), nothing)
+        self._used = np.unique(triangles).astype(np.int32)
+        self._tree = cKDTree(points[self._used])
+        self._values = values
+
+    def __call__(self, points: Points) -> Points:
+        """Return values (M, C) at (M, 2) points; outside of the mesh, those of the nearest vertex."""
         near = self._used[self._tree.query(points)[1]]
         found, shares = self._mesh.locate(points, near)
         outside = shares.min(axis=1) < -1e-9
-        values: NDArray[np.float64] = (self._sizes[self._mesh.triangles[found]] * shares).sum(axis=1)
-        values[outside] = self._sizes[near[outside]]
+        values: Points = np.einsum("mkc,mk->mc", self._values[self._mesh.triangles[found]], shares)
+        values[outside] = self._values[near[outside]]
         return values
 
 

@@ -176,11 +176,11 @@ def test_corners_of_labels_are_kept_and_disks_stay_round() -> None:
         assert (np.abs(mesh.points - corner).max(axis=1) < 1e-9).any(), corner
     areas = measure_triangles(mesh.points, mesh.triangles).areas
     assert areas[mesh.tags == 2].sum() == pytest.approx(600, rel=0.003)
-    assert areas[mesh.tags == 3].sum() == pytest.approx((labels == 3).sum(), rel=0.02)
+    assert areas[mesh.tags == 3].sum() == pytest.approx((labels == 3).sum(), rel=0.003)
     on_disk = np.unique(mesh.triangles[mesh.tags == 3])
     radii = np.hypot(*(mesh.points[np.intersect1d(on_disk, mesh.boundary)] - 55).T)
     assert radii.min() > 14.3
-    assert radii.max() < 15.7
+    assert radii.max() < 16
 
 
 def test_a_seed_gives_the_same_bits() -> None:

@@ -1,0 +1,257 @@
+"""Meshes whose edges are longer in some directions: metrics, and Huang's from the Hessian of what is approximated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
+from cvtimg.engine.ordering import along_curve
+from cvtimg.meshes.fields import PER_AREA
+from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.sizes import MeshValues
+from cvtimg.meshes.trees import Cells, divide
+from cvtimg.regions import as_region
+
+Points = NDArray[np.float64]
+#: From (M, 2) points to (M, 2, 2) symmetric matrices.
+MatrixFunction = Callable[[Points], Any]
+
+#: Points by which Huang's alpha is found, and by which the number of vertices is estimated first.
+_SAMPLES = 1 << 16
+#: The mean of det(S)^(1/3) that Huang recommends: half of the vertices go where the Hessian is large.
+_HUANG_GOAL = 2 ** (4 / 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MetricField:
+    """A metric at all places of a region, by a function.
+
+    Attributes
+    ----------
+    function : callable
+        From (N, 2) points to metrics (N, 3): xx, xy, yy.
+    cells : Cells
+        Of a quadtree as fine as the metric asks for, by area.
+    factor : float
+        By which edges are longer than the function says.
+    """
+
+    function: Callable[[Points], Points]
+    cells: Cells
+    factor: float = 1.0
+
+    @classmethod
+    def of(cls, metric: MatrixFunction, outline: Outline, n: int | None, probes: Points) -> MetricField:
+        """Sample a function that the user gave, with edges scaled to about `n` vertices."""
+        checked = _CheckedMetric(metric, outline)
+
+        def sizes(points: Points, factor: float = 1.0) -> NDArray[np.float64]:
+            return factor * _determinants(checked(points)) ** -0.25
+
+        factor = 1.0
+        if n is not None:
+            grid = _grid(outline)
+            inside = grid[outline.contains(grid)]
+            area = float(np.prod(outline.bounds[1] - outline.bounds[0])) * len(inside) / len(grid)
+            factor = (float((sizes(inside) ** -2).mean()) * area / n) ** 0.5
+        field = cls(checked, divide(lambda points: sizes(points, factor), outline, probes), factor)
+        return field if n is None else field.scaled((field.count / n) ** 0.5)
+
+    @property
+    def isotropic(self) -> bool:
+        """False."""
+        return False
+
+    @property
+    def count(self) -> float:
+        """About how many vertices a mesh has, but for half of those on its boundary."""
+        return PER_AREA * float(self._weights().sum())
+
+    def metric(self, points: Points) -> Points:
+        """Return metrics (N, 3) at (N, 2) points."""
+        return self.function(points) / self.factor**2
+
+    def scaled(self, factor: float) -> MetricField:
+        """Return the field with all edges longer by a factor."""
+        return replace(self, factor=self.factor * factor)
+
+    def limited(self, grade: float, least: float) -> MetricField:
+        """Return the field itself: a metric says how it changes."""
+        return self
+
+    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> MetricField:
+        """Return the field itself: edges are as the metric says, wherever borders are."""
+        return self
+
+    def seeds(self, n: int, rng: np.random.Generator) -> Points:
+        """Draw (n, 2) points along a Morton curve."""
+        weights = self._weights()
+        order = along_curve(self.cells.centers)
+        ends = np.cumsum(weights[order])
+        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
+        found: Points = self.cells.centers[own] + (rng.random((n, 2)) - 0.5) * self.cells.sides[own, None]
+        return found
+
+    def _weights(self) -> NDArray[np.float64]:
+        inside = self.cells.inside
+        weights = np.zeros(len(inside))
+        roots = np.sqrt(_determinants(self.metric(self.cells.centers[inside])))
+        weights[inside] = self.cells.sides[inside] ** 2 * roots
+        return weights
+
+
+class HuangMetric:
+    """W. Huang's metric for the error of linear interpolation, by the Hessian of what is interpolated.
+
+    The metric is det(S)^(-1/6) S for S = I + |H| / alpha, with alpha so that the mean of det(S)^(1/3) is 2^(4/3): then
+    about as many vertices are where the Hessian is large as elsewhere.
+
+    Parameters
+    ----------
+    hessian : callable
+        From (M, 2) points to (M, 2, 2) Hessians, such as a `RecoveredHessian`.
+    region : Region, polygon coordinates, GeoJSON or shapely geometry
+        What `cvtimg.regions.as_region` takes.
+
+    References
+    ----------
+    W. Huang, Metric tensors for anisotropic mesh generation, Journal of Computational Physics 204 (2005) 633-665, doi
+    10.1016/j.jcp.2004.10.024.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import mesh_region
+    >>> from cvtimg.meshes import HuangMetric
+    >>> from cvtimg.regions import Box
+    >>> def hessian(points):
+    ...     layer = 100 * np.exp(-20 * points[:, 0])
+    ...     return layer[:, None, None] * np.diag([1.0, 0.0])
+    >>> square = Box([0, 0], [1, 1])
+    >>> len(mesh_region(square, n=200, metric=HuangMetric(hessian, square), effort="fast").points)
+    200
+    """
+
+    def __init__(self, hessian: MatrixFunction, region: Any) -> None:
+        self._hessian = hessian
+        absolute = self._absolute(as_region(region).draw(_SAMPLES))
+        largest = float(np.abs(absolute).max())
+        check_that("hessian", 0 < largest < np.inf, "be finite and not 0 everywhere")
+        low, high = 1e-9 * largest, 1e3 * largest
+        for _ in range(60):
+            self._alpha = (low * high) ** 0.5
+            if float((_determinants(self._regular(absolute)) ** (1 / 3)).mean()) > _HUANG_GOAL:
+                low = self._alpha
+            else:
+                high = self._alpha
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return metrics (M, 2, 2) at (M, 2) points, but for a factor."""
+        regular = self._regular(self._absolute(points))
+        return _as_matrices(regular * _determinants(regular)[:, None] ** (-1 / 6))
+
+    def _regular(self, absolute: Points) -> Points:
+        return absolute / self._alpha + np.array([1.0, 0.0, 1.0])
+
+    def _absolute(self, points: Points) -> Points:
+        """Hessians (M, 3) with positive eigenvalues."""
+        matrices = np.asarray(self._hessian(points), np.float64)
+        check_shape("hessian", matrices.shape, matrices.shape == (len(points), 2, 2), f"({len(points)}, 2, 2)")
+        values, vectors = np.linalg.eigh(matrices)
+        whole = np.einsum("nik,nk,njk->nij", vectors, np.abs(values), vectors)
+        return np.stack([whole[:, 0, 0], whole[:, 0, 1], whole[:, 1, 1]], axis=1)
+
+
+class RecoveredHessian:
+    """The Hessian of a function that is known at the vertices of a mesh: least squares over two rings of neighbors.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+    triangles : (T, 3) integer array
+    values : (N,) array
+        At the points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import mesh_region
+    >>> from cvtimg.meshes import RecoveredHessian
+    >>> mesh = mesh_region([[0, 0], [1, 0], [1, 1], [0, 1]], n=60)
+    >>> hessian = RecoveredHessian(mesh.points, mesh.triangles, mesh.points[:, 0] ** 2)
+    >>> hessian(np.array([[0.5, 0.5]])).round(6).tolist()
+    [[[2.0, 0.0], [0.0, 0.0]]]
+    """
+
+    def __init__(self, points: ArrayLike, triangles: ArrayLike, values: ArrayLike) -> None:
+        places = check_places("points", points, 2)
+        corners = check_triangles("triangles", triangles, len(places))
+        heights = np.asarray(values, np.float64)
+        check_shape("values", heights.shape, heights.shape == (len(places),), f"({len(places)},), as the points")
+        self._values = MeshValues(places, corners, _fitted_hessians(places, corners, heights))
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return Hessians (M, 2, 2) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
+        return _as_matrices(self._values(points))
+
+
+def _fitted_hessians(points: Points, triangles: NDArray[np.int32], values: NDArray[np.float64]) -> Points:
+    """Fit a quadratic around each vertex; return its second derivatives (N, 3)."""
+    from scipy.sparse import coo_array
+
+    pairs = triangles[:, [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]]].reshape(-1, 2)
+    ring = coo_array((np.ones(len(pairs)), pairs.T), (len(points), len(points))).tocsr()
+    rings = (ring @ ring + ring).tocsr()
+    hessians = np.zeros((len(points), 3))
+    for vertex in range(len(points)):
+        near = rings.indices[rings.indptr[vertex] : rings.indptr[vertex + 1]]
+        steps = points[near] - points[vertex]
+        scale = np.maximum(np.abs(steps).max(axis=0), 1e-300)
+        x, y = (steps / scale).T
+        terms = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2], axis=1)
+        fit = np.linalg.lstsq(terms, values[near], rcond=1e-8)[0]
+        hessians[vertex] = fit[3:] / [scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2]
+    return hessians
+
+
+class _CheckedMetric:
+    """A function of the user's, checked at each call; outside of the region it may return anything."""
+
+    def __init__(self, metric: MatrixFunction, outline: Outline) -> None:
+        self._metric, self._outline = metric, outline
+
+    def __call__(self, points: Points) -> Points:
+        matrices = np.asarray(self._metric(points), np.float64)
+        check_shape("metric", matrices.shape, matrices.shape == (len(points), 2, 2), f"({len(points)}, 2, 2)")
+        values = np.stack([matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]], axis=1)
+        sure = np.isfinite(values).all(axis=1) & (values[:, 0] > 0)
+        sure[sure] = _determinants(values[sure]) > 0
+        wrong = np.flatnonzero(~sure)
+        if len(wrong):
+            inside = wrong[self._outline.contains(points[wrong])]
+            if len(inside):
+                name = f"metric is {matrices[inside[0]].tolist()} at {points[inside[0]].tolist()} and"
+                check_that(name, False, "be finite and positive definite in the region")
+            values[wrong] = values[sure].min(axis=0) if sure.any() else [1.0, 0.0, 1.0]
+        return values
+
+
+def _determinants(values: Points) -> NDArray[np.float64]:
+    determinants: NDArray[np.float64] = values[:, 0] * values[:, 2] - values[:, 1] ** 2
+    return determinants
+
+
+def _as_matrices(values: Points) -> NDArray[np.float64]:
+    return values[:, [[0, 1], [1, 2]]]
+
+
+def _grid(outline: Outline) -> Points:
+    side = int(_SAMPLES**0.5)
+    low, high = outline.bounds
+    x, y = np.meshgrid(*(low + (np.arange(side)[:, None] + 0.5) / side * (high - low)).T)
+    return np.stack([x.ravel(), y.ravel()], axis=1)
