@@ -1,0 +1,363 @@
+"""Meshes beside triangle, Gmsh and DistMesh.
+
+Prints, for an ocean with a coast and a size image, processor seconds and qualities beside Gmsh's Frontal on the same
+borders and sizes; and, for eleven domains, how often each program is best and worst by eight measures, one start each
+and with as many starts for DistMesh as for cvtimg.
+
+    python benchmarks/meshes.py [--quick] [--only ocean,domains] [--starts N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import astuple
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from common import parser, pin_threads, print_table, timed, write_results
+from mesh_domains import comparison, ocean
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+Row = dict[str, Any]
+Points = NDArray[np.float64]
+Triangles = NDArray[np.int32]
+PARTS = ("ocean", "domains")
+COUNTS = (47_305, 183_907)
+#: The measures that count, as `cvtimg.meshes.MeshMeasures` has them.
+MEASURES = ("h", "chi", "tau", "d", "alpha", "beta", "q", "p")
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--starts", type=int, default=4, help="starts of DistMesh and of cvtimg")
+    return read.parse_args()
+
+
+def with_oceans(quick: bool) -> list[Row]:
+    """Mesh the ocean by sizes, with cvtimg and with Gmsh."""
+    import cvtimg
+
+    sea, sizes = ocean()
+    rows = []
+    for n in COUNTS[:1] if quick else COUNTS:
+        for effort in ("fast", "balanced"):
+            mesh, seconds = timed(partial(cvtimg.mesh_region, sea, n=n, size=sizes, effort=effort), time.process_time)
+            rows.append({"program": f"cvtimg {effort}", **figures(mesh.points, mesh.triangles, seconds)})
+        (points, triangles), seconds = timed(partial(by_gmsh, mesh, sizes_of(mesh)), time.process_time)
+        rows.append({"program": "Gmsh Frontal", **figures(points, triangles, seconds)})
+    return rows
+
+
+def figures(points: Points, triangles: Triangles, seconds: float) -> Row:
+    """Return what a table shows of a mesh."""
+    from cvtimg.meshes import measure_triangles
+
+    each = measure_triangles(points, triangles)
+    return {
+        "vertices": len(np.unique(triangles)),
+        "seconds": round(seconds, 2),
+        "least angle": round(float(each.least_angles.min()), 1),
+        "below 30 %": round(100 * float((each.least_angles < 30).mean()), 3),
+        "mean q": round(float(each.qualities.mean()), 4),
+    }
+
+
+def sizes_of(mesh: Any) -> NDArray[np.float64]:
+    """Return the sizes that a mesh has at each pixel: means of the sides of the nearest triangle."""
+    from scipy.interpolate import griddata
+
+    corners = mesh.points[mesh.triangles]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    x, y = np.meshgrid(np.arange(1024) + 0.5, np.arange(1024) + 0.5)
+    found: NDArray[np.float64] = griddata(corners.mean(axis=1), sides, (x, y), method="nearest")
+    return found
+
+
+def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
+    """Mesh the inside of the borders of a mesh, with sizes on a grid of pixels."""
+    import gmsh
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "sizes.txt")
+        head = f"0.5 0.5 -1\n1 1 2\n{grid.shape[1]} {grid.shape[0]} 2\n"
+        path.write_text(head + "\n".join(f"{value:.6g} {value:.6g}" for value in grid.T.ravel()) + "\n")
+        gmsh.initialize()
+        try:
+            gmsh.option.setNumber("General.Verbosity", 0)
+            gmsh.option.setNumber("General.NumThreads", 1)
+            geometry = gmsh.model.geo
+            tags = {int(v): geometry.addPoint(*mesh.points[v], 0, 1.0) for v in np.unique(mesh.edges)}
+            lines = [geometry.addLine(tags[int(a)], tags[int(b)]) for a, b in mesh.edges]
+            for line in lines:
+                geometry.mesh.setTransfiniteCurve(line, 2)
+            loops = geometry.addCurveLoops(lines)
+            areas = [shapely.Polygon(mesh.points[ring]).area for ring in rings_of(mesh.edges)]
+            # Gmsh lists loops by their first line, as `rings_of` does.
+            geometry.addPlaneSurface([loops[i] for i in np.argsort(areas)[::-1]])
+            geometry.synchronize()
+            field = gmsh.model.mesh.field.add("Structured")
+            gmsh.model.mesh.field.setString(field, "FileName", str(path))
+            gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)
+            gmsh.model.mesh.field.setAsBackgroundMesh(field)
+            for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
+                gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
+            gmsh.option.setNumber("Mesh.Algorithm", 6)
+            gmsh.model.mesh.generate(2)
+            numbers, places, _ = gmsh.model.mesh.getNodes()
+            index = np.zeros(int(numbers.max()) + 1, np.int32)
+            index[numbers.astype(int)] = np.arange(len(numbers))
+            triangles = index[gmsh.model.mesh.getElementsByType(2)[1].astype(int)].reshape(-1, 3)
+        finally:
+            gmsh.finalize()
+    return places.reshape(-1, 3)[:, :2], triangles
+
+
+def rings_of(edges: Triangles) -> list[NDArray[np.intp]]:
+    """Return the rings that edges form, by their first edge."""
+    links: dict[int, list[int]] = {}
+    for number, ends in enumerate(edges.tolist()):
+        for end in ends:
+            links.setdefault(end, []).append(number)
+    left, rings = dict.fromkeys(range(len(edges))), []
+    while left:
+        edge = next(iter(left))
+        first, at = edges[edge].tolist()
+        ring = [first]
+        del left[edge]
+        while at != first:
+            ring.append(at)
+            edge = next(number for number in links[at] if number in left)
+            del left[edge]
+            a, b = edges[edge].tolist()
+            at = b if a == at else a
+        rings.append(np.array(ring))
+    return rings
+
+
+def with_domains(starts: int) -> list[Row]:
+    """Count how often each program is best and worst, by eight measures on eleven domains."""
+    found: dict[str, dict[str, tuple[float, ...]]] = {}
+    for name, (rings, n) in comparison().items():
+        several = [measured(by_cvtimg(rings, n, seed)) for seed in range(starts)]
+        others = [measured(by_distmesh(rings, n, seed)) for seed in range(starts)]
+        found[name] = {
+            "triangle": measured(by_triangle(rings, n)),
+            "Gmsh": measured(by_gmsh_uniformly(rings, n)),
+            "DistMesh": others[0],
+            "cvtimg": several[0],
+            f"DistMesh of {starts}": min(others, key=score),
+            f"cvtimg of {starts}": min(several, key=score),
+        }
+    first = ("triangle", "Gmsh", "DistMesh", "cvtimg")
+    rows = counted(found, first)
+    return rows + counted(found, ("triangle", "Gmsh", f"DistMesh of {starts}", f"cvtimg of {starts}"))
+
+
+def score(measures: tuple[float, ...]) -> float:
+    """Weigh measures by their logarithms; the less the better."""
+    return float(np.log(np.maximum(measures, 1e-12)).sum())
+
+
+def counted(found: dict[str, dict[str, tuple[float, ...]]], programs: tuple[str, ...]) -> list[Row]:
+    """Count best and worst values of each program among some."""
+    values = np.array([[of[program] for program in programs] for of in found.values()])
+    best, worst = values.argmin(axis=1), values.argmax(axis=1)
+    return [
+        {"program": program, "best": int((best == k).sum()), "worst": int((worst == k).sum())}
+        | {name: f"{(best[:, i] == k).sum()}-{(worst[:, i] == k).sum()}" for i, name in enumerate(MEASURES)}
+        for k, program in enumerate(programs)
+    ]
+
+
+def measured(mesh: tuple[Points, Triangles]) -> tuple[float, ...]:
+    """Return the eight measures of a mesh."""
+    from cvtimg.meshes import measure_mesh
+
+    return astuple(measure_mesh(*mesh))[: len(MEASURES)]
+
+
+def by_cvtimg(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangles]:
+    """Mesh with cvtimg's default."""
+    import cvtimg
+
+    mesh = cvtimg.mesh_region(rings, n=n, rng=seed)
+    return mesh.points, mesh.triangles
+
+
+def nearest_number(make: Callable[[float], tuple[Points, Triangles]], area: float, n: int) -> tuple[Points, Triangles]:
+    """Find the edge length with which a program comes nearest to n vertices."""
+    length, best, gap = (2 * area / (3**0.5 * n)) ** 0.5, None, np.inf
+    low, high = 0.5 * length, 2 * length
+    for _ in range(14):
+        length = (low * high) ** 0.5
+        mesh = make(length)
+        number = len(np.unique(mesh[1]))
+        if abs(number - n) < gap:
+            best, gap = mesh, abs(number - n)
+        low, high = (length, high) if number > n else (low, length)
+    assert best is not None
+    return best
+
+
+def outlines(rings: list[Points], length: float) -> list[Points]:
+    """Cut smooth rings into steps of a length; keep those of few corners."""
+    cut = []
+    for ring in rings:
+        closed = np.vstack([ring, ring[:1]])
+        sides = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+        corners = np.flatnonzero(turning(ring) > np.radians(20))
+        along = np.append(0, np.cumsum(sides))
+        stops = [*along[corners], along[-1] + (along[corners[0]] if len(corners) else 0)] if len(corners) else None
+        places: list[float] = []
+        for start, stop in pairwise(stops) if stops else [(0.0, along[-1])]:
+            k = max(round((stop - start) / length), 1 if stops else 5)
+            places += (start + np.arange(k) / k * (stop - start)).tolist()
+        at = np.array(places) % along[-1]
+        cut.append(np.stack([np.interp(at, along, closed[:, axis]) for axis in (0, 1)], axis=1))
+    return cut
+
+
+def turning(ring: Points) -> NDArray[np.float64]:
+    """Return the angle by which a ring turns at each point."""
+    come, go = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return np.abs(np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1)))
+
+
+def by_triangle(rings: list[Points], n: int) -> tuple[Points, Triangles]:
+    """Mesh with triangle: angles of at least 30 degrees, and a largest area."""
+    import triangle
+
+    domain = shapely.Polygon(rings[0], rings[1:])
+
+    def make(length: float) -> tuple[Points, Triangles]:
+        cut = outlines(rings, length)
+        offsets = np.cumsum([0, *map(len, cut)])
+        segments = [
+            np.stack([np.arange(len(ring)), np.roll(np.arange(len(ring)), -1)], axis=1) + start
+            for ring, start in zip(cut, offsets, strict=False)
+        ]
+        given = {"vertices": np.vstack(cut), "segments": np.vstack(segments)}
+        if len(rings) > 1:
+            given["holes"] = [shapely.Polygon(ring).representative_point().coords[0] for ring in rings[1:]]
+        made = triangle.triangulate(given, f"pq30a{3**0.5 / 4 * length**2 * 1.3:.9f}")
+        return made["vertices"], made["triangles"]
+
+    return nearest_number(make, domain.area, n)
+
+
+def by_gmsh_uniformly(rings: list[Points], n: int) -> tuple[Points, Triangles]:
+    """Mesh with Gmsh's Frontal and edges of one length."""
+    import gmsh
+
+    domain = shapely.Polygon(rings[0], rings[1:])
+
+    def make(length: float) -> tuple[Points, Triangles]:
+        gmsh.initialize()
+        try:
+            gmsh.option.setNumber("General.Verbosity", 0)
+            gmsh.option.setNumber("Mesh.Algorithm", 6)
+            loops = []
+            for ring in outlines(rings, length):
+                tags = [gmsh.model.geo.addPoint(*place, 0, length) for place in ring]
+                lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, [*tags[1:], tags[0]], strict=True)]
+                for line in lines:
+                    gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
+                loops.append(gmsh.model.geo.addCurveLoop(lines))
+            gmsh.model.geo.addPlaneSurface(loops)
+            gmsh.model.geo.synchronize()
+            gmsh.model.mesh.generate(2)
+            numbers, places, _ = gmsh.model.mesh.getNodes()
+            index = np.zeros(int(numbers.max()) + 1, np.int32)
+            index[numbers.astype(int)] = np.arange(len(numbers))
+            triangles = index[gmsh.model.mesh.getElementsByType(2)[1].astype(int)].reshape(-1, 3)
+        finally:
+            gmsh.finalize()
+        return places.reshape(-1, 3)[:, :2], triangles
+
+    return nearest_number(make, domain.area, n)
+
+
+def by_distmesh(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangles]:
+    """Mesh with DistMesh, written from the paper.
+
+    P.-O. Persson, G. Strang, A simple mesh generator in MATLAB, SIAM Review 46 (2004), doi 10.1137/S0036144503429121.
+    """
+    domain = shapely.Polygon(rings[0], rings[1:])
+    shapely.prepare(domain)
+    boundary = domain.boundary
+    corners = np.vstack([ring[turning(ring) > np.radians(20)] for ring in rings])
+    random = np.random.default_rng(seed)
+
+    def distances(points: Points) -> NDArray[np.float64]:
+        away = shapely.distance(boundary, shapely.points(points))
+        return np.where(shapely.contains_xy(domain, *points.T), -away, away)
+
+    def make(length: float, steps: int = 250) -> tuple[Points, Triangles]:
+        low, high = np.array(domain.bounds).reshape(2, 2)
+        x, y = np.meshgrid(np.arange(low[0], high[0] + length, length), np.arange(low[1], high[1], length * 0.75**0.5))
+        x[1::2] += length / 2
+        points = np.stack([x.ravel(), y.ravel()], axis=1) + random.normal(0, 0.05 * length * (seed > 0), (x.size, 2))
+        points = points[distances(points) < 0.001 * length]
+        if len(corners):
+            near = np.linalg.norm(points[:, None] - corners, axis=2).min(axis=1) < 0.5 * length
+            points = np.vstack([corners, points[~near]])
+        before, triangles = np.full_like(points, np.inf), np.empty((0, 3), np.int32)
+        for _ in range(steps):
+            if np.linalg.norm(points - before, axis=1).max() > 0.1 * length:
+                before = points.copy()
+                triangles = Delaunay(points).simplices
+                triangles = triangles[distances(points[triangles].mean(axis=1)) < -0.001 * length]
+                bars = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+            ways = points[bars[:, 0]] - points[bars[:, 1]]
+            sides = np.linalg.norm(ways, axis=1)
+            wanted = 1.2 * np.sqrt((sides**2).mean())
+            pushes = (np.maximum(wanted - sides, 0) / sides)[:, None] * ways
+            force = np.zeros_like(points)
+            np.add.at(force, bars[:, 0], pushes)
+            np.add.at(force, bars[:, 1], -pushes)
+            force[: len(corners)] = 0
+            points = points + 0.2 * force
+            outside = np.flatnonzero(distances(points) > 0)
+            outside = outside[outside >= len(corners)]
+            lines = shapely.shortest_line(boundary, shapely.points(points[outside]))
+            points[outside] = shapely.get_coordinates(lines)[::2]
+            inner = distances(points) < -0.001 * length
+            if np.linalg.norm(0.2 * force[inner], axis=1).max(initial=0) < 0.001 * length:
+                break
+        triangles = Delaunay(points).simplices
+        middle = distances(points[triangles].mean(axis=1)) < -0.001 * length
+        triangles = triangles[middle]
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        return points, triangles[np.abs(turn) > 1e-6 * length**2]
+
+    return nearest_number(make, domain.area, n)
+
+
+def main() -> None:
+    """Run the parts that are asked for."""
+    read = options()
+    pin_threads(read.threads)
+    tables = {}
+    if "ocean" in read.only:
+        tables["ocean"] = with_oceans(read.quick)
+    if "domains" in read.only:
+        tables["domains"] = with_domains(1 if read.quick else read.starts)
+    for name, rows in tables.items():
+        header = list(rows[0])
+        print_table(name, header, [[str(row[column]) for column in header] for row in rows])
+    write_results("meshes", {"starts": read.starts}, [row for rows in tables.values() for row in rows])
+
+
+if __name__ == "__main__":
+    main()
