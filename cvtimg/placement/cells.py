@@ -50,7 +50,8 @@ def voronoi_cells(points: Points, region: Region) -> Polygons:
         cells = shapely.get_parts(found)[: len(own)]
         shapely.prepare(outline)
         cut = ~shapely.contains_properly(outline, cells)
-        cells[cut] = shapely.intersection(cells[cut], outline)
+        # Where many cells meet in a point, rounding may let the rings of some cross themselves.
+        cells[cut] = shapely.intersection(shapely.make_valid(cells[cut]), outline)
     all_cells = np.full(len(points), shapely.Polygon(), dtype=object)
     all_cells[own] = cells
     return all_cells
