@@ -247,7 +247,8 @@ def _determinants(values: Points) -> NDArray[np.float64]:
 
 
 def _as_matrices(values: Points) -> NDArray[np.float64]:
-    return values[:, [[0, 1], [1, 2]]]
+    matrices: NDArray[np.float64] = values[:, [[0, 1], [1, 2]]]
+    return matrices
 
 
 def _grid(outline: Outline) -> Points:
