@@ -156,7 +156,8 @@ class HuangMetric:
         return _as_matrices(regular * _determinants(regular)[:, None] ** (-1 / 6))
 
     def _regular(self, absolute: Points) -> Points:
-        return absolute / self._alpha + np.array([1.0, 0.0, 1.0])
+        regular: Points = absolute / self._alpha + np.array([1.0, 0.0, 1.0])
+        return regular
 
     def _absolute(self, points: Points) -> Points:
         """Hessians (M, 3) with positive eigenvalues."""
