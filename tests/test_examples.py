@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -52,3 +53,20 @@ def test_a_field_around_a_slit_is_interpolated_better_from_a_tessellation(exampl
     assert graded[1] < 0.75 * halton[1]
     assert graded[2] < 0.75 * halton[2]
     Image.open(tmp_path / "s.png").verify()
+
+
+def test_anisotropic_meshes_resolve_a_boundary_layer(example: Any, tmp_path: Path) -> None:
+    pytest.importorskip("skfem")
+    *_, (n, l2, h1, plain_l2, plain_h1) = example("boundary_layer").main(tmp_path / "b.png", (63, 170, 515))
+    assert n == 515
+    assert l2 < 0.1 * plain_l2
+    assert h1 < 0.2 * plain_h1
+    Image.open(tmp_path / "b.png").verify()
+
+
+def test_errors_in_an_l_shape_fall_as_fast_as_they_can(example: Any, tmp_path: Path) -> None:
+    pytest.importorskip("skfem")
+    rows = np.log(example("l_shape").main(tmp_path / "l.png", (100, 200, 400, 800)))
+    assert np.polyfit(rows[:, 0], rows[:, 1], 1)[0] < -0.9
+    assert np.polyfit(rows[:, 0], rows[:, 2], 1)[0] < -0.45
+    Image.open(tmp_path / "l.png").verify()

@@ -1,0 +1,109 @@
+"""Meshes for a boundary layer: vertices of one size, and anisotropic ones that follow the recovered Hessian.
+
+Solves -a Laplace(u) + v . grad(u) + b u = f in the unit square with linear elements of scikit-fem, for a = 0.01, v =
+(2, 3) and b = 1; the solution has layers at x = 1 and y = 1. From level to level the Hessian of the last solution
+makes the metric of the next mesh. Prints vertices and errors, beside those of uniform meshes, and draws the last mesh
+of a few vertices.
+
+    python examples/boundary_layer.py [boundary_layer.png]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, BilinearForm, ElementTriP1, Functional, LinearForm, MeshTri, condense, solve
+from skfem.helpers import dot, grad
+
+from cvtimg import mesh_region
+from cvtimg.meshes import HuangMetric, Mesh, RecoveredHessian
+from cvtimg.plotting.meshes import draw_mesh
+from cvtimg.regions import Box
+
+DIFFUSION, WIND = 0.01, (2.0, 3.0)
+SQUARE = Box([0, 0], [1, 1])
+LEVELS = (63, 170, 515, 1524, 4817, 14_200)
+
+
+def layers(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return the two exponentials that make the layers."""
+    return np.exp(40 * (x - 1)), np.exp(60 * (y - 1))
+
+
+def exact(x: Any, y: Any) -> Any:
+    """Return the solution, which is 0 where x or y is 1, and nearly 0 where they are 0."""
+    right, top = layers(x, y)
+    return (x - right) * (y**2 - top)
+
+
+def slopes(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return the gradient of the solution."""
+    right, top = layers(x, y)
+    return (y**2 - top) * (1 - 40 * right), (x - right) * (2 * y - 60 * top)
+
+
+def source(x: Any, y: Any) -> Any:
+    """Return the right-hand side."""
+    right, top = layers(x, y)
+    curvature = (y**2 - top) * -1600 * right + (x - right) * (2 - 3600 * top)
+    along, up = slopes(x, y)
+    return -DIFFUSION * curvature + WIND[0] * along + WIND[1] * up + exact(x, y)
+
+
+def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
+    """Solve on a mesh; return the solution at its vertices, and its errors in L2 and in H1."""
+    basis = Basis(
+        MeshTri(*map(np.ascontiguousarray, (mesh.points.T, mesh.triangles.T.astype(np.int64)))),
+        ElementTriP1(),
+        intorder=6,
+    )
+
+    @BilinearForm
+    def form(u: Any, v: Any, _: Any) -> Any:
+        return DIFFUSION * dot(grad(u), grad(v)) + (WIND[0] * grad(u)[0] + WIND[1] * grad(u)[1] + u) * v
+
+    @LinearForm
+    def load(v: Any, w: Any) -> Any:
+        return source(*w.x) * v
+
+    values = solve(*condense(form.assemble(basis), load.assemble(basis), D=basis.get_dofs()))
+    at = basis.interpolate(values)
+
+    @Functional
+    def in_l2(w: Any) -> Any:
+        return (w.found - exact(*w.x)) ** 2
+
+    @Functional
+    def in_slopes(w: Any) -> Any:
+        along, up = slopes(*w.x)
+        return (w.found.grad[0] - along) ** 2 + (w.found.grad[1] - up) ** 2
+
+    l2 = in_l2.assemble(basis, found=at)
+    return values, float(l2**0.5), float((l2 + in_slopes.assemble(basis, found=at)) ** 0.5)
+
+
+def main(path: Path, levels: Sequence[int] = LEVELS) -> list[tuple[int, float, float, float, float]]:
+    """Print the errors of each level: vertices, L2 and H1 of anisotropic meshes, L2 and H1 of uniform ones."""
+    mesh = mesh_region(SQUARE, n=25)
+    values = solved(mesh)[0]
+    rows = []
+    print("vertices   anisotropic L2, H1        uniform L2, H1")
+    for n in levels:
+        metric = HuangMetric(RecoveredHessian(mesh.points, mesh.triangles, values), SQUARE)
+        mesh = mesh_region(SQUARE, n=n, metric=metric)
+        values, l2, h1 = solved(mesh)
+        _, plain_l2, plain_h1 = solved(mesh_region(SQUARE, n=n))
+        rows.append((n, l2, h1, plain_l2, plain_h1))
+        print(f"{n:8d}   {l2:.3e}, {h1:.3e}      {plain_l2:.3e}, {plain_h1:.3e}")
+        if n <= 2000:
+            path.write_bytes(draw_mesh(mesh.points, mesh.triangles, mesh.qualities, mesh.edges, path.suffix))
+    return rows
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "boundary_layer.png"))

@@ -1,0 +1,106 @@
+"""An adaptive loop for a singularity: the size of the next mesh lives on the vertices of the last.
+
+Solves Laplace's equation in an L-shape, whose solution r^(2/3) sin(2/3 t) has a singularity at the inner corner, with
+linear elements of scikit-fem. Sizes follow the recovered Hessian: h is proportional to |H|^(-1/2), which spreads the
+error in H1 evenly. Prints vertices and errors beside those of uniform meshes, and the slopes of errors against
+vertices: -1 in L2 and -1/2 in H1 are optimal. Draws the last mesh.
+
+    python examples/l_shape.py [l_shape.png]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, BilinearForm, ElementTriP1, Functional, MeshTri, condense, solve
+from skfem.helpers import dot, grad
+
+from cvtimg import mesh_region
+from cvtimg.meshes import Mesh, MeshSize, RecoveredHessian
+from cvtimg.plotting.meshes import draw_mesh
+
+L_SHAPE = [[0, 0], [0, -1], [1, -1], [1, 1], [-1, 1], [-1, 0]]
+LEVELS = (100, 200, 400, 800, 1600, 3200, 6400)
+#: No size below this part of the largest.
+LEAST = 1e-5
+
+
+def polar(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return radius and angle, which is 0 along one side of the inner corner and 3/2 pi along the other."""
+    return np.hypot(x, y), (np.arctan2(y, x) + np.pi / 2) % (2 * np.pi)
+
+
+def exact(x: Any, y: Any) -> Any:
+    """Return the solution."""
+    r, t = polar(x, y)
+    return r ** (2 / 3) * np.sin(2 / 3 * t)
+
+
+def slopes(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return the gradient of the solution."""
+    r, t = polar(x, y)
+    steep, turn = 2 / 3 * r ** (-1 / 3), t / 3
+    # The angle is measured from the negative y axis.
+    return steep * np.cos(turn), steep * np.sin(turn)
+
+
+def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
+    """Solve on a mesh; return the solution at its vertices, and its errors in L2 and in the gradient."""
+    basis = Basis(
+        MeshTri(*map(np.ascontiguousarray, (mesh.points.T, mesh.triangles.T.astype(np.int64)))),
+        ElementTriP1(),
+        intorder=6,
+    )
+
+    @BilinearForm
+    def form(u: Any, v: Any, _: Any) -> Any:
+        return dot(grad(u), grad(v))
+
+    edge = basis.get_dofs()
+    values = basis.zeros()
+    values[edge] = exact(*mesh.points[edge.flatten()].T)
+    values = solve(*condense(form.assemble(basis), x=values, D=edge))
+    at = basis.interpolate(values)
+
+    @Functional
+    def in_l2(w: Any) -> Any:
+        return (w.found - exact(*w.x)) ** 2
+
+    @Functional
+    def in_slopes(w: Any) -> Any:
+        along, up = slopes(*w.x)
+        return (w.found.grad[0] - along) ** 2 + (w.found.grad[1] - up) ** 2
+
+    l2, h1 = (float(error.assemble(basis, found=at) ** 0.5) for error in (in_l2, in_slopes))
+    return values, l2, h1
+
+
+def main(path: Path, levels: Sequence[int] = LEVELS) -> list[tuple[int, float, float, float, float]]:
+    """Print the errors of each level: vertices, L2 and H1 of adaptive meshes, L2 and H1 of uniform ones."""
+    mesh = mesh_region(L_SHAPE, n=levels[0])
+    values = solved(mesh)[0]
+    rows = []
+    print("vertices   adaptive L2, H1           uniform L2, H1")
+    for n in levels:
+        hessian = RecoveredHessian(mesh.points, mesh.triangles, values)(mesh.points)
+        sizes = np.maximum(np.linalg.norm(hessian, axis=(1, 2)), 1e-12) ** -0.5
+        size = MeshSize(mesh.points, mesh.triangles, np.maximum(sizes, LEAST * sizes.max()))
+        mesh = mesh_region(L_SHAPE, n=n, size=size)
+        values, l2, h1 = solved(mesh)
+        _, plain_l2, plain_h1 = solved(mesh_region(L_SHAPE, n=n))
+        rows.append((n, l2, h1, plain_l2, plain_h1))
+        print(f"{n:8d}   {l2:.3e}, {h1:.3e}      {plain_l2:.3e}, {plain_h1:.3e}")
+    for name, column in (("L2", 1), ("H1", 2)):
+        counts, errors = np.log([row[0] for row in rows]), np.log([row[column] for row in rows])
+        print(f"slope of the adaptive error in {name}: {np.polyfit(counts, errors, 1)[0]:.2f}")
+    path.write_bytes(draw_mesh(mesh.points, mesh.triangles, mesh.qualities, mesh.edges, path.suffix))
+    return rows
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "l_shape.png"))
