@@ -41,7 +41,7 @@ def field(places: Points) -> NDArray[np.float64]:
 
 def density(places: Points) -> NDArray[np.float64]:
     """Return how much places count: more at the tip."""
-    return np.asarray((np.hypot(*places.T) + 0.03) ** -1.5)
+    return np.asarray((np.hypot(*places.T) + 0.03) ** -1.75)
 
 
 def graded(n_points: int, n_moves: int = 40) -> Points:

@@ -20,7 +20,8 @@ LAYERS: list[set[str]] = [
     {"colors", "tables", "labels"},
     {"elbow", "palettes", "regions"},
     {"quantization", "segmentation", "bases", "placement"},
-    {"restoration", "plotting", "designs", "artwork", "meshes", "supports"},
+    {"restoration", "plotting", "designs", "artwork", "meshes"},
+    {"supports"},
     {"cli"},
     {"__main__"},
 ]

@@ -1,4 +1,4 @@
-from .charts import draw_pairs, draw_spectrum
+from .charts import draw_pairs, draw_spectrum, draw_supports
 from .energy_curves import Plotted, draw_curves
 from .meshes import draw_mesh
 from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
@@ -12,6 +12,7 @@ __all__ = [
     "draw_mesh",
     "draw_pairs",
     "draw_spectrum",
+    "draw_supports",
     "palette_strip",
     "shown_colors",
 ]

@@ -97,6 +97,46 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
     return content.getvalue()
 
 
+def draw_supports(
+    points: NDArray[np.float64], radii: NDArray[np.float64], suffix: str, lines: Sequence[NDArray[np.float64]] = ()
+) -> bytes:
+    """Draw disks around points of the plane.
+
+    Parameters
+    ----------
+    points : (n, 2) array
+    radii : (n,) array
+    suffix : {".png", ".svg"}
+        Format of the file.
+    lines : sequence of (k, 2) arrays, optional
+        Boundaries and slits to show.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    with figure_file(6.0, 6.0, suffix) as (figure, content):
+        from matplotlib.collections import PatchCollection
+        from matplotlib.patches import Circle
+
+        axes = figure.subplots()
+        disks = [Circle(point, radius) for point, radius in zip(points.tolist(), radii, strict=True)]
+        axes.add_collection(PatchCollection(disks, facecolor="C0", edgecolor="C0", alpha=0.12, linewidth=0.5))
+        axes.add_collection(PatchCollection(disks, facecolor="none", edgecolor="C0", linewidth=0.4))
+        axes.plot(*points.T, ".", color="0.2", markersize=3)
+        for line in lines:
+            axes.plot(*np.asarray(line).T, color="C3", linewidth=1.5)
+        axes.set_aspect("equal")
+        axes.autoscale_view()
+    return content.getvalue()
+
+
 @contextmanager
 def figure_file(width: float, height: float, suffix: str) -> Iterator[tuple[Figure, BytesIO]]:
     """Give a figure to draw on; its file is written when the block ends."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_in_range, check_places, check_that
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape, check_that
+from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.regions import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
@@ -96,6 +98,27 @@ class Supports:
         own, rows = own[seen], rows[seen]
         shares = np.linalg.norm(where[rows] - self.points[own], axis=1) / self.radii[own]
         return csr_array((shares, (rows, own)), shape=(len(where), len(found)))
+
+    def plot(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Draw the disks, and the slits, to a .png or .svg file, whole or not at all; in the plane.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is another, or the supports are not in the plane.
+        OSError
+            If the file cannot be written, or exists and `overwrite` is false.
+        ImportError
+            If matplotlib is not installed.
+        """
+        from cvtimg.plotting.charts import PLOT_SUFFIXES, draw_supports
+
+        suffix = check_choice("suffix", Path(path).suffix.lower(), PLOT_SUFFIXES)
+        check_shape("points", self.points.shape, self.points.shape[1] == 2, "(n, 2) to be drawn")
+        outline = outline_of(self.region, None if callable(self.visible) else self.visible)
+        lines = () if outline is None else outline.barriers.reshape(-1, 2, 2)
+        with whole_file(path, overwrite=overwrite) as file:
+            file.write(draw_supports(self.points, self.radii, suffix, list(lines)))
 
     def _seen(self, own: NDArray[np.intp], places: _Floats) -> NDArray[np.bool_]:
         if self.visible is None:

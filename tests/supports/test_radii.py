@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 from cvtimg import place_generators, support_radii
 from cvtimg.regions import Box, ImplicitRegion, PolygonRegion, Region
@@ -206,3 +208,14 @@ def test_slits_that_are_none_and_rooms_that_no_point_sees_are_named() -> None:
         support_radii([[0.5] * 3], Box([0] * 3, [1] * 3), visible=[[[0, 0], [1, 1]]])
     with pytest.raises(ValueError, match="is seen by fewer"):
         support_radii([[0.2, 0.5], [0.3, 0.5]], SQUARE, visible=[[[0.5, 0], [0.5, 1]]])
+
+
+def test_plots_show_disks_and_slits(tmp_path: Path) -> None:
+    supports = support_radii(SQUARE.draw(20, 1), SQUARE, 2, visible=SLIT)
+    supports.plot(tmp_path / "s.png")
+    with Image.open(tmp_path / "s.png") as image:
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 20
+    with pytest.raises(OSError, match="exists"):
+        supports.plot(tmp_path / "s.png")
+    with pytest.raises(ValueError, match="suffix"):
+        supports.plot(tmp_path / "s.txt")

@@ -1,0 +1,104 @@
+"""Radii of supports: overlap of covers by random, Halton and tessellation points, with seconds; a field around a slit.
+
+Each cover is proved by the arrangement of its circles. The overlap is the share of entries of the matrix of a meshless
+method that are not zero. Uniform points, and points with the density exp(-3 |x|^2), which is centered on the region.
+
+    python benchmarks/supports.py [--quick]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import ROOT, machine, parser, pin_threads, print_table, timed, write_results
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+Points = NDArray[np.float64]
+COVERS = (1, 3)
+
+
+def regions() -> dict[str, Any]:
+    """Make the square and the disk, a polygon of 256 sides."""
+    from cvtimg.regions import Box, PolygonRegion
+
+    angles = np.arange(256) * np.pi / 128
+    return {
+        "square": Box([-1, -1], [1, 1]),
+        "disk": PolygonRegion(np.stack([np.cos(angles), np.sin(angles)], axis=1)),
+    }
+
+
+def gaussian(places: Points) -> NDArray[np.float64]:
+    """Return the density that is not uniform."""
+    return np.asarray(np.exp(-3 * (places**2).sum(axis=1)))
+
+
+def points(kind: str, region: Any, n: int, density: Any) -> Points:
+    """Make points of a kind; random and Halton points by rejection."""
+    from cvtimg import place_generators
+
+    if kind == "CVT":
+        return place_generators(region, n, density=density).points
+    draw = np.random.default_rng(0).random if kind == "random" else qmc.Halton(3, scramble=False).random
+    cube = draw((64 * n, 3)) if kind == "random" else draw(64 * n + 1)[1:]
+    places = 2 * cube[:, :2] - 1
+    good = region.contains(places)
+    if density is not None:
+        good &= cube[:, 2] < density(places)
+    return np.ascontiguousarray(places[good][:n])
+
+
+def covers(quick: bool) -> list[dict[str, Any]]:
+    """Cover both regions by all kinds of points."""
+    from cvtimg import support_radii
+
+    rows = []
+    for name, region in regions().items():
+        for law, density in (("uniform", None), ("Gaussian", gaussian)):
+            for n in (128,) if quick or density is not None else (128, 256, 512):
+                for kind in ("random", "Halton", "CVT"):
+                    where = points(kind, region, n, density)
+                    row = {"region": name, "density": law, "n": n, "points": kind}
+                    for cover in COVERS:
+                        found, seconds = timed(
+                            lambda w=where, c=cover, r=region: support_radii(w, r, c), time.process_time
+                        )
+                        row |= {f"p={cover}": found.overlap.nnz / n**2, f"p={cover} s": seconds}
+                        row["proved"] = row.get("proved", True) and found.proved
+                    rows.append(row)
+    header = ("region", "density", "n", "points", "p = 1", "p = 3", "seconds, p = 3", "proved")
+    table = []
+    for r in rows:
+        figures = [f"{r['p=1']:.2%}", f"{r['p=3']:.2%}", f"{r['p=3 s']:.2f}", "yes" if r["proved"] else "no"]
+        table.append([r["region"], r["density"], str(r["n"]), r["points"], *figures])
+    print_table("Entries of the overlap that are not zero", header, table)
+    return rows
+
+
+def slit(quick: bool) -> None:
+    """Run the example of a slit."""
+    sys.path.insert(0, str(ROOT / "examples"))
+    from slit import main as interpolate
+
+    halton, graded = interpolate(Path(ROOT / "out" / "slit.png"), 256 if quick else 1024).values()
+    table = [[str(d), f"{halton[d]:.3g}", f"{graded[d]:.3g}", f"{graded[d] / halton[d]:.3f}"] for d in halton]
+    print_table("A field around a slit: root mean squared error", ("degree", "Halton", "CVT", "ratio"), table)
+
+
+def main() -> None:
+    """Run both parts."""
+    asked = parser(__doc__).parse_args()
+    pin_threads(asked.threads)
+    print(machine())
+    rows = covers(asked.quick)
+    slit(asked.quick)
+    write_results("supports", {"threads": asked.threads}, rows)
+
+
+if __name__ == "__main__":
+    main()
