@@ -1,0 +1,166 @@
+"""Designs of experiments: ten methods by six measures, and errors of interpolation from 100 points.
+
+Methods are those of M. Gunzburger's lecture, and our Latin CVT; Latin hypercubes of SciPy, diversipy and pydoe are its
+rivals. Measures are those of `cvtimg.point_measures`: of each, less is more even. Interpolation is by cubic radial
+basis functions at 4,096 places, of 48 functions: ridges, peaks, sums of one-dimensional ones, and two active inputs.
+
+    python benchmarks/designs.py [--quick] [--only measures,interpolation] [--effort best]
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from common import machine, parser, pin_threads, print_table, timed, write_results
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.stats import qmc
+
+Points = NDArray[np.float64]
+Row = dict[str, Any]
+PARTS = ("measures", "interpolation")
+DIMS, COUNTS = (2, 3, 7), (100, 1000)
+MEASURES = ("discrepancy", "h", "chi", "tau", "d", "energy")
+#: The greatest designs of methods in pure Python.
+SLOW = 100
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--effort", default="balanced", choices=("fast", "balanced", "best"))
+    return read.parse_args()
+
+
+def hammersley(n: int, n_dims: int) -> Points:
+    """Take pydoe's Hammersley sequence."""
+    from pydoe import hammersley_sequence
+
+    return np.asarray(hammersley_sequence(n, n_dims))
+
+
+def improved_latin(n: int, n_dims: int) -> Points:
+    """Take diversipy's improved Latin hypercube (IHS)."""
+    from diversipy.hycusampling import improved_lhd_matrix
+
+    random.seed(0)
+    return (np.asarray(improved_lhd_matrix(n, n_dims), float) + 0.5) / n
+
+
+def maximin(n: int, n_dims: int) -> Points:
+    """Take pydoe's Latin hypercube with the greatest least distance of a few."""
+    from pydoe import lhs
+
+    np.random.seed(0)
+    return np.asarray(lhs(n_dims, samples=n, criterion="maximin", iterations=20))
+
+
+def methods(effort: str, seed: int = 0) -> dict[str, Callable[[int, int], Points]]:
+    """Name all ways to make n points of the unit cube."""
+    from cvtimg import design, latinize
+
+    def cvt(n: int, d: int, latin: bool = False, periodic: bool = False) -> Points:
+        return design(n, d, latin=latin, periodic=periodic, effort=effort, rng=seed).unit_points
+
+    return {
+        "Monte Carlo": lambda n, d: np.random.default_rng(seed).random((n, d)),
+        "Halton": lambda n, d: qmc.Halton(d, scramble=False).random(n + 1)[1:],
+        "Hammersley": hammersley,
+        "Sobol": lambda n, d: qmc.Sobol(d, rng=seed).random(n),
+        "LHS": lambda n, d: qmc.LatinHypercube(d, rng=seed).random(n),
+        "IHS (diversipy)": improved_latin,
+        "CVT": cvt,
+        "CVTP": lambda n, d: cvt(n, d, periodic=True),
+        "LCVT, Latinized": lambda n, d: latinize(cvt(n, d)),
+        "LCVTP, Latinized": lambda n, d: latinize(cvt(n, d, periodic=True)),
+        "Latin CVT (default)": lambda n, d: cvt(n, d, latin=True),
+        "LHS random-cd (SciPy)": lambda n, d: qmc.LatinHypercube(d, optimization="random-cd", rng=seed).random(n),
+        "LHS maximin (pydoe)": maximin,
+    }
+
+
+def measures(quick: bool, effort: str) -> list[Row]:
+    """Measure designs by all methods."""
+    from cvtimg import point_measures
+
+    rows: list[Row] = []
+    for n_dims in DIMS:
+        for n in COUNTS[:1] if quick else COUNTS:
+            for name, make in methods(effort).items():
+                if n > SLOW and name.startswith(("IHS", "LHS maximin", "LHS random-cd")):
+                    continue
+                try:
+                    points, seconds = timed(lambda m=make, n=n, d=n_dims: m(n, d), time.process_time)
+                except ImportError as error:
+                    print(f"{name}: {error}")
+                    continue
+                found = {key: value for key, value in asdict(point_measures(points)).items() if key in MEASURES}
+                rows.append({"dimensions": n_dims, "n": n, "method": name, **found, "seconds": seconds})
+            table = [
+                [row["method"], *(f"{row[key]:.4g}" for key in MEASURES), f"{row['seconds']:.2f}"]
+                for row in rows
+                if (row["dimensions"], row["n"]) == (n_dims, n)
+            ]
+            header = ("method", "D*", "h", "chi", "tau", "d", "E", "seconds")
+            print_table(f"{n} points in {n_dims} dimensions", header, table)
+    return rows
+
+
+def functions(n_dims: int) -> list[Callable[[Points], NDArray[np.float64]]]:
+    """Make 48 functions, of four kinds."""
+    rng = np.random.default_rng(1)
+    found: list[Callable[[Points], NDArray[np.float64]]] = []
+    for _ in range(12):
+        along = rng.normal(size=n_dims)
+        along *= 4.5 / np.linalg.norm(along)
+        phase, middle, sizes, waves = rng.random() * 6, rng.random(n_dims), rng.normal(size=n_dims), rng.random(n_dims)
+        one, other = rng.permutation(n_dims)[:2]
+        found += [
+            lambda x, along=along, phase=phase: np.sin(x @ along + phase),
+            lambda x, middle=middle: np.exp(-2 * ((x - middle) ** 2).sum(axis=1)),
+            lambda x, sizes=sizes, waves=waves: (sizes * np.sin(6 * waves * x)).sum(axis=1),
+            lambda x, one=one, other=other: np.sin(4 * x[:, one]) * np.cos(3 * x[:, other]),
+        ]
+    return found
+
+
+def interpolation(quick: bool, effort: str) -> list[Row]:
+    """Interpolate all functions from 100 points; of methods that draw, the mean over a few seeds."""
+    rows = []
+    chosen = ("Monte Carlo", "Halton", "LHS", "CVT", "Latin CVT (default)", "LHS random-cd (SciPy)")
+    for n_dims in DIMS:
+        places = qmc.Sobol(n_dims, rng=11).random(1 << 12)
+        wanted = np.stack([function(places) for function in functions(n_dims)], axis=1)
+        for name in chosen:
+            squares = []
+            for seed in range(2 if quick else 5):
+                points = methods(effort, seed)[name](100, n_dims)
+                values = np.stack([function(points) for function in functions(n_dims)], axis=1)
+                error = RBFInterpolator(points, values, kernel="cubic", degree=1)(places) - wanted
+                squares.append((error**2).mean(axis=0) / wanted.var(axis=0))
+            # Functions differ in how hard they are: the geometric mean gives each its say.
+            rows.append({"dimensions": n_dims, "method": name, "error": np.exp(np.log(squares).mean() / 2)})
+    table = [[str(row["dimensions"]), row["method"], f"{row['error']:.4g}"] for row in rows]
+    print_table("Interpolation: root mean squared error", ("dimensions", "method", "error"), table)
+    return rows
+
+
+def main() -> None:
+    """Run what is asked for."""
+    asked = options()
+    pin_threads(asked.threads)
+    print(machine())
+    parts = {"measures": measures, "interpolation": interpolation}
+    for name in asked.only.split(","):
+        write_results(f"designs_{name}", {"effort": asked.effort}, parts[name](asked.quick, asked.effort))
+
+
+if __name__ == "__main__":
+    main()
