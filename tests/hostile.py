@@ -326,7 +326,9 @@ def judge(path: Path, *, piped: bool = False) -> str:
     """Return what became of a file, given by its name or through a pipe: "right", "error", or what was wrong."""
     # PNG holds neither bands nor pages.
     suffix = ".tif" if path.suffix in (".tif", ".npy", ".fits") and not piped else ".png"
-    out, before = path.with_name(f"out{suffix}"), set(path.parent.iterdir())
+    out = path.with_name(f"out{suffix}")
+    out.unlink(missing_ok=True)  # left by a file that took too long
+    before = set(path.parent.iterdir())
     source = "-" if piped else str(path)
     verdict, rows = "right", list[dict[str, Any]]()
     for arguments in (["info", source, "--json"], ["quantize", source, "-k", "4", "-o", str(out), "--json"]):
