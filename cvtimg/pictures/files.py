@@ -55,8 +55,8 @@ def read_image(
     page : int, optional
         Page to read, from 1, of a file of several pages or planes.
     channel_axis : int, optional
-        Axis of the bands in a .npy array of three axes. By default the last; an array that is longer along the last
-        axis than along another is refused, unless this says which.
+        Axis of the bands in a .npy array of three axes. By default the last; an array whose first axis is at most a
+        quarter as long as both others, such as (3, 480, 640), is refused unless this says which.
     keep_profile : bool
         Do not convert colors with an RGB profile, such as Display P3, to sRGB. Write the result with the metadata from
         ``read_metadata(source, keep_profile=True)``.

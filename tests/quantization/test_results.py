@@ -37,9 +37,10 @@ def test_every_result_is_written_in_one_line(photograph: NDArray[Any]) -> None:
 @pytest.mark.parametrize("n_colors", [5, 300])
 def test_a_notebook_shows_the_image(n_colors: int, photograph: NDArray[Any]) -> None:
     result = quantize(photograph, n_colors)
-    with Image.open(BytesIO(result._repr_png_() or b"")) as shown:
+    with Image.open(BytesIO(result._repr_png_())) as shown:
         np.testing.assert_array_equal(np.asarray(shown.convert("RGB")), result.image)
-    assert quantize(photograph / 255, 5)._repr_png_() is None
+    with Image.open(BytesIO(quantize(photograph / 255, 5)._repr_png_())) as shown:
+        np.testing.assert_array_equal(np.asarray(shown), np.rint(quantize(photograph / 255, 5).image * 255))
 
 
 def test_a_notebook_shows_the_colors() -> None:

@@ -15,6 +15,8 @@ __all__ = ["NPY_MAGIC", "as_samples", "decode_npy", "npy_header", "upright"]
 NPY_MAGIC = b"\x93NUMPY"
 #: A last axis of at most this length holds bands, however small the image is.
 _FEW_BANDS = 4
+#: A first axis so many times as short as the others is doubtful: it may hold bands or pages.
+_FLAT = 4
 
 
 def as_samples(values: NDArray[Any]) -> NDArray[Any]:
@@ -62,7 +64,7 @@ def _checked(values: NDArray[Any]) -> NDArray[Any]:
         raise UnfitContentError(f"holds an array of shape {shape}; an image must be (H, W) or (H, W, C)")
     if values.ndim == 3 and axis is not None:
         values = np.moveaxis(values, axis, -1)
-    elif values.ndim == 3 and shape[2] > _FEW_BANDS and shape[2] > min(shape[:2]):
+    elif values.ndim == 3 and shape[2] > _FEW_BANDS and _FLAT * shape[0] <= min(shape[1:]):
         raise UnfitContentError(
             f"holds an array of shape {shape}, whose bands could lie along the first or the last axis: "
             "say which by --channel-axis 0 or 2 (channel_axis in Python)"
