@@ -40,7 +40,7 @@ exposures = [exposure(0, 0), exposure(3, -2), exposure(-2, 4)]
 # %%
 # ``align=True`` moves every exposure to the first, and ``detail=True`` is for photographs.
 
-merged = cvtimg.restore(exposures, 96, align=True, detail=True)
+merged = cvtimg.restore(exposures, align=True, detail=True)
 mean = np.mean(exposures, axis=0).round().astype(np.uint8)
 
 

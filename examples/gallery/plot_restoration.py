@@ -50,7 +50,7 @@ third_row = [
     Panel(np.dstack([levels(version), np.uint8(255) * mask]), ("30 % holes, a scratch, noise",))
     for version, mask in zip(versions, known, strict=True)
 ]
-restored = cvtimg.restore(versions, 96, masks=known, detail=True)
+restored = cvtimg.restore(versions, masks=known, detail=True)
 third_row.append(Panel(levels(restored.image), ("restored with detail=True",)))
 
 # %%
