@@ -56,6 +56,10 @@ EFFORTS: dict[str, Effort] = {
     "balanced": Effort(40, 1e-3, 3),
     "best": Effort(300, 1e-4, 5),
 }
+#: Logarithm of the ratio of metrics from which on sizes vary.
+_VARIES = 0.4
+#: Small meshes of one size take more moves: as many as move this many vertices in all, at most.
+_WORK, _MORE_MOVES = 200_000, 200
 #: Smoothing, which is for sizes only, lowers the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
 _POWER = 8
@@ -238,8 +242,11 @@ def _mesh(
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = Triangulation.constrained(borders, inner)
     settings = EFFORTS[effort]
-    relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=settings.moves, tolerance=settings.tolerance)
-    for _ in range(settings.smoothing if field.isotropic else 0):
+    # Where sizes hardly vary, more moves make cells regular, and smoothing would make them less so.
+    varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
+    moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
+    relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
+    for _ in range(settings.smoothing if varies else 0):
         mesh.smooth(field.metric(mesh.points), _POWER)
         mesh.flip(None)
     return Mesh(
