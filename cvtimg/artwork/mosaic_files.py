@@ -25,9 +25,10 @@ from cvtimg.placement import pixel_labels
 _FINE, _MOST_PARTS = 3, 1 << 26
 #: Color of lines between tiles.
 _LINES = "#202020"
-#: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. A stroke of
-#: some pixel in the color of the tile covers it.
+#: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. So all tiles
+#: are drawn twice, below with sharp edges; a stroke in the color of the tile covers what is left.
 _SEAM = 'stroke-width="0.4"'
+_SHARP_BELOW = '<use href="#tiles" shape-rendering="crispEdges"/>\n'
 #: Channels of gray, gray with alpha and so on as those of RGB and RGBA.
 _CHANNELS = {1: [0, 0, 0], 2: [0, 0, 0, 1], 3: [0, 1, 2], 4: [0, 1, 2, 3]}
 #: Formats without alpha.
@@ -85,7 +86,15 @@ class TileDrawing:
 
     def _svg(self) -> Iterator[str]:
         line = f'stroke="{_LINES}" stroke-width="{number(self.outline, 3)}"' if self.outline else _SEAM
-        return drawing(self.size[1], self.size[0], attributes=f' stroke-linejoin="round" {line}', body=self._paths())
+        return drawing(self.size[1], self.size[0], attributes=f' stroke-linejoin="round" {line}', body=self._body())
+
+    def _body(self) -> Iterator[str]:
+        translucent = self.colors.shape[1] in (2, 4) and bool((self._eight_bits()[:, 3] < 255).any())
+        if not translucent:
+            yield _SHARP_BELOW
+        yield '<g id="tiles">\n'
+        yield from self._paths()
+        yield "</g>\n"
 
     def _paths(self) -> Iterator[str]:
         for polygon, color in zip(self.polygons, self._eight_bits(), strict=True):

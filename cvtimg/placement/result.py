@@ -70,6 +70,12 @@ class Placement:
         tuple of cvtimg.labels.Polygon
             By label, which is the index of the point plus 1; a cell that its region cuts apart has several.
 
+        Raises
+        ------
+        TypeError, ValueError
+            If the region is no box, polygon or image of the plane, where cells are polygons; or if the generators are
+            segments or circles. `masses`, `centroids` and `measures` are known in all regions.
+
         Notes
         -----
         Needs shapely: ``pip install cvtimg[regions]``. Cells of the Euclidean metric, for regions of the plane.
@@ -93,7 +99,7 @@ class Placement:
         return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own[flat], found, strict=True))
 
     def measures(self) -> CellMeasures:
-        """Measure how regular the Voronoi cells are, in the plane."""
+        """Measure how regular the Voronoi cells are: exactly where they are polygons, else by samples."""
         self._refuse_figures()
         return measure_cells(self.points, self.region)
 

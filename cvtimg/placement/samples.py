@@ -44,7 +44,7 @@ class SampleMoments:
     def __call__(self, generators: Points, /) -> Moments:
         """Compute the moments of the cells of (K, D) generators."""
         labels = self.labels(generators)
-        steps = self._wrapped(self._rows - generators[labels])
+        steps = self.wrapped(self._rows - generators[labels])
         masses = sum_by_cell(labels, self._weights, len(generators))
         if self._gauge == LpGauge(2):
             pulls, squares = steps, (steps**2).sum(axis=1)
@@ -84,7 +84,8 @@ class SampleMoments:
             labels[part] = self._gauge.lengths(steps).reshape(len(part), -1).argmin(axis=1)
         return np.asarray(labels)
 
-    def _wrapped(self, steps: Points) -> Points:
+    def wrapped(self, steps: Points) -> Points:
+        """Take (M, D) steps the short way around a periodic box."""
         if self._box is None:
             return steps
         sides = np.where(self._box.periodic, self._box.sides, np.inf)

@@ -18,6 +18,8 @@ Geometry: TypeAlias = Any
 
 #: Where a boundary turns by less, in degrees, it has no corner.
 _SMOOTH = 30.0
+#: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
+_ONE = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
@@ -144,7 +146,12 @@ class PolygonRegion(Region):
 def triangulate(polygons: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
     shapely = _shapely()
-    parts, own = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons), return_index=True)
+    try:
+        cut = shapely.constrained_delaunay_triangles(polygons)
+    except shapely.GEOSException:  # corners that are apart by rounding only
+        extent = float(np.nanmax(np.abs(shapely.bounds(polygons))))
+        cut = shapely.constrained_delaunay_triangles(shapely.remove_repeated_points(polygons, _ONE * extent))
+    parts, own = shapely.get_parts(cut, return_index=True)
     return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], own
 
 

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 from skimage import data
 from skimage.segmentation import slic
 
@@ -140,9 +142,8 @@ def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> 
 def test_files_hold_each_tile_once(tmp_path: Path, shape: str) -> None:
     result = mosaic(PHOTO, 40, shape=shape, effort="fast")
     result.save(tmp_path / "a.svg")
-    paths = [node for node in ElementTree.parse(tmp_path / "a.svg").getroot() if node.tag.endswith("path")]
+    paths = [node for node in ElementTree.parse(tmp_path / "a.svg").iter() if node.tag.endswith("path")]
     assert len(paths) == 40
-    # A stroke of its own color hides the seam to the next tile.
     assert all(node.get("fill") == node.get("stroke") for node in paths)
     result.save(tmp_path / "a.geojson")
     features = json.loads((tmp_path / "a.geojson").read_text())["features"]
@@ -156,3 +157,29 @@ def test_files_hold_each_tile_once(tmp_path: Path, shape: str) -> None:
         result.save(tmp_path / "b.png")
     with pytest.raises(ValueError, match=r"suffix='.xyz' must be one of .svg"):
         result.save(tmp_path / "b.xyz")
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+@pytest.mark.parametrize("scale", [0.37, 1.0, 1.3, 2.71])
+def test_no_background_shines_through_when_rendered(tmp_path: Path, shape: str, scale: float) -> None:
+    resvg = pytest.importorskip("resvg_py")
+    result = mosaic(PHOTO, 120, shape=shape, effort="fast")
+    result.save(tmp_path / "a.svg")
+    width = round(PHOTO.shape[1] * scale)
+
+    def rendered(background: str) -> np.ndarray:
+        found = resvg.svg_to_bytes(svg_path=str(tmp_path / "a.svg"), width=width, background=background)
+        with Image.open(io.BytesIO(bytes(found))) as image:
+            return np.asarray(image.convert("RGB"))[1:-1, 1:-1]
+
+    assert np.array_equal(rendered("#ff00ff"), rendered("#00ff00"))
+    if scale == 1:
+        assert psnr(rendered("#000000"), result.draw()[1:-1, 1:-1]) > 30
+
+
+def test_translucent_tiles_are_drawn_once(tmp_path: Path) -> None:
+    clear = np.dstack([PHOTO, np.full(PHOTO.shape[:2], 128, np.uint8)])
+    mosaic(clear, 40, effort="fast").save(tmp_path / "a.svg")
+    mosaic(PHOTO, 40, effort="fast").save(tmp_path / "b.svg")
+    assert "<use" not in (tmp_path / "a.svg").read_text()
+    assert "<use" in (tmp_path / "b.svg").read_text()

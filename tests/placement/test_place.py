@@ -138,7 +138,7 @@ def test_given_boundary_points_and_fixed_ones_stay() -> None:
     given = [[0, 0], [4, 4], [2, 1]]
     placement = place_generators(FRAME, 40, on_boundary=given, fixed=[[0.5, 0.5]])
     assert placement.points[:4].tolist() == [[0.5, 0.5], *given]
-    with pytest.raises(ValueError, match=r"on_boundary has \[0\.5, 0\.5\], which is 0\.5 from the boundary"):
+    with pytest.raises(ValueError, match=r"on_boundary=\[0\.5, 0\.5\] must be on the boundary, which is 0\.5 away"):
         place_generators(FRAME, 40, on_boundary=[[0.5, 0.5]])
 
 
@@ -205,6 +205,50 @@ def test_measures_of_a_square_grid_are_known() -> None:
     assert exact.chi == pytest.approx(2**0.5)
     assert (exact.h_ratio, exact.gap_ratio, exact.area_ratio) == pytest.approx((1, 1, 1))
     assert (exact.tau, exact.d, exact.gap_variation) == pytest.approx((0, 0, 0), abs=1e-12)
+
+
+def test_measures_of_a_cubic_grid_are_known_by_samples() -> None:
+    axis = np.arange(4) + 0.5
+    grid = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    for periodic in (False, True):
+        found = measure_cells(grid, Box([0] * 3, [4] * 3, periodic=periodic))
+        assert found.h == pytest.approx(3**0.5 / 2, rel=0.05)
+        assert found.h <= 3**0.5 / 2
+        assert found.chi == pytest.approx(3**0.5, rel=0.05)
+        assert (found.gap_ratio, found.area_ratio) == pytest.approx((1, 1), rel=0.03)
+        assert (found.tau, found.d) == pytest.approx((0, 0), abs=0.01)
+
+
+def test_measures_by_samples_agree_with_those_of_polygons() -> None:
+    disk = ImplicitRegion(lambda p: np.hypot(*p.T) - 1, [-1, -1], [1, 1])
+    turn = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    polygon = PolygonRegion([np.stack([np.cos(turn), np.sin(turn)], axis=1)])
+    points = place_generators(polygon, 20).points
+    sampled, exact = measure_cells(points, disk), measure_cells(points, polygon)
+    for name in ("h", "chi", "h_ratio", "gap_ratio", "area_ratio", "tau"):
+        assert getattr(sampled, name) == pytest.approx(getattr(exact, name), rel=0.05, abs=1e-3)
+
+
+def test_cells_with_corners_apart_by_rounding_are_integrated() -> None:
+    points = np.array([[0.1, 0.5], [0.9, 0.5], [0.5, 0.0]])
+    moments = PolygonMoments(Box([0, 0], [1, 1], periodic=True), as_density(lambda p: np.ones(len(p))))
+    assert moments(points).masses == pytest.approx([0.29, 0.29, 0.42])
+
+
+def test_gaps_go_around_a_periodic_box() -> None:
+    points = np.array([[0.1, 0.5], [0.9, 0.5], [0.5, 0.0]])
+    apart = measure_cells(points, Box([0, 0], [1, 1])).gap_ratio
+    around = measure_cells(points, Box([0, 0], [1, 1], periodic=True)).gap_ratio
+    assert apart == pytest.approx(1)
+    assert around == pytest.approx(0.41**0.5 / 0.2)
+
+
+@pytest.mark.parametrize("region", [Box([0] * 3, [1] * 3), np.ones((3, 3, 3), bool)])
+def test_cells_beyond_the_plane_are_refused_by_name(region: Any) -> None:
+    placement = place_generators(region, 3, effort="fast")
+    with pytest.raises(ValueError, match="must be in the plane: cells are polygons there"):
+        placement.cells()
+    assert placement.measures().h > 0
 
 
 def test_draws_in_any_number_of_threads_end_alike() -> None:
