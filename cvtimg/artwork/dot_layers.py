@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.artwork.equal_masses import share_equally
+from cvtimg.artwork.pens import into_ink, keep_apart
 from cvtimg.artwork.tone_balance import balance_tones
 from cvtimg.placement import place_in_picture
 from cvtimg.placement.pictures import picture_moments
@@ -17,8 +18,9 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 DOTS = ("equal", "equal-mass", "sized")
-#: Moves of dots to the centers of the ink of their cells at the end.
-_TO_INK = {"equal": 1, "sized": 2}
+#: Moves of dots to the centers of the ink of their cells at the end; and where those of other pens are in the way.
+_LAST_MOVES = {"equal": 1, "equal-mass": 5, "sized": 2}
+_LAST_MOVES_APART = {"equal": 0, "equal-mass": 1, "sized": 0}
 #: Steps of the tones that sizes of dots are told by, and of the search for how they grow.
 _TONES, _HALVINGS = 1024, 40
 
@@ -56,25 +58,56 @@ def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float,
     radius_range : (float, float) or None
         Least and greatest radius, for "sized".
     """
-    total = float(ink.sum(dtype=np.float64))
-    if n_dots == 0 or total == 0:
-        return DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), 0.0)
-    # In a tessellation of density rho there are rho^(1/2) dots in an area. Dots of one size must be as many as the ink.
-    amount = ink if radius_range is None else ink / _disk_areas(ink, n_dots, radius_range)
-    points, weights = place_in_picture(amount * amount, n_dots, effort="fast").points, np.zeros(n_dots)
-    moments = picture_moments(ink, n_dots)
-    if dots != "sized" or radius_range is not None:
-        points = balance_tones(amount, points)
+    points = _spread_dots(
+        _amount(ink, n_dots, radius_range), n_dots, balanced=dots != "sized" or radius_range is not None
+    )
+    return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
+
+
+def place_pens(
+    inks: Sequence[Floats32], counts: Sequence[int], dots: str, radius_range: tuple[float, float] | None
+) -> list[DotLayer]:
+    """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
+    amounts = [_amount(ink, count, radius_range) for ink, count in zip(inks, counts, strict=True)]
+    placed = [_spread_dots(amount, count, balanced=True) for amount, count in zip(amounts, counts, strict=True)]
+    apart = keep_apart(amounts, placed)
+    moves = _LAST_MOVES_APART[dots]
+    return [_finished(ink, points, dots, radius_range, moves) for ink, points in zip(inks, apart, strict=True)]
+
+
+def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> Floats32:
+    """Return how many dots each pixel asks for, in any unit; dots of one size must be as many as the ink."""
+    if n_dots == 0 or radius_range is None:
+        return ink
+    return ink / _disk_areas(ink, n_dots, radius_range)
+
+
+def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
+    if n_dots == 0:
+        return np.empty((0, 2))
+    # In a tessellation of density rho there are rho^(1/2) dots in an area.
+    points = place_in_picture(amount * amount, n_dots, effort="fast").points
+    return balance_tones(amount, points) if balanced else points
+
+
+def _finished(
+    ink: Floats32, points: Floats, dots: str, radius_range: tuple[float, float] | None, n_moves: int
+) -> DotLayer:
+    """Make the last moves of dots, and find their sizes."""
+    n_dots = len(points)
+    if n_dots == 0:
+        return DotLayer(points, np.empty(0), np.empty(0), np.empty(0), 0.0)
+    moments, weights = picture_moments(ink, n_dots), np.zeros(n_dots)
     if dots == "equal-mass":
-        points, weights = share_equally(moments, points)
+        points, weights = share_equally(moments, points, n_moves)
     else:
         # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
-        for _ in range(_TO_INK[dots]):
+        for _ in range(n_moves):
             points = moments(points).centroids
     points = into_ink(points, ink)
     found = moments(points, weights)
     masses = found.masses
-    radii = np.full(n_dots, np.sqrt(total / n_dots / np.pi))
+    radii = np.full(n_dots, np.sqrt(moments.mass / n_dots / np.pi))
     if dots == "sized":
         radii = np.sqrt(masses / np.pi)
         if radius_range is not None:
@@ -131,30 +164,3 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
     table = areas(np.linspace(0, darkest, _TONES), np.exp(middle)).astype(np.float32)
     chosen: Floats32 = table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]
     return chosen
-
-
-def into_ink(points: Floats, ink: Floats32) -> Floats:
-    """Move points that lie on paper to the nearest pixel that asks for ink.
-
-    The center of mass of a cell may lie outside of what it is the center of, as for a ring.
-    """
-    height, width = ink.shape
-    size = np.array([width, height])
-    points = np.clip(points, 0, np.nextafter(size, 0))
-    x, y = points.astype(np.intp).T
-    lost, reach = np.flatnonzero(ink[y, x] == 0), 1
-    while len(lost):
-        steps = np.arange(-reach, reach + 1)
-        found = np.zeros(len(lost), np.bool_)
-        for number, dot in enumerate(lost):
-            columns = steps + int(points[dot, 0])
-            rows = steps + int(points[dot, 1])
-            columns, rows = columns[(columns >= 0) & (columns < width)], rows[(rows >= 0) & (rows < height)]
-            inked = np.argwhere(ink[np.ix_(rows, columns)])
-            if len(inked):
-                pixels = np.stack([columns[inked[:, 1]], rows[inked[:, 0]]], axis=1)
-                places = np.clip(points[dot], pixels + 0.25, pixels + 0.75)
-                points[dot] = places[((places - points[dot]) ** 2).sum(axis=1).argmin()]
-                found[number] = True
-        lost, reach = lost[~found], 2 * reach
-    return points

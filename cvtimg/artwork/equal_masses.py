@@ -19,8 +19,8 @@ from cvtimg.placement import PixelMoments
 
 Floats = NDArray[np.float64]
 
-#: Moves of dots to the centers of their power cells, and steps of Newton's method after the last.
-_MOVES, _LAST_STEPS = 5, 4
+#: Steps of Newton's method after the last move.
+_LAST_STEPS = 4
 #: How often a step is halved that makes masses less equal, as between lines with paper around them.
 _HALVED = 6
 #: What neighbors exchange at least, as a part of what they would in a lattice: across paper all cells hang together.
@@ -31,15 +31,16 @@ _NEAR = 0.05
 _SOLVER_STEPS, _SOLVED = 60, 1e-2
 
 
-def share_equally(moments: PixelMoments, points: Floats) -> tuple[Floats, Floats]:
+def share_equally(moments: PixelMoments, points: Floats, n_moves: int) -> tuple[Floats, Floats]:
     """Return points and the weights of power cells that share the mass of a picture.
 
-    A move to the center of mass carries ink over long ways, after which weights begin anew.
+    Points make `n_moves` moves to the centers of mass of such cells. A move carries ink over long ways, after which
+    weights begin anew.
     """
     weights = np.zeros(len(points))
     if len(points) == 1:
         return points, weights
-    for _ in range(_MOVES):
+    for _ in range(n_moves):
         points = moments(points, _balanced(moments, points, np.zeros(len(points)))).centroids
     for _ in range(_LAST_STEPS):
         weights = _balanced(moments, points, weights)

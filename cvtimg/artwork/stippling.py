@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_in_unit_range, check_needs
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, share_dots
+from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
 from cvtimg.artwork.separations import PROCESS_COLORS, palette_coverages, process_coverages
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import disk_area, ink_coverage
@@ -53,9 +53,9 @@ def stipple(
         Least and greatest radius in pixels, for "sized": dark tones get large dots. Tones are right if `n_dots` such
         dots can hold the ink of the image.
     layers : "cmyk" or int, optional
-        Draw in color, with a layer for each pen. "cmyk": cyan, magenta, yellow and black, whose dots fall on each
-        other. A number: so many colors of the image's own palette, whose dots lie side by side. `n_dots` is the number
-        of all together.
+        Draw in color, with a layer for each pen. "cmyk": cyan, magenta, yellow and black, whose dots keep apart as far
+        as there is room. A number: so many colors of the image's own palette, whose dots lie side by side. `n_dots` is
+        the number of all together.
     invert : bool
         Draw light on dark paper.
 
@@ -117,7 +117,7 @@ def _in_colors(
         inks = [disk_area(coverage * np.float32(max_ink)) for coverage in coverages]
         check_count("n_dots", n_dots, inks[0].size, "the number of pixels")
         counts = _divide(n_dots, np.array([ink.sum(dtype=np.float64) for ink in inks]))
-        placed = [place_dots(ink, count, dots, radius_range) for ink, count in zip(inks, counts, strict=True)]
+        placed = place_pens(inks, counts.tolist(), dots, radius_range)
         colors, names = list(PROCESS_COLORS.values()), list(PROCESS_COLORS)
         return _together(placed, colors, names, white, inks[0].shape, max_ink)
     n_pens = check_count("layers", layers, 64, "or 'cmyk'")

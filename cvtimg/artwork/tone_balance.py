@@ -34,19 +34,25 @@ def balance_tones(amount: Floats32, points: Floats) -> Floats:
     points : (N, 2) array
         A centroidal Voronoi tessellation of the density `amount` squared, or nearly.
     """
-    from scipy.ndimage import gaussian_filter
-
     amounts = picture_moments(amount, len(points))
-    share = amounts.mass / len(points)
-    width = _SMOOTHED * np.sqrt(np.count_nonzero(amount) / len(points))
     density = amount * amount
     for _ in range(_ROUNDS):
-        factors = np.clip((amounts(points).masses / share) ** _POWER, 1 / _LARGEST, _LARGEST)
-        density *= gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
+        density *= corrections(amounts, points)
         moments = picture_moments(density, len(points))
         terms = Terms(Stopping(0.0, _MOVES), project=WhereMassIs(moments))
         points = DESCENTS["l-bfgs"](moments, points, terms).generators
     return points
+
+
+def corrections(amounts: PixelMoments, points: Floats) -> Floats32:
+    """Compute the factors of a density, above 1 where points are too few for their amount, for each pixel."""
+    from scipy.ndimage import gaussian_filter
+
+    n_points = len(points)
+    factors = np.clip((amounts(points).masses * (n_points / amounts.mass)) ** _POWER, 1 / _LARGEST, _LARGEST)
+    width = _SMOOTHED * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
+    smooth: Floats32 = gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
+    return smooth
 
 
 def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:

@@ -3,12 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
 from skimage import data
 
 from cvtimg import stipple
 from cvtimg.artwork import Stipples, ink_coverage
-from cvtimg.artwork.dot_layers import DOTS
+from cvtimg.artwork.dot_layers import DOTS, place_dots
 from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.separations import process_coverages
 from cvtimg.placement import place_in_picture
 
 PHOTO = data.camera()[::2, ::2]
@@ -122,6 +124,25 @@ def test_pens_have_the_ink_of_their_colors_where_it_is() -> None:
     by_pen = [result.points[result.layers == pen] for pen in range(4)]
     assert [len(points) > 0 for points in by_pen] == [False, True, False, True]
     assert by_pen[1][:, 0].max() < 60 < by_pen[3][:, 0].min()
+
+
+@pytest.mark.parametrize("dots", DOTS)
+def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> None:
+    blue = np.full((90, 140, 3), 255, np.uint8)
+    blue[:, :, 0] = blue[:, :, 1] = np.linspace(60, 220, 140).astype(np.uint8)  # cyan and magenta alike
+    result = stipple(blue, 1500, layers="cmyk", dots=dots, max_ink=0.5)
+    inks = [coverage * np.float32(0.5) for coverage in process_coverages(blue, 0.0)]
+    alone = [place_dots(ink, int((result.layers == pen).sum()), dots, None) for pen, ink in enumerate(inks)]
+    cyan, magenta = (result.points[result.layers == pen] for pen in (0, 1))
+
+    def gap(one: np.ndarray, other: np.ndarray) -> float:
+        return float(np.quantile(cKDTree(one).query(other)[0], 0.1))
+
+    assert gap(cyan, magenta) > 1.5 * gap(alone[0].points, alone[1].points)
+    for pen, points in enumerate((cyan, magenta)):
+        wanted, found = inks[pen].sum(axis=0), np.histogram(points[:, 0], 140, (0, 140))[0]
+        off = np.cumsum(found) / len(points) - np.cumsum(wanted) / wanted.sum()
+        assert np.abs(off).max() < 0.02
 
 
 def test_colors_of_a_palette_share_the_dots_of_one_tessellation() -> None:
