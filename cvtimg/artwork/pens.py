@@ -41,7 +41,7 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
         return placed
     # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
     wanted = {pen: amounts[pen] * (len(placed[pen]) / amounts[pen].sum(dtype=np.float64)) for pen in used}
-    together = np.sum(list(wanted.values()), axis=0, dtype=np.float32)
+    together = np.stack(list(wanted.values())).sum(axis=0, dtype=np.float32)
     of_all = picture_moments(together * together, sum(len(placed[pen]) for pen in used))
     of_amount = {pen: picture_moments(amounts[pen], len(placed[pen])) for pen in used}
     densities = {pen: amounts[pen] * amounts[pen] for pen in used}

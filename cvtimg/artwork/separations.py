@@ -19,16 +19,20 @@ _LEVELS, _SWEEPS = 48, 60
 _BYTE = np.dtype(np.uint8)
 
 
-def process_coverages(image: Any, white_cutoff: float) -> list[Floats32]:
-    """Compute the coverage of cyan, magenta, yellow and black, in this order.
+def process_coverages(image: Any, white_cutoff: float, max_ink: float) -> list[Floats32]:
+    """Compute the coverage of cyan, magenta, yellow and black, in this order, for tones scaled by `max_ink`.
 
-    Black takes all that the three have in common. Inks let light through and their dots fall on each other by chance,
-    so that the light of a channel is (1 - ink) (1 - black) (Demichel).
+    Black takes all that the three have in common. Ink c and black k leave 1 - c - k + q c k of the light of a channel:
+    q is 1 for dots that fall on each other by chance (Demichel), and 0 for dots that never do. Dots here keep apart as
+    far as there is room, which black takes: q is k, which drawings bear out.
     """
     light, opacity = _three_channels(image)
+    light = 1 - np.float32(max_ink) * (1 - light)
     lightest = light.max(axis=2)
-    inks = [(lightest - light[:, :, channel]) / np.maximum(lightest, 1e-6) for channel in range(3)]
-    return [as_coverage(ink, opacity, white_cutoff) for ink in (*inks, 1 - lightest)]
+    black = 1 - lightest
+    share = np.maximum(1 - black * black, np.float32(1e-6))
+    inks = [(lightest - light[:, :, channel]) / share for channel in range(3)]
+    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]
 
 
 def palette_coverages(image: Any, n_pens: int, white_cutoff: float) -> tuple[list[Floats32], NDArray[np.uint8]]:

@@ -113,8 +113,8 @@ def _in_colors(
     white = [255] * 3
     if isinstance(layers, str):
         check_choice("layers", layers, ("cmyk",))
-        coverages = process_coverages(image, white_cutoff)
-        inks = [disk_area(coverage * np.float32(max_ink)) for coverage in coverages]
+        coverages = process_coverages(image, white_cutoff, max_ink)
+        inks = [disk_area(coverage) for coverage in coverages]
         check_count("n_dots", n_dots, inks[0].size, "the number of pixels")
         counts = _divide(n_dots, np.array([ink.sum(dtype=np.float64) for ink in inks]))
         placed = place_pens(inks, counts.tolist(), dots, radius_range)

@@ -11,6 +11,7 @@ from cvtimg.artwork import Stipples, ink_coverage
 from cvtimg.artwork.dot_layers import DOTS, place_dots
 from cvtimg.artwork.dots import draw_dots
 from cvtimg.artwork.separations import process_coverages
+from cvtimg.colors.spaces import to_space
 from cvtimg.placement import place_in_picture
 
 PHOTO = data.camera()[::2, ::2]
@@ -131,7 +132,7 @@ def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> No
     blue = np.full((90, 140, 3), 255, np.uint8)
     blue[:, :, 0] = blue[:, :, 1] = np.linspace(60, 220, 140).astype(np.uint8)  # cyan and magenta alike
     result = stipple(blue, 1500, layers="cmyk", dots=dots, max_ink=0.5)
-    inks = [coverage * np.float32(0.5) for coverage in process_coverages(blue, 0.0)]
+    inks = process_coverages(blue, 0.0, 0.5)
     alone = [place_dots(ink, int((result.layers == pen).sum()), dots, None) for pen, ink in enumerate(inks)]
     cyan, magenta = (result.points[result.layers == pen] for pen in (0, 1))
 
@@ -143,6 +144,13 @@ def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> No
         wanted, found = inks[pen].sum(axis=0), np.histogram(points[:, 0], 140, (0, 140))[0]
         off = np.cumsum(found) / len(points) - np.cumsum(wanted) / wanted.sum()
         assert np.abs(off).max() < 0.02
+
+
+def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
+    brown = np.tile(np.linspace((90, 50, 20), (230, 190, 150), 150).astype(np.uint8), (80, 1, 1))
+    drawn = stipple(brown, 4000, layers="cmyk", max_ink=0.6).draw(scale=5)
+    light, wanted = (to_space(pixels.reshape(-1, 3), "linear").mean(axis=0) for pixels in (drawn, brown))
+    assert light == pytest.approx(1 - 0.6 * (1 - wanted), abs=0.015)
 
 
 def test_colors_of_a_palette_share_the_dots_of_one_tessellation() -> None:
