@@ -7,80 +7,23 @@ the tile. Its gradient lives on the borders: moving a border gives the pixels th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts
 from cvtimg.artwork import _mosaics
+from cvtimg.artwork.painting import Painted, by_rows, paint
+from cvtimg.artwork.relocation import relocate
 from cvtimg.placement import pixel_labels
 
 Floats = NDArray[np.float64]
 
-#: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
-_PARTS = 8
 #: Of the last steps, how much counts in the direction and in the length of the next; and the length of a first step,
 #: in sides of a tile.
 _MOMENTUM, _SCALE_MEMORY, _STEP = 0.8, 0.95, 0.25
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Painted:
-    """An image painted with the mean color of each tile.
-
-    Attributes
-    ----------
-    labels : (H, W) int32 array
-        The tile of each pixel.
-    colors : (K, C) float64 array
-        The mean of each tile; that of the whole image for one without pixels.
-    areas : (K,) float64 array
-        Pixels of each tile.
-    errors : (K,) float64 array
-        Squared error of each tile, summed over pixels and bands.
-    """
-
-    labels: NDArray[np.int32]
-    colors: Floats
-    areas: Floats
-    errors: Floats
-
-    @property
-    def energy(self) -> float:
-        """The squared error of the mosaic."""
-        return float(self.errors.sum())
-
-
-def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -> Painted:
-    """Measure the tiles of an (H, W, C) image."""
-    n_bands = image.shape[2]
-
-    def add(first: int, stop: int, sums: Floats) -> None:
-        _mosaics.add_colors(image, labels, first, stop, sums)
-
-    sums = _by_rows(add, labels.shape, (n_tiles, n_bands + 2))
-    areas, colors = sums[:, -1], sums[:, :n_bands]
-    empty = areas == 0
-    means = np.where(empty[:, np.newaxis], colors.sum(axis=0) / areas.sum(), colors / np.maximum(areas, 1)[:, None])
-    errors = np.maximum(sums[:, n_bands] - (colors * means).sum(axis=1), 0)
-    return Painted(labels, means, areas, np.where(empty, 0, errors))
-
-
-def _by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sums_shape: tuple[int, ...]) -> Floats:
-    """Let parts of the rows add to sums of their own, and add these up in order."""
-    height, width = shape
-    sums = np.zeros((_PARTS, *sums_shape))
-    bounds = [height * part // _PARTS for part in range(_PARTS + 1)]
-
-    def add_parts(start: int, stop: int) -> None:
-        for part in range(start, stop):
-            add(bounds[part], bounds[part + 1], sums[part])
-
-    in_parts(add_parts, _PARTS, 4.0 * height * width)
-    total: Floats = sums.sum(axis=0)
-    return total
+#: Steps between relocations, and the part of the descent in which they happen: those that move need steps to settle.
+_RELOCATE_EVERY, _RELOCATE_UNTIL = 8, 0.7
 
 
 class Tiling(Protocol):
@@ -100,6 +43,9 @@ class Tiling(Protocol):
 
     def keep_inside(self, points: Floats) -> Floats:
         """Bring points back to where they may be."""
+
+    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
+        """Move points from where they are missed least to where they are wanted most; tell which moved."""
 
 
 class VoronoiTiling:
@@ -122,7 +68,7 @@ class VoronoiTiling:
         def add(first: int, stop: int, sums: Floats) -> None:
             _mosaics.add_border_gradient(image, painted.labels, points, painted.colors, first, stop, sums)
 
-        return _by_rows(add, self._shape, points.shape)
+        return by_rows(add, self._shape, points.shape)
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of each cell if it were a square."""
@@ -131,6 +77,10 @@ class VoronoiTiling:
     def keep_inside(self, points: Floats) -> Floats:
         """Keep points in the picture."""
         return np.clip(points, 0, self._shape[::-1])
+
+    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
+        """Divide cells that gain by it with points whose cells are hardly missed."""
+        return relocate(image, points, painted)
 
 
 class DelaunayTiling:
@@ -189,6 +139,10 @@ class DelaunayTiling:
         inside = np.clip(points, 1e-3, self._size - 1e-3)
         return np.where(self._low, 0, np.where(self._high, self._size, inside))
 
+    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
+        """Leave all points: several triangles share each corner, so none can move by itself."""
+        return points, np.empty(0, np.intp)
+
 
 def descend_error(
     tiling: Tiling, image: NDArray[np.float32], points: Floats, n_steps: int, on_step: Callable[[int, float], None]
@@ -212,6 +166,12 @@ def descend_error(
             best, least = points, painted.energy
         if step == n_steps or painted.energy == 0:
             break
+        if step and step % _RELOCATE_EVERY == 0 and step < _RELOCATE_UNTIL * n_steps:
+            points, moved = tiling.relocate(image, points, painted)
+            direction[moved] = scale[moved] = 0
+            if len(moved):
+                points = tiling.keep_inside(points)
+                continue
         gradient = tiling.gradient(image, points, painted)
         direction = _MOMENTUM * direction + (1 - _MOMENTUM) * gradient
         scale = _SCALE_MEMORY * scale + (1 - _SCALE_MEMORY) * (gradient**2).sum(axis=1, keepdims=True)

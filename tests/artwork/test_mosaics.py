@@ -13,7 +13,8 @@ from skimage.segmentation import slic
 
 from cvtimg import mosaic, read_image
 from cvtimg.artwork._mosaics import label_triangles
-from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
+from cvtimg.artwork.painting import Painted, paint
+from cvtimg.artwork.tilings import DelaunayTiling, VoronoiTiling
 
 PHOTO = data.coffee()[::3, ::3]
 

@@ -1,0 +1,59 @@
+"""Relocation of the cells of a mosaic."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cvtimg
+from cvtimg.artwork import tilings
+from cvtimg.artwork.painting import paint
+from cvtimg.artwork.relocation import division_gains, relocate, removal_costs
+from cvtimg.placement import pixel_labels
+
+SAMPLES = Path(__file__).parents[2] / "sample_images"
+
+
+def strips(n_columns: int, n_strips: int) -> np.ndarray:
+    """Label strips of equal width."""
+    return np.tile(np.repeat(np.arange(n_strips, dtype=np.int32), n_columns // n_strips), (10, 1))
+
+
+def test_removing_a_cell_costs_its_pixels_the_difference_to_the_neighbor():
+    labels = strips(40, 2)
+    image = np.where(labels == 0, 0.25, 0.75).astype(np.float32)[:, :, np.newaxis]
+    costs = removal_costs(paint(image, labels, 2))
+    assert costs == pytest.approx([200 * 0.25, 200 * 0.25])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_gain_of_a_division_is_that_of_two_halves(turned):
+    ramp = np.tile(np.arange(40, dtype=np.float32), (10, 1))
+    image, whole, halves = ramp[:, :, np.newaxis], strips(40, 1), strips(40, 2)
+    if turned:
+        image, whole, halves = (np.ascontiguousarray(np.swapaxes(a, 0, 1)) for a in (image, whole, halves))
+    gains, middles, offsets = division_gains(image, paint(image, whole, 1))
+    true = paint(image, whole, 1).energy - paint(image, halves, 2).energy
+    assert gains[0] == pytest.approx(true, rel=1e-2)
+    center, half = ([5, 20], [0, 10]) if turned else ([20, 5], [10, 0])
+    assert middles[0] == pytest.approx(center)
+    assert np.abs(offsets[0]) == pytest.approx(half, abs=0.05)
+
+
+def test_points_leave_flat_parts_for_detail():
+    rng = np.random.default_rng(0)
+    image = np.full((64, 128, 1), 0.5, np.float32)
+    image[:, 64:] = np.kron(rng.random((8, 8)), np.ones((8, 8)))[:, :, np.newaxis]
+    points = rng.uniform((0, 0), (128, 64), (100, 2))
+    moved_points, moved = relocate(image, points, paint(image, pixel_labels((64, 128), points), 100))
+    assert len(moved) > 0
+    changed = np.flatnonzero((moved_points != points).any(axis=1))
+    assert set(changed) == set(moved)
+    assert (moved_points[:, 0] > 64).sum() > (points[:, 0] > 64).sum()
+
+
+def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):
+    image = cvtimg.read_image(SAMPLES / "bone_texture.png")[::2, ::2]
+    relocated = cvtimg.mosaic(image, 300).energy
+    monkeypatch.setattr(tilings, "_RELOCATE_UNTIL", 0)
+    assert relocated < 0.97 * cvtimg.mosaic(image, 300).energy
