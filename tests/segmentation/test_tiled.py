@@ -253,7 +253,6 @@ def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixt
         "--averaging after",
         "--averaging before",
         "--volume-power 1",
-        "--mask mask.png",
         "--superpixels",
         "-k auto",
     ],
@@ -262,7 +261,6 @@ def test_what_needs_the_whole_picture_is_refused(
     photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: str
 ) -> None:
     write(photograph)
-    write_image("mask.png", photograph[..., 0])
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options.split()]) == 1
     option = options if options == "-k auto" else options.split()[0]
