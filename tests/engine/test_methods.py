@@ -268,7 +268,7 @@ def test_optimal1d_agrees_with_dynamic_programming_on_any_weights(pairs: list[tu
         lowest = (lowest[:, None] + cells).min(axis=0)
     rounding = 1e-9 + 1e-7 * cells[0, -1]  # coordinates are float32: errors are relative to the energy of one cell
     assert optimum(values, n_cells, weights)[1] == pytest.approx(lowest[-1], rel=1e-6, abs=rounding)
-    assert optimum(repeated, n_cells)[1] == pytest.approx(lowest[-1], rel=1e-6, abs=1e-6)
+    assert optimum(repeated, n_cells)[1] == pytest.approx(lowest[-1], rel=1e-6, abs=rounding)
 
 
 @pytest.mark.parametrize("n_cells", [2, 7, 64, 300])
