@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
-from cvtimg.engine.ordering import along_curve
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import MeshValues
@@ -70,7 +69,7 @@ class MetricField:
     @property
     def count(self) -> float:
         """About how many vertices a mesh has, but for half of those on its boundary."""
-        return PER_AREA * float(self._weights().sum())
+        return PER_AREA * float(self._masses().sum())
 
     def metric(self, points: Points) -> Points:
         """Return metrics (N, 3) at (N, 2) points."""
@@ -90,19 +89,10 @@ class MetricField:
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
         """Draw (n, 2) points along a Morton curve."""
-        weights = self._weights()
-        order = along_curve(self.cells.centers)
-        ends = np.cumsum(weights[order])
-        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
-        found: Points = self.cells.centers[own] + (rng.random((n, 2)) - 0.5) * self.cells.sides[own, None]
-        return found
+        return self.cells.seeds(self._masses(), n, rng)
 
-    def _weights(self) -> NDArray[np.float64]:
-        inside = self.cells.inside
-        weights = np.zeros(len(inside))
-        roots = np.sqrt(_determinants(self.metric(self.cells.centers[inside])))
-        weights[inside] = self.cells.sides[inside] ** 2 * roots
-        return weights
+    def _masses(self) -> NDArray[np.float64]:
+        return self.cells.masses(lambda points: np.sqrt(_determinants(self.metric(points))))
 
 
 class HuangMetric:

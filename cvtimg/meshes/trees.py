@@ -47,6 +47,20 @@ class Cells:
     inside: NDArray[np.bool_]
     corners: Points
 
+    def masses(self, density: Callable[[Points], NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the mass (C,) of each cell under a density at points (M, 2): 0 outside of the region."""
+        masses = np.zeros(len(self.sides))
+        masses[self.inside] = self.sides[self.inside] ** 2 * density(self.centers[self.inside])
+        return masses
+
+    def seeds(self, masses: NDArray[np.float64], n: int, rng: np.random.Generator) -> Points:
+        """Draw (n, 2) points along a Morton curve, as many in each cell as its share of the mass."""
+        order = along_curve(self.centers)
+        ends = np.cumsum(masses[order])
+        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
+        points: Points = self.centers[own] + (rng.random((n, 2)) - 0.5) * self.sides[own, None]
+        return points
+
 
 @dataclass(slots=True, eq=False)
 class TreeField:
@@ -81,7 +95,7 @@ class TreeField:
     @property
     def count(self) -> float:
         """About how many vertices a mesh has, but for half of those on its boundary."""
-        return PER_AREA * float(self._weights().sum())
+        return PER_AREA * float(self._masses().sum())
 
     def metric(self, points: Points) -> Points:
         """Return metrics (N, 3) at (N, 2) points."""
@@ -117,19 +131,10 @@ class TreeField:
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
         """Draw (n, 2) points along a Morton curve."""
-        weights = self._weights()
-        order = along_curve(self.cells.centers)
-        ends = np.cumsum(weights[order])
-        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
-        found: Points = self.cells.centers[own] + (rng.random((n, 2)) - 0.5) * self.cells.sides[own, None]
-        return found
+        return self.cells.seeds(self._masses(), n, rng)
 
-    def _weights(self) -> NDArray[np.float64]:
-        """Vertices in each cell, but for a factor."""
-        weights = np.zeros(len(self.cells.sides))
-        inside = self.cells.inside
-        weights[inside] = (self.cells.sides[inside] / self._at(self.cells.centers[inside])) ** 2
-        return weights
+    def _masses(self) -> NDArray[np.float64]:
+        return self.cells.masses(lambda points: self._at(points) ** -2.0)
 
     def _at(self, points: Points) -> NDArray[np.float64]:
         near = self._near
