@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from finite_elements import errors, linear_elements
 from numpy.typing import NDArray
-from skfem import Basis, BilinearForm, ElementTriP1, Functional, MeshTri, condense, solve
+from skfem import BilinearForm, condense, solve
 from skfem.helpers import dot, grad
 
 from cvtimg import mesh_region
@@ -51,11 +52,7 @@ def slopes(x: Any, y: Any) -> tuple[Any, Any]:
 
 def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
     """Solve on a mesh; return the solution at its vertices, and its errors in L2 and in the gradient."""
-    basis = Basis(
-        MeshTri(*map(np.ascontiguousarray, (mesh.points.T, mesh.triangles.T.astype(np.int64)))),
-        ElementTriP1(),
-        intorder=6,
-    )
+    basis = linear_elements(mesh)
 
     @BilinearForm
     def form(u: Any, v: Any, _: Any) -> Any:
@@ -65,19 +62,7 @@ def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
     values = basis.zeros()
     values[edge] = exact(*mesh.points[edge.flatten()].T)
     values = solve(*condense(form.assemble(basis), x=values, D=edge))
-    at = basis.interpolate(values)
-
-    @Functional
-    def in_l2(w: Any) -> Any:
-        return (w.found - exact(*w.x)) ** 2
-
-    @Functional
-    def in_slopes(w: Any) -> Any:
-        along, up = slopes(*w.x)
-        return (w.found.grad[0] - along) ** 2 + (w.found.grad[1] - up) ** 2
-
-    l2, h1 = (float(error.assemble(basis, found=at) ** 0.5) for error in (in_l2, in_slopes))
-    return values, l2, h1
+    return values, *errors(basis, values, exact, slopes)
 
 
 def main(path: Path, levels: Sequence[int] = LEVELS) -> list[tuple[int, float, float, float, float]]:

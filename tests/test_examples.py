@@ -28,7 +28,8 @@ def example(monkeypatch: pytest.MonkeyPatch) -> Any:
         return module
 
     yield load
-    sys.modules.pop("drawing", None)
+    for shared in ("drawing", "finite_elements"):
+        sys.modules.pop(shared, None)
 
 
 def test_people_walk_less_to_mailboxes_by_where_they_live(example: Any, tmp_path: Path) -> None:
