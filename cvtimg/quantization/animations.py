@@ -112,7 +112,7 @@ def quantize_frames(
     masks : sequence of (H, W) array or None, optional
         For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
         value, and become transparent in indexed files.
-    space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng
+    space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
     Returns

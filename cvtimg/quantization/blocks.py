@@ -44,7 +44,7 @@ def quantize_blocks(
         Size of the palette, in 1..65536.
     alpha : bool
         Whether the last channel is alpha.
-    space, locked, method, init, effort, volume_power, rng
+    space, locked, method, init, effort, volume_power, rng, callback
         As in `find_palette`.
 
     Returns

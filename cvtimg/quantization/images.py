@@ -90,8 +90,9 @@ def quantize(
         and 1 with a given `palette`, which may need strong mixtures.
     weights : (H, W) array, optional
         Weight >= 0 of each pixel in the search for the palette; 1 by default.
-    method, init, effort, volume_power, rng
-        As in `tessellate`. Pixels are mapped to their nearest color, whatever the `volume_power`.
+    method, init, effort, volume_power, rng, callback
+        As in `tessellate`. Pixels are mapped to their nearest color, whatever the `volume_power`. With `psnr` or
+        "auto", `callback` is called in each of several searches; an exception that it raises ends them all.
 
     Returns
     -------
@@ -165,7 +166,7 @@ def quantize_to_size(
         Returns the number of bytes that a file of the result would have.
     n_colors : int
         Maximum number of colors; by default as many as an indexed file holds.
-    alpha, mask, space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng
+    alpha, mask, space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng, callback
         As in `quantize`.
 
     Returns
@@ -249,7 +250,8 @@ class _Source:
 
     def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies."""
-        options: dict[str, Any] = {name: value for name, value in engine.items() if name in ("volume_power", "rng")}
+        taken = ("volume_power", "rng", "callback")
+        options: dict[str, Any] = {name: value for name, value in engine.items() if name in taken}
         n_colors, curve = auto_count(self._counted, space=self._space, **options)
         return max(n_colors, self.least), curve
 

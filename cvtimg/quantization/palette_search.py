@@ -23,7 +23,7 @@ from cvtimg.colors.places import (
 )
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import peak
-from cvtimg.engine.methods import Method, Stopping
+from cvtimg.engine.methods import Callback, Method, Stopping
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
@@ -43,6 +43,7 @@ class EngineOptions(TypedDict, total=False):
     effort: EffortName
     volume_power: float
     rng: int | np.random.Generator
+    callback: Callback | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +109,9 @@ def find_palette(
         Color space in which distances are measured and means taken.
     locked : (L, C) array, optional
         Colors that the palette must contain, in the units of the samples.
-    method, init, effort, volume_power, rng
-        As in `tessellate`. Initial colors, if given, are in the coordinates of the space.
+    method, init, effort, volume_power, rng, callback
+        As in `tessellate`. Initial colors, if given, are in the coordinates of the space. An exception that
+        `callback` raises ends the search.
 
     Returns
     -------

@@ -45,7 +45,7 @@ def shared_palette(
         16; floating point, and bands that are not colors, cannot be combined with other images.
     n_colors : int
         Size of the palette, in 1..65536.
-    space, locked, method, init, effort, volume_power, rng
+    space, locked, method, init, effort, volume_power, rng, callback
         As in `find_palette`.
 
     Returns

@@ -105,7 +105,7 @@ def quantize_file(
         the image in its new colors. A TIFF keeps the color profile and the georeference.
     n_colors : int
         Size of the palette, in 1..65536; not allowed with `palette`.
-    space, palette, locked, method, init, effort, volume_power, rng
+    space, palette, locked, method, init, effort, volume_power, rng, callback
         As in `quantize`.
     mask : path, optional
         Image of the same size, whose black pixels are left out: they have no influence and keep their value, or become

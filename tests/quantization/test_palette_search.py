@@ -231,3 +231,29 @@ def test_a_result_tells_what_files_hold(photograph: NDArray[Any]) -> None:
         pixels, palette = result.content
         assert palette is None
         np.testing.assert_array_equal(pixels, result.image)
+
+
+class Overtaken(Exception):  # noqa: N818
+    """A newer request makes this search pointless."""
+
+
+@pytest.mark.parametrize("aim", [{"n_colors": 12}, {"n_colors": "auto"}, {"psnr": 30}], ids=str)
+def test_a_callback_that_raises_ends_a_search_at_once(aim: dict[str, Any], photograph: NDArray[Any]) -> None:
+    calls = []
+
+    def stop(step: int, energy: float) -> bool:
+        calls.append(step)
+        raise Overtaken
+
+    with pytest.raises(Overtaken):
+        quantize(photograph, **aim, callback=stop)
+    assert len(calls) == 1
+
+
+def test_a_callback_that_returns_true_stops_with_the_best_colors_so_far(photograph: NDArray[Any]) -> None:
+    stopped = find_palette(color_samples(photograph), 12, callback=lambda step, energy: True)
+    whole = find_palette(color_samples(photograph), 12, callback=lambda step, energy: False)
+    assert len(stopped.colors) == 12
+    assert stopped.tessellation is not None
+    assert whole.tessellation is not None
+    assert stopped.tessellation.energy > whole.tessellation.energy
