@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.artwork.equal_masses import share_equally
-from cvtimg.artwork.pens import into_ink, keep_apart
+from cvtimg.artwork.pens import keep_apart
 from cvtimg.artwork.tone_balance import balance_tones
 from cvtimg.placement import place_in_picture
-from cvtimg.placement.pictures import picture_moments
+from cvtimg.placement.pictures import WhereMassIs, picture_moments
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -104,7 +104,7 @@ def _finished(
         # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
         for _ in range(n_moves):
             points = moments(points).centroids
-    points = into_ink(points, ink)
+    points = WhereMassIs(moments)(points, points)
     found = moments(points, weights)
     masses = found.masses
     radii = np.full(n_dots, np.sqrt(moments.mass / n_dots / np.pi))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.artwork.tone_balance import corrections
-from cvtimg.placement.pictures import picture_moments
+from cvtimg.placement.pictures import WhereMassIs, picture_moments
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -46,6 +46,8 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
     of_amount = {pen: picture_moments(amounts[pen], len(placed[pen])) for pen in used}
     densities = {pen: amounts[pen] * amounts[pen] for pen in used}
     own = {pen: picture_moments(densities[pen], len(placed[pen])) for pen in used}
+    into_ink = {pen: WhereMassIs(of_amount[pen]) for pen in used}
+    size = np.array(together.shape[::-1])
     ends = np.cumsum([len(placed[pen]) for pen in used])[:-1]
     for move in range(1, _MOVES + 1):
         centers = np.split(of_all(np.concatenate([placed[pen] for pen in used])).centroids, ends)
@@ -54,32 +56,6 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
                 densities[pen] *= corrections(of_amount[pen], placed[pen])
                 own[pen] = picture_moments(densities[pen], len(placed[pen]))
             among_own = own[pen](placed[pen]).centroids
-            placed[pen] = into_ink(among_own + _TO_ALL * (center - placed[pen]), amounts[pen])
+            moved = np.clip(among_own + _TO_ALL * (center - placed[pen]), 0, size)
+            placed[pen] = into_ink[pen](moved, placed[pen])
     return placed
-
-
-def into_ink(points: Floats, ink: Floats32) -> Floats:
-    """Move points that lie on paper to the nearest pixel that asks for ink.
-
-    The center of mass of a cell may lie outside of what it is the center of, as for a ring.
-    """
-    height, width = ink.shape
-    size = np.array([width, height])
-    points = np.clip(points, 0, np.nextafter(size, 0))
-    x, y = points.astype(np.intp).T
-    lost, reach = np.flatnonzero(ink[y, x] == 0), 1
-    while len(lost):
-        steps = np.arange(-reach, reach + 1)
-        found = np.zeros(len(lost), np.bool_)
-        for number, dot in enumerate(lost):
-            columns = steps + int(points[dot, 0])
-            rows = steps + int(points[dot, 1])
-            columns, rows = columns[(columns >= 0) & (columns < width)], rows[(rows >= 0) & (rows < height)]
-            inked = np.argwhere(ink[np.ix_(rows, columns)])
-            if len(inked):
-                pixels = np.stack([columns[inked[:, 1]], rows[inked[:, 0]]], axis=1)
-                places = np.clip(points[dot], pixels + 0.25, pixels + 0.75)
-                points[dot] = places[((places - points[dot]) ** 2).sum(axis=1).argmin()]
-                found[number] = True
-        lost, reach = lost[~found], 2 * reach
-    return points
