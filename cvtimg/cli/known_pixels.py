@@ -46,17 +46,14 @@ def known_in_all(
 def _known(
     image: NDArray[Any], header: ImageInfo, shown: NDArray[Any] | None, mask: Path | None, nodata: float | None
 ) -> NDArray[np.bool_]:
-    from cvtimg.pictures.known import not_missing
+    from cvtimg.pictures.known import check_mask_size, not_black, not_missing
 
     missing = header.nodata if nodata is None else nodata
     known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
-    if shown is None:
+    if shown is None or mask is None:
         return known
-    if shown.shape[:2] != known.shape:
-        (height, width), (rows, columns) = known.shape, shown.shape[:2]
-        raise ValueError(f"has {width} x {height} pixels, but the mask {mask} has {columns} x {rows}")
-    kept: NDArray[np.bool_] = shown.reshape(*known.shape, -1)[:, :, :3].max(axis=2) > 0
-    return known & kept
+    check_mask_size(mask, shown.shape[:2], known.shape)
+    return known & not_black(shown)
 
 
 def _read_masks(path: Path, n: int) -> Sequence[NDArray[Any]]:

@@ -13,7 +13,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands
 
-__all__ = ["mask_bands", "not_missing", "with_known"]
+__all__ = ["check_mask_size", "mask_bands", "not_black", "not_missing", "with_known"]
 
 Known = NDArray[np.bool_]
 
@@ -61,9 +61,19 @@ def mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
         bands, size = [whole], whole.shape[:2]
     else:
         bands, size = opened, opened.form.shape[:2]
+    check_mask_size(path, size, shape)
+    return map(not_black, bands)
+
+
+def not_black(band: Band) -> Known:
+    """(H, W) pixels of a mask, or of a band of its rows, that are not black; alpha plays no part."""
+    return np.asarray(band.reshape(*band.shape[:2], -1)[:, :, :3].max(axis=2) > 0)
+
+
+def check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]) -> None:
+    """Raise ValueError if a mask, of (H, W) `size`, does not have the (H, W) `shape` of its image."""
     given, wanted = (f"{width} x {height} pixels" for height, width in (size, shape))
     check_that(f"the mask {path}", size == shape, f"have {wanted}, as the image, and has {given}")
-    return (band.reshape(*band.shape[:2], -1)[:, :, :3].max(axis=2) > 0 for band in bands)
 
 
 def _taken(rows: Iterator[Known], left: Known, height: int) -> tuple[Known, Known]:

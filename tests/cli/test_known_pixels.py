@@ -231,5 +231,5 @@ def test_a_mask_of_another_size_is_refused(run: Run) -> None:
     write_image("in.png", COLORS)
     write_image("mask.png", ~LEFT_OUT[:5])
     row = run("in.png", "-k", "4", "--mask", "mask.png", "-o", "out.png")
-    assert "has 32 x 24 pixels, but the mask mask.png has 32 x 5" in row["error"]
+    assert "the mask mask.png must have 32 x 24 pixels, as the image, and has 32 x 5 pixels" in row["error"]
     assert not Path("out.png").exists()

@@ -216,7 +216,7 @@ def test_a_mask_of_another_size_fails_its_input_alone(run: Run) -> None:
     write_image("mask.png", np.ones(RGB.shape[:2], bool))
     outcome = run("small.png", "rgb.png", "-k", "2", "--mask", "mask.png", "--out-dir", "out")
     assert outcome.status == 1
-    assert "small.png: has 50 x 30 pixels, but the mask mask.png has 50 x 40" in outcome.err
+    assert "small.png: the mask mask.png must have 50 x 30 pixels, as the image, and has 50 x 40 pixels" in outcome.err
     assert {name for name in listing() if name.startswith("out/")} == {"out/rgb-labels.png"}
 
 
