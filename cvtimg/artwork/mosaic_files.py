@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_channels, check_choice, check_non_negative
 from cvtimg.artwork._mosaics import label_triangles
 from cvtimg.artwork.polygons import Polygons
-from cvtimg.artwork.svg import drawing, hexadecimal, number, numbers, write_text
+from cvtimg.artwork.svg import drawing, hexadecimal, number, numbers
 from cvtimg.colors.spaces import to_depth
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import lossless_suffixes, write_image

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg.artwork.polygons import Polygons
-from cvtimg.artwork.svg import drawing, hexadecimal, layer, number, numbers, write_text
+from cvtimg.artwork.svg import drawing, hexadecimal, layer, number, numbers
 from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, whole_file, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import lossless_suffixes

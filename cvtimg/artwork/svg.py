@@ -8,11 +8,6 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.files.whole import StrPath, whole_file
-
-#: Pieces of text that are written at a time.
-_CHUNK = 1 << 14
-
 
 def number(value: float, digits: int) -> str:
     """Word a number in as few characters as hold it to so many digits after the point."""
@@ -51,15 +46,3 @@ def layer(number: int, name: str, attributes: str, body: Iterable[str]) -> Itera
     yield f'<g inkscape:groupmode="layer" inkscape:label={label} id="layer{number}" {attributes}>\n'
     yield from body
     yield "</g>\n"
-
-
-def write_text(path: StrPath, pieces: Iterable[str], *, overwrite: bool) -> None:
-    """Write text whole or not at all."""
-    with whole_file(path, overwrite=overwrite) as file:
-        held: list[str] = []
-        for piece in pieces:
-            held.append(piece)
-            if len(held) == _CHUNK:
-                file.write("".join(held).encode())
-                held.clear()
-        file.write("".join(held).encode())

@@ -92,15 +92,14 @@ class Report:
         With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
         inputs keep their old ones.
         """
-        from cvtimg.files.whole import whole_file
+        from cvtimg.files.whole import write_whole
 
         is_json = path.suffix.lower() == ".jsonl"
         rows = [_flat(row) for row in self._rows] if not is_json else self._rows
         if append and path.exists():
             rows = _merged(_read_lines(path) if is_json else _read_csv(path), rows)
         text = _lines(rows) if is_json else _csv(rows)
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(text.encode(errors="surrogateescape"))  # file names need not be valid text
+        write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
 
     def _print_table(self, rows: Sequence[Row]) -> None:
         from rich.console import Console

@@ -83,7 +83,7 @@ def basis(
 
 def _basis(task: Task, stopwatch: Stopwatch, *, how: dict[str, Any], overwrite: bool) -> Row:
     from cvtimg import reduced_basis, write_image
-    from cvtimg.files.whole import whole_file
+    from cvtimg.files.whole import write_whole
 
     snapshots = as_given(task.sources)
     stopwatch.lap("read")
@@ -98,8 +98,7 @@ def _basis(task: Task, stopwatch: Stopwatch, *, how: dict[str, Any], overwrite: 
         from cvtimg.plotting.charts import draw_spectrum
 
         path = task.outputs["--plot"]
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(draw_spectrum(found.energies, found.variance, path.suffix.lower()))
+        write_whole(path, draw_spectrum(found.energies, found.variance, path.suffix.lower()), overwrite=overwrite)
     stopwatch.lap("write")
     return {
         "snapshots": len(found.labels),

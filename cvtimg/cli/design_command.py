@@ -107,7 +107,7 @@ def _design(
     import cvtimg
     from cvtimg.designs.bounds import read_bounds
     from cvtimg.files.text_tables import csv_text
-    from cvtimg.files.whole import whole_file
+    from cvtimg.files.whole import write_whole
     from cvtimg.tables.files import read_table
 
     names, bounds = read_bounds(axes) if isinstance(axes, Path) else (None, axes)
@@ -125,8 +125,7 @@ def _design(
         from cvtimg.plotting.charts import draw_pairs
 
         path = task.outputs["--plot"]
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(draw_pairs(found.points, labels, path.suffix.lower(), old))
+        write_whole(path, draw_pairs(found.points, labels, path.suffix.lower(), old), overwrite=overwrite)
     stopwatch.lap("write")
     return {
         "n": number,

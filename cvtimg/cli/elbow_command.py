@@ -191,7 +191,7 @@ def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
 
 def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: str, overwrite: bool) -> None:
     from cvtimg.files.text_tables import write_csv
-    from cvtimg.files.whole import whole_file
+    from cvtimg.files.whole import write_whole
 
     if csv_file:
         lines = [
@@ -205,6 +205,4 @@ def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: 
     if plot:
         from cvtimg.plotting.energy_curves import draw_curves
 
-        drawn = draw_curves(done, plot.suffix.lower(), rule)
-        with whole_file(plot, overwrite=overwrite) as file:
-            file.write(drawn)
+        write_whole(plot, draw_curves(done, plot.suffix.lower(), rule), overwrite=overwrite)

@@ -125,7 +125,7 @@ def _mesh(
 
     import cvtimg
     from cvtimg.cli.mesh_inputs import read_region, read_segments, read_size
-    from cvtimg.files.whole import whole_file
+    from cvtimg.files.whole import write_whole
     from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
@@ -150,8 +150,7 @@ def _mesh(
             found.points, found.triangles, found.qualities, found.edges, path.suffix.lower(),
             image=image, y_down=not is_polygon or image is not None,
         )  # fmt: skip
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(drawn)
+        write_whole(path, drawn, overwrite=overwrite)
     stopwatch.lap("write")
     each = measure_triangles(found.points, found.triangles)
     return {

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from io import StringIO
 from typing import Any
 
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, write_whole
 
 __all__ = ["csv_text", "write_csv"]
 
@@ -58,5 +58,5 @@ def write_csv(path: StrPath, names: Iterable[str], rows: Iterable[Iterable[Any]]
         If the file cannot be written.
     """
     text = csv_text(names, rows)
-    with whole_file(path, overwrite=overwrite) as file:
-        file.write(text.encode(errors="surrogateescape"))  # a column may hold file names that are not valid text
+    # A column may hold file names that are not valid text.
+    write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
@@ -73,6 +73,18 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def write_whole(path: StrPath, content: bytes, *, overwrite: bool = False) -> None:
+    """Write a file, complete or not at all; parameters and errors are those of `whole_file`."""
+    with whole_file(path, overwrite=overwrite) as file:
+        file.write(content)
+
+
+def write_text(path: StrPath, pieces: Iterable[str], *, overwrite: bool = False) -> None:
+    """Write pieces of text in UTF-8, complete or not at all; parameters and errors are those of `whole_file`."""
+    with whole_file(path, overwrite=overwrite) as file:
+        file.writelines(piece.encode() for piece in pieces)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
-from cvtimg.files.whole import StrPath, scratch_folder, whole_file
+from cvtimg.files.whole import StrPath, scratch_folder, write_whole
 
 #: What meshio is asked for, beside the formats below.
 MESHIO_SUFFIXES = (".bdf", ".inp", ".med", ".mesh", ".off", ".ply", ".vtk", ".xdmf")
@@ -36,13 +36,8 @@ def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool) -> None:
     """Write a mesh in the format that the suffix picks."""
     suffix = Path(path).suffix.lower()
     check_choice("suffix", suffix, suffixes())
-    if suffix in MESH_FORMATS:
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(MESH_FORMATS[suffix](mesh))
-        return
-    content = _by_meshio(mesh, path, suffix)
-    with whole_file(path, overwrite=overwrite) as file:
-        file.write(content)
+    content = MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)
+    write_whole(path, content, overwrite=overwrite)
 
 
 def _vtu(mesh: MeshContent) -> bytes:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg.colors.spaces import peak
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
@@ -150,9 +150,7 @@ def write_palette(
         shares = (weights / weights.sum()).tolist()
     # File names need not be valid text; invalid characters are replaced.
     name = " ".join(target.stem.encode("utf-8", "replace").decode().split())
-    content = form.write(Swatches(name, colors, shares))
-    with whole_file(path, overwrite=overwrite) as file:
-        file.write(content)
+    write_whole(path, form.write(Swatches(name, colors, shares)), overwrite=overwrite)
 
 
 def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:

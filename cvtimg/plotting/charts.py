@@ -1,4 +1,4 @@
-"""Charts by matplotlib: points of a design in pairs of axes, and what the modes of a basis explain."""
+"""Charts by matplotlib: designs in pairs of axes, the variance that modes explain, and supports of points."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape, check_that
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.regions import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
@@ -117,8 +117,7 @@ class Supports:
         check_shape("points", self.points.shape, self.points.shape[1] == 2, "(n, 2) to be drawn")
         outline = outline_of(self.region, None if callable(self.visible) else self.visible)
         lines = () if outline is None else outline.barriers.reshape(-1, 2, 2)
-        with whole_file(path, overwrite=overwrite) as file:
-            file.write(draw_supports(self.points, self.radii, suffix, list(lines)))
+        write_whole(path, draw_supports(self.points, self.radii, suffix, list(lines)), overwrite=overwrite)
 
     def _seen(self, own: NDArray[np.intp], places: _Floats) -> NDArray[np.bool_]:
         if self.visible is None:

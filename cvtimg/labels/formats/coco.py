@@ -7,9 +7,8 @@ import json
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_labels
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.figures import run_lengths
-from cvtimg.labels.formats.numbers import write_text
 
 
 def write_coco(path: StrPath, labels: ArrayLike, name: str, *, overwrite: bool = False) -> None:
@@ -62,7 +61,7 @@ def write_coco(path: StrPath, labels: ArrayLike, name: str, *, overwrite: bool =
     picture = {"id": 1, "file_name": name, "width": width, "height": height}
     categories = [{"id": 1, "name": "segment", "supercategory": "segment"}]
     whole = {"images": [picture], "annotations": annotations, "categories": categories}
-    write_text(path, [json.dumps(whole, separators=(",", ":")), "\n"], overwrite)
+    write_text(path, [json.dumps(whole, separators=(",", ":")), "\n"], overwrite=overwrite)
 
 
 def _box(rows: slice, columns: slice) -> list[int]:

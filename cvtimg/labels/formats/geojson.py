@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.drawing import Drawing
-from cvtimg.labels.formats.numbers import PLACE_DIGITS, write_text
+from cvtimg.labels.formats.numbers import PLACE_DIGITS
 
 
 def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
@@ -89,7 +89,7 @@ def write_geojson(
     )
     system = f'"crs":{{"type":"name","properties":{{"name":"urn:ogc:def:crs:EPSG::{epsg}"}}}},' if epsg else ""
     head = f'{{"type":"FeatureCollection",{system}"features":[\n'
-    write_text(path, [head, ",\n".join(features), "\n]}\n"], overwrite)
+    write_text(path, [head, ",\n".join(features), "\n]}\n"], overwrite=overwrite)
 
 
 def _geometry(pieces: Sequence[Polygon], matrix: NDArray[np.float64]) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.drawing import Drawing
-from cvtimg.labels.formats.numbers import PLACE_DIGITS, shortest, write_text
+from cvtimg.labels.formats.numbers import PLACE_DIGITS, shortest
 
 
 def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
@@ -59,7 +59,7 @@ def write_svg(
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">\n'
         '<g fill-rule="evenodd" stroke-width="0.3" stroke-linejoin="round">\n'
     )
-    write_text(path, [head, *_svg_paths(polygons, colors), "</g>\n</svg>\n"], overwrite)
+    write_text(path, [head, *_svg_paths(polygons, colors), "</g>\n</svg>\n"], overwrite=overwrite)
 
 
 def _svg_paths(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:
