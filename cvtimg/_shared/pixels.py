@@ -1,4 +1,4 @@
-"""Images as arguments: arrays of any type, masked arrays, and what has an array inside; with what they say of alpha."""
+"""Images as arguments: arrays of any type, masked arrays, what has an array inside; alpha, and the white of a type."""
 
 from __future__ import annotations
 
@@ -54,3 +54,13 @@ def pixels_inside(array: NDArray[Any], image: Any, mask: ArrayLike | None) -> ND
         return inside
     known: NDArray[np.bool_] = ~out.reshape(*array.shape[:2], -1).any(axis=2)
     return known if inside is None else inside & known
+
+
+def peak(dtype: np.dtype[Any]) -> float:
+    """Return the value of white: the largest integer of the type, or 1 for floating point."""
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def white_of(dtype: np.dtype[Any]) -> Any:
+    """Return white as a sample of a type: `peak`, which is a float, rounds integers of 64 bits."""
+    return dtype.type(np.iinfo(dtype).max if dtype.kind in "iu" else 1)

@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_channels, check_choice, check_colors, check_count, check_image
 from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.pixels import peak
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.painting import Painted, paint
 from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
 from cvtimg.artwork.starts import detail_density, place_corners
 from cvtimg.artwork.tilings import DelaunayTiling, Tiling, VoronoiTiling, descend_error
-from cvtimg.colors.spaces import from_space, peak, to_space
+from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
-from cvtimg._shared.pixels import array_of
-from cvtimg.colors.spaces import peak, to_space
+from cvtimg._shared.pixels import array_of, peak
+from cvtimg.colors.spaces import to_space
 
 Floats32 = NDArray[np.float32]
 

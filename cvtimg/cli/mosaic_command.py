@@ -80,7 +80,7 @@ def _mosaic(task: Task, stopwatch: Stopwatch, *, making: Mapping[str, Any], draw
     import numpy as np
 
     import cvtimg
-    from cvtimg.colors.spaces import peak
+    from cvtimg._shared.pixels import peak
 
     image = cvtimg.read_image(task.source)
     stopwatch.lap("read")

@@ -310,7 +310,7 @@ def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list
     """Arrange the versions in rows, with the result below them."""
     import numpy as np
 
-    from cvtimg.colors.spaces import peak
+    from cvtimg._shared.pixels import peak
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.versions import stack_versions
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import peak, white_of
 from cvtimg.colors.samples import ColorSamples
-from cvtimg.colors.spaces import from_space, peak, to_space, white_of
+from cvtimg.colors.spaces import from_space, to_space
 
 #: Kinds of colors.
 CLEAR, PARTLY, OPAQUE = range(3)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import peak
 
 _Floats = NDArray[np.float64]
 
@@ -180,16 +181,6 @@ def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[An
         full = places if n_channels == 3 else places * chosen.grey
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
     return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
-
-
-def peak(dtype: np.dtype[Any]) -> float:
-    """Return the value of white: the largest integer of the type, or 1 for floating point."""
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-
-
-def white_of(dtype: np.dtype[Any]) -> Any:
-    """Return white as a sample of a type: `peak`, which is a float, rounds integers of 64 bits."""
-    return dtype.type(np.iinfo(dtype).max if dtype.kind in "iu" else 1)
 
 
 def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -24,10 +24,9 @@ from cvtimg._shared.checks import (
     raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg._shared.pixels import array_of
+from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.colors.spaces import peak
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
 from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method

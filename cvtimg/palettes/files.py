@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
-from cvtimg.colors.spaces import peak
+from cvtimg._shared.pixels import peak
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.pixels import peak
+
 __all__ = ["limits_to_show", "natural_limits", "shown"]
 
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
@@ -34,7 +36,7 @@ def limits_to_show(images: Iterable[NDArray[Any]]) -> tuple[float, float]:
 def natural_limits(image: NDArray[Any]) -> tuple[float, float]:
     """Return 0 and white for an image, (..., C), that can be shown as it is; else `limits_to_show`."""
     low, high = limits_to_show([image])
-    white = _white(image.dtype)
+    white = peak(image.dtype)
     return (0.0, white) if low >= 0 and _DARK * white <= high <= white else (low, high)
 
 
@@ -45,7 +47,7 @@ def shown(image: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]
     """
     color, alpha = _split_alpha(image)
     if image.dtype != np.uint8:
-        color, alpha = _stretched(color, *limits), _stretched(alpha, 0, _white(image.dtype))
+        color, alpha = _stretched(color, *limits), _stretched(alpha, 0, peak(image.dtype))
     rgb = np.broadcast_to(color, (*color.shape[:-1], 3))
     return np.concatenate([rgb, alpha], axis=-1)
 
@@ -60,7 +62,3 @@ def _stretched(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint
     span = high - low or 1.0
     levels = np.clip((values - np.float64(low)) * 255 / span, 0, 255)
     return np.rint(np.nan_to_num(levels, copy=False)).astype(np.uint8)
-
-
-def _white(dtype: np.dtype[Any]) -> float:
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0

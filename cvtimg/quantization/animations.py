@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alone, check_given, check_that
 from cvtimg._shared.choices import DitherName, SpaceName
+from cvtimg._shared.pixels import peak
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.samples import color_samples, merge_samples
-from cvtimg.colors.spaces import peak
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.frames import Frames, write_frames
 from cvtimg.quantization.dithering import STRENGTH

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
+from cvtimg._shared.pixels import peak
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -22,7 +23,6 @@ from cvtimg.colors.places import (
     with_alpha,
 )
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.colors.spaces import peak
 from cvtimg.engine.methods import Callback, Method, Stopping
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_most, check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
-from cvtimg._shared.pixels import array_of, says_alpha, with_mark
+from cvtimg._shared.pixels import array_of, peak, says_alpha, with_mark
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.colors.spaces import peak
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 from cvtimg.engine.tessellation import Tessellation

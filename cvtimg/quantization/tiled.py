@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors, check_one_of, check_that
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import peak, white_of
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.fidelity import psnr
 from cvtimg.colors.places import CLEAR, kinds_of
-from cvtimg.colors.spaces import peak, white_of
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.known import with_known

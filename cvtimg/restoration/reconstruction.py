@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_edge_weight, check_excluded, check_non_negative
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
-from cvtimg.colors.spaces import to_space, white_of
+from cvtimg._shared.pixels import white_of
+from cvtimg.colors.spaces import to_space
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import align as align_versions

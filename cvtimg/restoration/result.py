@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
-from cvtimg.colors.spaces import from_space, peak
+from cvtimg._shared.pixels import peak
+from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import array_of
+from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
-from cvtimg.colors.spaces import peak, to_space
+from cvtimg.colors.spaces import to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.noise import scattered_noise
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_needs, check_that
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import peak
 from cvtimg.colors.counting import Counter
-from cvtimg.colors.spaces import peak, to_space
+from cvtimg.colors.spaces import to_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.known import mask_bands, not_missing
 from cvtimg.pictures.tiles import Bands

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_partial_image
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.pixels import peak
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.colors.spaces import SPACES, from_space, peak, to_space
+from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.levels import to_levels
 
 

@@ -10,8 +10,9 @@ import reference
 from numpy.typing import NDArray
 
 from cvtimg import find_palette, quantize
+from cvtimg._shared.pixels import peak
 from cvtimg.colors import SPACES, color_samples, merge_samples
-from cvtimg.colors.spaces import peak, to_space
+from cvtimg.colors.spaces import to_space
 from cvtimg.quantization import map_to_palette
 
 LOCKED = np.array([[255, 0, 0], [1, 2, 3]], np.uint8)

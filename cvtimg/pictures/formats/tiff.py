@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Tags, extra_tags
@@ -280,10 +281,10 @@ def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
 
 def _divide_by_alpha(values: NDArray[Any]) -> NDArray[Any]:
     alpha = values[..., -1:].astype(np.float64)
-    top = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
-    colors = np.divide(values[..., :-1] * np.float64(top), alpha, out=np.zeros(values[..., :-1].shape), where=alpha > 0)
+    white = np.float64(peak(values.dtype))
+    colors = np.divide(values[..., :-1] * white, alpha, out=np.zeros(values[..., :-1].shape), where=alpha > 0)
     if values.dtype.kind in "iu":
-        colors = np.rint(np.minimum(colors, top))
+        colors = np.rint(np.minimum(colors, white))
     return np.concatenate([colors.astype(values.dtype), values[..., -1:]], axis=-1)
 
 

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
-from cvtimg.colors.spaces import SPACES, peak
+from cvtimg._shared.pixels import peak
+from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction

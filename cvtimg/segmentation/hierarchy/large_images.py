@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.colors.spaces import peak
+from cvtimg._shared.pixels import peak
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.hierarchy.borders import find_borders
