@@ -17,6 +17,7 @@ from . import (
     regions,
     restoration,
     segmentation,
+    sphere,
     supports,
     tables,
 )
@@ -89,6 +90,7 @@ __all__ = [
     "segment",
     "segment_hierarchy",
     "segmentation",
+    "sphere",
     "stipple",
     "superpixels",
     "support_radii",

@@ -20,7 +20,7 @@ LAYERS: list[set[str]] = [
     {"colors", "tables", "labels"},
     {"elbow", "palettes", "regions"},
     {"quantization", "segmentation", "bases", "placement"},
-    {"restoration", "plotting", "designs", "artwork", "meshes"},
+    {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
     {"supports"},
     {"cli"},
     {"__main__"},

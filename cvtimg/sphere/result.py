@@ -1,0 +1,90 @@
+"""A grid of the sphere as a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.whole import StrPath
+from cvtimg.sphere.formats import GridContent, write_grid
+from cvtimg.sphere.measures import GridMeasures, measure_grid
+from cvtimg.sphere.triangulation import SphereCells, Triangulation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SphereGrid:
+    """Points on the unit sphere that are generators of a centroidal Voronoi tessellation.
+
+    Attributes
+    ----------
+    points : (N, 3) float64 array
+        Unit vectors.
+    triangles : (T, 3) int32 array
+        Their Delaunay triangulation: T = 2 N - 4 triples of indices, counterclockwise from outside.
+    areas : (N,) float64 array
+        Of their Voronoi cells; together 4 pi.
+    density : (N,) float64 array
+        The density at the points; 1 where it is largest.
+    energy : float
+        Integral of the density times the squared distance to the nearest point.
+    offset : float
+        Root mean square of the distances from points to the centers of mass of their cells, by the sizes of the cells.
+    fixed : (N,) bool array
+        Points that were given and stayed.
+    """
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    areas: NDArray[np.float64]
+    density: NDArray[np.float64]
+    energy: float
+    offset: float
+    fixed: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.triangles, self.areas, self.density, self.fixed):
+            array.flags.writeable = False
+
+    @property
+    def lon(self) -> NDArray[np.float64]:
+        """Longitudes (N,) of the points in degrees, -180..180."""
+        longitudes: NDArray[np.float64] = np.degrees(np.arctan2(self.points[:, 1], self.points[:, 0]))
+        return longitudes
+
+    @property
+    def lat(self) -> NDArray[np.float64]:
+        """Latitudes (N,) of the points in degrees."""
+        latitudes: NDArray[np.float64] = np.degrees(np.arcsin(np.clip(self.points[:, 2], -1, 1)))
+        return latitudes
+
+    def cells(self) -> SphereCells:
+        """Return the Voronoi cells of the points."""
+        return Triangulation(self.points, self.triangles).cells()
+
+    def measures(self) -> GridMeasures:
+        """Measure how good the grid is."""
+        return measure_grid(self.points, self.triangles)
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the grid to a file; the suffix picks the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            One of `cvtimg.sphere.GRID_FORMATS`.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        ValueError
+            If the suffix is unknown.
+        OSError
+            If the file cannot be written.
+        """
+        write_grid(path, GridContent(self.points, self.triangles, self.areas, self.density), overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        return f"SphereGrid({len(self.points)} points, {len(self.triangles)} triangles)"

@@ -1,0 +1,180 @@
+"""Delaunay triangulations of the sphere, against Qhull."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, SphericalVoronoi
+
+from cvtimg._shared.threads import limit_threads, n_threads
+from cvtimg.sphere import triangulate
+from cvtimg.sphere.triangulation import Triangulation, unit
+
+Points = NDArray[np.float64]
+
+
+def random_points(n: int, seed: int = 0) -> Points:
+    return unit(np.random.default_rng(seed).normal(size=(n, 3)))
+
+
+def lattice(n_lon: int, n_lat: int) -> Points:
+    """Points of a latitude-longitude grid with both poles: four and more of them on one circle everywhere."""
+    lon = 2 * np.pi * np.arange(n_lon) / n_lon
+    lat = np.pi * (np.arange(1, n_lat) / n_lat - 0.5)
+    ring = np.stack(
+        [np.outer(np.cos(lat), np.cos(lon)), np.outer(np.cos(lat), np.sin(lon)), np.outer(np.sin(lat), lon**0)], axis=-1
+    )
+    return np.concatenate([[[0, 0, -1.0]], ring.reshape(-1, 3), [[0, 0, 1.0]]])
+
+
+def assert_is_delaunay(points: Points, triangles: NDArray[np.int32]) -> None:
+    """No point is above the plane of a triangle, and the triangles form a closed, oriented sphere."""
+    assert triangles.shape == (2 * len(points) - 4, 3)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    assert {tuple(edge) for edge in edges} == {tuple(edge[::-1]) for edge in edges}
+    assert len(np.unique(triangles)) == len(points)
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    heights = points @ normals.T - np.einsum("ij,ij->i", a, normals)
+    assert heights.max() < 1e-12
+    hull = ConvexHull(points, qhull_options="Qt Pp")
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+    assert volume == pytest.approx(hull.volume, rel=1e-9)
+
+
+def as_sets(triangles: NDArray[np.int32]) -> set[tuple[int, ...]]:
+    return {tuple(row) for row in np.sort(triangles, axis=1).tolist()}
+
+
+@pytest.mark.parametrize("n", [4, 5, 6, 10, 100, 1000])
+def test_random_points_have_the_triangles_of_qhull(n: int) -> None:
+    points = random_points(n, n)
+    assert as_sets(triangulate(points)) == as_sets(ConvexHull(points).simplices)
+
+
+@pytest.mark.parametrize(("n_lon", "n_lat"), [(3, 2), (4, 2), (5, 3), (36, 18), (90, 7)])
+def test_points_of_a_lattice_are_triangulated(n_lon: int, n_lat: int) -> None:
+    points = lattice(n_lon, n_lat)
+    assert_is_delaunay(points, triangulate(points))
+
+
+def test_the_corners_of_regular_bodies_are_triangulated() -> None:
+    cube = unit(np.array(list(itertools.product([-1.0, 1.0], repeat=3))))
+    assert_is_delaunay(cube, triangulate(cube))
+    octahedron = np.concatenate([np.eye(3), -np.eye(3)])
+    assert_is_delaunay(octahedron, triangulate(octahedron))
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    n=st.integers(4, 60),
+    width=st.sampled_from([1e-3, 0.03, 0.3, 3.0]),
+    digits=st.sampled_from([1, 2, 16]),
+)
+@settings(max_examples=150, deadline=None)
+def test_clusters_hemispheres_and_points_on_circles_are_triangulated(
+    seed: int, n: int, width: float, digits: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    center = rng.normal(size=3)
+    center /= np.linalg.norm(center)
+    # Rounded, so that many points are on one plane.
+    points = unit(center + (width * rng.normal(size=(n, 3)).round(digits)))
+    points = points[np.unique(points.round(6), axis=0, return_index=True)[1]]
+    if len(points) < 4 or np.linalg.svd(points - points[0], compute_uv=False)[2] < 1e-7:
+        return
+    assert_is_delaunay(points, triangulate(points))
+
+
+def test_points_in_one_hemisphere_have_cells_that_cover_the_sphere() -> None:
+    points = random_points(200)
+    points[:, 2] = np.abs(points[:, 2]) + 0.2
+    points = unit(points)
+    mesh = Triangulation(points)
+    oracle = SphericalVoronoi(points)
+    assert as_sets(mesh.triangles) == as_sets(oracle._simplices)
+    assert mesh.uniform_moments().sum(axis=0) == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.eye(3), "points must have at least 4 points, not 3"),
+        (2 * random_points(9), r"\|points\[\d\]\|=\d.* must be 1"),
+        (np.repeat(random_points(9), 2, axis=0), r"points \d+ and \d+ must be at least 1e-07 apart, not 0"),
+        (unit(np.concatenate([random_points(50), random_points(50) + 1e-9])), "must be at least 1e-07 apart"),
+        (np.stack([np.cos(np.arange(9)), np.sin(np.arange(9)), np.zeros(9)], axis=1), "not be all on one circle"),
+        (np.full((9, 3), np.nan), "points must be finite"),
+    ],
+)
+def test_points_without_a_triangulation_are_refused(points: Points, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        triangulate(points)
+
+
+def test_flips_follow_moving_points() -> None:
+    mesh = Triangulation(random_points(2000))
+    for _ in range(5):
+        mesh.replace(unit(mesh.uniform_moments()))
+    step = 0.1 * np.sqrt(mesh.areas())[:, None]
+    assert mesh.move(unit(mesh.points + step * np.random.default_rng(1).normal(size=mesh.points.shape)))
+    assert as_sets(mesh.triangles) == as_sets(ConvexHull(mesh.points).simplices)
+
+
+def test_a_move_that_turns_triangles_over_changes_nothing() -> None:
+    mesh = Triangulation(random_points(50))
+    before, triangles = mesh.points, mesh.triangles.copy()
+    assert not mesh.move(random_points(50, 1))
+    assert mesh.points is before
+    assert (mesh.triangles == triangles).all()
+
+
+def test_areas_and_cells_agree_with_scipy() -> None:
+    points = random_points(300)
+    mesh, oracle = Triangulation(points), SphericalVoronoi(points)
+    oracle.sort_vertices_of_regions()
+    assert mesh.areas() == pytest.approx(oracle.calculate_areas(), abs=1e-12)
+    cells = mesh.cells()
+    assert len(cells) == 300
+    for i in (0, 7, 299):
+        expected = oracle.vertices[oracle.regions[i]]
+        assert np.sort(cells[i], axis=0) == pytest.approx(np.sort(expected, axis=0))
+        turn = np.cross(cells[i] - points[i], np.roll(cells[i], -1, axis=0) - points[i]) @ points[i]
+        assert (turn > 0).all()
+
+
+def test_moments_agree_with_samples() -> None:
+    points, places = random_points(12, 3), random_points(400_000, 4)
+    owners = (places @ points.T).argmax(axis=1)
+    sampled = np.stack([np.bincount(owners, places[:, k], 12) for k in range(3)], axis=1) * 4 * np.pi / len(places)
+    assert Triangulation(points).uniform_moments() == pytest.approx(sampled, abs=0.02)
+
+
+def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
+    mesh = Triangulation(random_points(20_000))
+    for _ in range(3):
+        mesh.replace(unit(mesh.uniform_moments()))
+    centers = mesh.circumcenters()
+    masses, moments = mesh.weighted_moments(np.full(20_000, 3.0), centers, np.full(len(centers), 3.0))
+    assert masses == pytest.approx(3 * mesh.areas())
+    exact = 3 * mesh.uniform_moments()
+    assert np.abs(unit(moments) - unit(exact)).max() < 1e-6
+
+
+def test_results_do_not_depend_on_threads() -> None:
+    points = random_points(30_000)
+    before, results = n_threads(), []
+    for threads in (1, 3):
+        limit_threads(threads)
+        mesh = Triangulation(points)
+        results.append((mesh.triangles, mesh.uniform_moments(), mesh.areas()))
+    limit_threads(before)
+    for one, other in zip(*results, strict=True):
+        assert (one == other).all()
