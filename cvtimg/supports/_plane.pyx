@@ -113,6 +113,17 @@ cdef bint is_nearer_to_few(
     return True
 
 
+cdef inline void set_line(
+    double *line, double x, double y, double along_x, double along_y, double first, double last
+) noexcept nogil:
+    line[0] = x
+    line[1] = y
+    line[2] = along_x
+    line[3] = along_y
+    line[4] = first
+    line[5] = last
+
+
 def find_reaches(
     const double[:, ::1] points,     # IN (n, 2)
     const int32_t[::1] who,          # IN (k,): points whose reach is sought
@@ -155,24 +166,17 @@ def find_reaches(
                 b = 2 * side if side < 2 else 2 * side - 3  # left, right, top, bottom
                 if windows[k, b] == bounds[b]:
                     continue
-                lines[n_lines, 0] = low_x if side != 1 else high_x
-                lines[n_lines, 1] = low_y if side != 3 else high_y
-                lines[n_lines, 2] = 0 if side < 2 else 1
-                lines[n_lines, 3] = 1 if side < 2 else 0
-                lines[n_lines, 4] = 0
-                lines[n_lines, 5] = high_y - low_y if side < 2 else high_x - low_x
+                set_line(
+                    &lines[n_lines, 0], low_x if side != 1 else high_x, low_y if side != 3 else high_y,
+                    0 if side < 2 else 1, 1 if side < 2 else 0, 0, high_y - low_y if side < 2 else high_x - low_x,
+                )
                 n_lines += 1
             for at in range(near_starts[k], near_starts[k + 1]):
                 b = near[at]
                 apart_x = barriers[b, 2] - barriers[b, 0]
                 apart_y = barriers[b, 3] - barriers[b, 1]
                 size = sqrt(apart_x * apart_x + apart_y * apart_y)
-                lines[n_lines, 0] = barriers[b, 0]
-                lines[n_lines, 1] = barriers[b, 1]
-                lines[n_lines, 2] = apart_x / size
-                lines[n_lines, 3] = apart_y / size
-                lines[n_lines, 4] = 0
-                lines[n_lines, 5] = size
+                set_line(&lines[n_lines, 0], barriers[b, 0], barriers[b, 1], apart_x / size, apart_y / size, 0, size)
                 n_lines += 1
             n_ends = n_lines
             for at in range(other_starts[k], other_starts[k + 1]):
@@ -180,12 +184,10 @@ def find_reaches(
                 apart_x = points[j, 0] - points[i, 0]
                 apart_y = points[j, 1] - points[i, 1]
                 size = sqrt(apart_x * apart_x + apart_y * apart_y)
-                lines[n_lines, 0] = points[i, 0] + apart_x / 2
-                lines[n_lines, 1] = points[i, 1] + apart_y / 2
-                lines[n_lines, 2] = -apart_y / size
-                lines[n_lines, 3] = apart_x / size
-                lines[n_lines, 4] = -FAR
-                lines[n_lines, 5] = FAR
+                set_line(
+                    &lines[n_lines, 0], points[i, 0] + apart_x / 2, points[i, 1] + apart_y / 2,
+                    -apart_y / size, apart_x / size, -FAR, FAR,
+                )
                 n_lines += 1
             if blocking:
                 for at in range(other_starts[k] - 1, other_starts[k + 1]):
@@ -203,12 +205,7 @@ def find_reaches(
                             &barriers[0, 0], n_boundary,
                         ):
                             continue
-                        lines[n_lines, 0] = tips[b, 0]
-                        lines[n_lines, 1] = tips[b, 1]
-                        lines[n_lines, 2] = apart_x / size
-                        lines[n_lines, 3] = apart_y / size
-                        lines[n_lines, 4] = 0
-                        lines[n_lines, 5] = FAR
+                        set_line(&lines[n_lines, 0], tips[b, 0], tips[b, 1], apart_x / size, apart_y / size, 0, FAR)
                         n_lines += 1
             best = 0
             for a in range(n_lines):
