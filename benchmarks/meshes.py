@@ -12,7 +12,8 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import astuple
 from functools import partial
 from itertools import pairwise
@@ -83,18 +84,39 @@ def sizes_of(mesh: Any) -> NDArray[np.float64]:
     return found
 
 
-def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
-    """Mesh the inside of the borders of a mesh, with sizes on a grid of pixels."""
+@contextmanager
+def gmsh_frontal() -> Iterator[Any]:
+    """Give Gmsh, quiet, with one thread and its Frontal algorithm."""
     import gmsh
 
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Verbosity", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def meshed(gmsh: Any) -> tuple[Points, Triangles]:
+    """Mesh the geometry that Gmsh holds."""
+    gmsh.model.geo.synchronize()
+    gmsh.model.mesh.generate(2)
+    numbers, places, _ = gmsh.model.mesh.getNodes()
+    index = np.zeros(int(numbers.max()) + 1, np.int32)
+    index[numbers.astype(int)] = np.arange(len(numbers))
+    triangles = index[gmsh.model.mesh.getElementsByType(2)[1].astype(int)].reshape(-1, 3)
+    return places.reshape(-1, 3)[:, :2], triangles
+
+
+def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
+    """Mesh the inside of the borders of a mesh, with sizes on a grid of pixels."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "sizes.txt")
         head = f"0.5 0.5 -1\n1 1 2\n{grid.shape[1]} {grid.shape[0]} 2\n"
         path.write_text(head + "\n".join(f"{value:.6g} {value:.6g}" for value in grid.T.ravel()) + "\n")
-        gmsh.initialize()
-        try:
-            gmsh.option.setNumber("General.Verbosity", 0)
-            gmsh.option.setNumber("General.NumThreads", 1)
+        with gmsh_frontal() as gmsh:
             geometry = gmsh.model.geo
             tags = {int(v): geometry.addPoint(*mesh.points[v], 0, 1.0) for v in np.unique(mesh.edges)}
             lines = [geometry.addLine(tags[int(a)], tags[int(b)]) for a, b in mesh.edges]
@@ -104,22 +126,13 @@ def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
             areas = [shapely.Polygon(mesh.points[ring]).area for ring in rings_of(mesh.edges)]
             # Gmsh lists loops by their first line, as `rings_of` does.
             geometry.addPlaneSurface([loops[i] for i in np.argsort(areas)[::-1]])
-            geometry.synchronize()
             field = gmsh.model.mesh.field.add("Structured")
             gmsh.model.mesh.field.setString(field, "FileName", str(path))
             gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)
             gmsh.model.mesh.field.setAsBackgroundMesh(field)
             for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
                 gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-            gmsh.option.setNumber("Mesh.Algorithm", 6)
-            gmsh.model.mesh.generate(2)
-            numbers, places, _ = gmsh.model.mesh.getNodes()
-            index = np.zeros(int(numbers.max()) + 1, np.int32)
-            index[numbers.astype(int)] = np.arange(len(numbers))
-            triangles = index[gmsh.model.mesh.getElementsByType(2)[1].astype(int)].reshape(-1, 3)
-        finally:
-            gmsh.finalize()
-    return places.reshape(-1, 3)[:, :2], triangles
+            return meshed(gmsh)
 
 
 def rings_of(edges: Triangles) -> list[NDArray[np.intp]]:
@@ -257,15 +270,10 @@ def by_triangle(rings: list[Points], n: int) -> tuple[Points, Triangles]:
 
 def by_gmsh_uniformly(rings: list[Points], n: int) -> tuple[Points, Triangles]:
     """Mesh with Gmsh's Frontal and edges of one length."""
-    import gmsh
-
     domain = shapely.Polygon(rings[0], rings[1:])
 
     def make(length: float) -> tuple[Points, Triangles]:
-        gmsh.initialize()
-        try:
-            gmsh.option.setNumber("General.Verbosity", 0)
-            gmsh.option.setNumber("Mesh.Algorithm", 6)
+        with gmsh_frontal() as gmsh:
             loops = []
             for ring in outlines(rings, length):
                 tags = [gmsh.model.geo.addPoint(*place, 0, length) for place in ring]
@@ -274,15 +282,7 @@ def by_gmsh_uniformly(rings: list[Points], n: int) -> tuple[Points, Triangles]:
                     gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
                 loops.append(gmsh.model.geo.addCurveLoop(lines))
             gmsh.model.geo.addPlaneSurface(loops)
-            gmsh.model.geo.synchronize()
-            gmsh.model.mesh.generate(2)
-            numbers, places, _ = gmsh.model.mesh.getNodes()
-            index = np.zeros(int(numbers.max()) + 1, np.int32)
-            index[numbers.astype(int)] = np.arange(len(numbers))
-            triangles = index[gmsh.model.mesh.getElementsByType(2)[1].astype(int)].reshape(-1, 3)
-        finally:
-            gmsh.finalize()
-        return places.reshape(-1, 3)[:, :2], triangles
+            return meshed(gmsh)
 
     return nearest_number(make, domain.area, n)
 
