@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from typer import Option
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
+from cvtimg.cli import segment_arguments as arguments
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.known_pixels import known_in_all, known_pixels
 from cvtimg.cli.pages import has_pages, segment_pages
-from cvtimg.cli.segment_outputs import KIND_NAMES, Style, Subject, kind_of, outputs_of
+from cvtimg.cli.segment_outputs import Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
 
 if TYPE_CHECKING:
@@ -44,130 +43,6 @@ COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
 #: Options that do not need the whole image at a time.
 _IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
-
-_PIXELS = options.whole_number(0, 2**31 - 1)
-_AMOUNT = options.number(0)
-
-Number = Annotated[
-    Any,
-    Option(
-        "-k",
-        metavar="N|auto",
-        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS)),
-        help="Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
-    ),
-]
-Labels = Annotated[
-    Path | None,
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        parser=options.output_file(".png"),
-        help="Write the label of each pixel, .png, .tif, .npy or .zarr; for one input; - for standard output.",
-    ),
-]
-OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.png and so on.")]
-Write = Annotated[
-    str,
-    Option(
-        metavar="KIND,...",
-        help=f"Outputs to write for each input, NAME-KIND: {KIND_NAMES}; or KIND.SUFFIX, such as contours.geojson.",
-    ),
-]
-Mean = Annotated[Path | None, Option(metavar="FILE", help="Write the image with each segment in its mean color.")]
-Edges = Annotated[Path | None, Option(metavar="FILE", help="Write the edges of the segments, white on black.")]
-Overlay = Annotated[Path | None, Option(metavar="FILE", help="Write the image with the edges drawn over it.")]
-ContourFile = Annotated[
-    Path | None, Option("--contours", metavar="FILE", help="Write the borders as polygons, .svg or .geojson.")
-]
-Table = Annotated[
-    Path | None, Option(metavar="FILE", help="Write the area, place and mean color of each segment, .csv.")
-]
-Coco = Annotated[Path | None, Option(metavar="FILE", help="Write the segments as COCO annotations, .json.")]
-EdgeMode = Annotated[
-    Literal["inner", "outer", "thick"],
-    Option(help="Pixels that --edges marks: inside the brighter segment, outside it, or both."),
-]
-LineColor = Annotated[
-    str, Option(metavar="#RRGGBB", parser=options.color, help="Color of the lines that --overlay draws.")
-]
-LineWidth = Annotated[
-    int,
-    Option(metavar="PIXELS", parser=options.whole_number(1, 1000), help="Width of the lines that --overlay draws."),
-]
-Subpixel = Annotated[bool, Option("--subpixel", help="Place --contours with subpixel accuracy.")]
-Simplify = Annotated[
-    float, Option(metavar="PIXELS", parser=_AMOUNT, help="Simplify --contours, at most this far off the border.")
-]
-Kernel = Annotated[Literal["gaussian", "box"], Option(help="Kernel of --averaging.")]
-Radius = Annotated[float, Option(metavar="PIXELS", parser=_AMOUNT, help="Radius of --averaging.")]
-EdgeWeight = Annotated[
-    Any,
-    Option(
-        metavar="L|auto",
-        parser=options.or_auto(_AMOUNT),
-        help="Penalty per pixel of border (>= 0); larger values give smoother segments; auto follows the noise.",
-    ),
-]
-EdgeRadius = Annotated[
-    int,
-    Option(metavar="PIXELS", parser=options.whole_number(1, 30), help="Radius of the neighborhood of --edge-weight."),
-]
-Components = Annotated[bool, Option("--components", help="Make each connected component a segment of its own.")]
-MinSize = Annotated[
-    int, Option(metavar="PIXELS", parser=_PIXELS, help="Merge components smaller than this into a neighbor.")
-]
-BorderPrice = Annotated[
-    float,
-    Option(
-        metavar="P",
-        parser=_AMOUNT,
-        help="With --components: merge neighbors where that costs less per pixel of border.",
-    ),
-]
-Objects = Annotated[
-    bool,
-    Option("--objects", help="Make each object before the background a segment; split touching ones."),
-]
-Background = Annotated[
-    Literal["largest", "darkest", "brightest"], Option(help="Segment that is the background of --objects; label 0.")
-]
-NeckDepth = Annotated[
-    float,
-    Option(metavar="PIXELS", parser=_AMOUNT, help="With --objects: split at necks narrower by this in radius."),
-]
-ObjectBorder = Annotated[
-    Literal["segment", "own"],
-    Option(help="With --objects: end them where segments end, or halfway in value between each and the background."),
-]
-Properties = Annotated[
-    str,
-    Option(metavar="NAME,...", help="More columns for --table, by their names in scikit-image, such as eccentricity."),
-]
-Volume = Annotated[
-    bool, Option("--volume", help="Use the same segments in all pages of a file, not in each page its own.")
-]
-Hierarchy = Annotated[
-    bool, Option("--hierarchy", help="Divide into connected regions, as people see them; -k is optional.")
-]
-Threshold = Annotated[
-    float | None,
-    Option(metavar="T", parser=_AMOUNT, help="With --hierarchy, not -k N: keep regions apart that differ by more."),
-]
-Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
-Strengths = Annotated[
-    Path | None, Option(metavar="FILE", help="With --hierarchy: write how strongly borders part, .png, .tif or .npy.")
-]
-Cuts = Annotated[
-    Path | None, Option(metavar="FILE", help="With --hierarchy: write a sheet of cuts into 5, 10, 20 and 50 regions.")
-]
-Superpixels = Annotated[
-    bool, Option("--superpixels", help="Divide into about N connected superpixels of similar size.")
-]
-Compactness = Annotated[
-    float | None, Option(metavar="C", parser=_AMOUNT, help="Compactness of --superpixels; larger values: rounder.")
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,45 +91,45 @@ class SegmentOptions:
 
 def segment(
     inputs: options.Images,
-    number: Number = None,
-    output: Labels = None,
-    out_dir: OutDir = None,
-    write: Write = "",
-    mean: Mean = None,
-    edges: Edges = None,
-    overlay: Overlay = None,
-    contours: ContourFile = None,
-    table: Table = None,
-    coco: Coco = None,
-    edge_mode: EdgeMode = "inner",
-    line_color: LineColor = "#ffff00",
-    line_width: LineWidth = 1,
-    subpixel: Subpixel = False,
-    simplify: Simplify = 0,
+    number: arguments.Number = None,
+    output: arguments.Labels = None,
+    out_dir: arguments.OutDir = None,
+    write: arguments.Write = "",
+    mean: arguments.Mean = None,
+    edges: arguments.Edges = None,
+    overlay: arguments.Overlay = None,
+    contours: arguments.ContourFile = None,
+    table: arguments.Table = None,
+    coco: arguments.Coco = None,
+    edge_mode: arguments.EdgeMode = "inner",
+    line_color: arguments.LineColor = "#ffff00",
+    line_width: arguments.LineWidth = 1,
+    subpixel: arguments.Subpixel = False,
+    simplify: arguments.Simplify = 0,
     space: options.Space = "rgb",
     averaging: options.Averaging = "none",
-    kernel: Kernel = "gaussian",
-    radius: Radius = 2,
-    edge_weight: EdgeWeight = 0,
-    edge_radius: EdgeRadius = 3,
-    components: Components = False,
-    min_size: MinSize = 0,
-    border_price: BorderPrice = 0,
-    objects: Objects = False,
-    background: Background = "largest",
-    neck_depth: NeckDepth = 0.5,
-    object_border: ObjectBorder = "segment",
-    properties: Properties = "",
-    hierarchy: Hierarchy = False,
-    threshold: Threshold = None,
-    tree: Tree = None,
-    strengths: Strengths = None,
-    cuts: Cuts = None,
-    superpixels: Superpixels = False,
-    compactness: Compactness = None,
+    kernel: arguments.Kernel = "gaussian",
+    radius: arguments.Radius = 2,
+    edge_weight: arguments.EdgeWeight = 0,
+    edge_radius: arguments.EdgeRadius = 3,
+    components: arguments.Components = False,
+    min_size: arguments.MinSize = 0,
+    border_price: arguments.BorderPrice = 0,
+    objects: arguments.Objects = False,
+    background: arguments.Background = "largest",
+    neck_depth: arguments.NeckDepth = 0.5,
+    object_border: arguments.ObjectBorder = "segment",
+    properties: arguments.Properties = "",
+    hierarchy: arguments.Hierarchy = False,
+    threshold: arguments.Threshold = None,
+    tree: arguments.Tree = None,
+    strengths: arguments.Strengths = None,
+    cuts: arguments.Cuts = None,
+    superpixels: arguments.Superpixels = False,
+    compactness: arguments.Compactness = None,
     mask: options.Mask = None,
     nodata: options.NoData = None,
-    volume: Volume = False,
+    volume: arguments.Volume = False,
     volume_power: options.VolumePower = 0,
     effort: options.Effort = "balanced",
     seed: options.Seed = 0,
