@@ -7,7 +7,9 @@ spinning, and it survives a fork. No result depends on the number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
@@ -19,6 +21,7 @@ T = TypeVar("T")
 
 #: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
 _WORTH_A_THREAD = 1 << 20
+_alone: ContextVar[bool] = ContextVar("_alone", default=False)
 
 
 @cache
@@ -41,6 +44,16 @@ def limit_threads(n: int) -> None:
     _pool.cache_clear()
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let the passes in this block of code run in the thread that calls them, one of several that are at work."""
+    before = _alone.set(True)
+    try:
+        yield
+    finally:
+        _alone.reset(before)
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
     from concurrent.futures import ThreadPoolExecutor
@@ -55,7 +68,7 @@ if hasattr(os, "register_at_fork"):
 
 def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
     """Call ``kernel(start, stop)`` for parts of `n_items`, in threads where `work`, in steps, is worth them."""
-    n_parts = int(min(n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
+    n_parts = int(min(1 if _alone.get() else n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
     bounds = [n_items * part // n_parts for part in range(n_parts + 1)]
     others = [_pool().submit(kernel, *ends) for ends in pairwise(bounds[1:])]
     kernel(bounds[0], bounds[1])

@@ -109,35 +109,50 @@ def pack(
     density: NDArray[np.float64],
     *,
     center: NDArray[np.float64] | None = None,
+    frame: Frame | None = None,
     in_order: bool = False,
 ) -> Points:
-    """Pack (N, D) rows and their weights, in a frame about their mean or another center. Rows are copied only here."""
-    if center is None:
-        some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
-        center = (
-            np.einsum("n,nd->d", weights, some) / weights.sum()
-            if weights.any()
-            else some.mean(axis=0, dtype=np.float64)
-        )
-        if rows.dtype.kind == "u":
-            center = np.rint(center)  # so that float32 holds integers, and products of 8-bit colors, exactly
-    scale = 1.0
+    """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one.
+
+    Rows are copied only here.
+    """
+    middle = _mean(rows, density) if center is None and frame is None else center
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
-    if rows.dtype.kind == "f":
-        size = max(float(np.max(rows.max(axis=0) - center)), float(np.max(center - rows.min(axis=0))))
-        scale = scale_for_float32(size)
+    frame = frame or _frame_about(rows, middle)
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
 
     def pack_part(start: int, stop: int) -> None:
-        _kernels.pack_tiles(rows, center, scale, start, tiles[start:stop])
+        _kernels.pack_tiles(rows, frame.center, frame.scale, start, tiles[start:stop])
 
     in_parts(pack_part, n_tiles, work=rows.size)
     padded = np.zeros(n_tiles * _kernels.TILE)
     padded[:n_points] = density
-    return _points(tiles, padded, Frame(center, scale), n_points, in_order)
+    return _points(tiles, padded, frame, n_points, in_order)
+
+
+def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float64]:
+    some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
+    if not weights.any():
+        center: NDArray[np.float64] = some.mean(axis=0, dtype=np.float64)
+    else:
+        center = np.einsum("n,nd->d", weights, some) / weights.sum()
+    # Whole, so that float32 holds integers, and products of 8-bit colors, exactly.
+    return np.rint(center) if rows.dtype.kind == "u" else center
+
+
+def _frame_about(rows: NDArray[Any], center: NDArray[np.float64] | None) -> Frame:
+    assert center is not None
+    if rows.dtype.kind != "f":
+        return Frame(center, 1.0)
+    return Frame(center, scale_within(rows.min(axis=0), rows.max(axis=0), center))
+
+
+def scale_within(low: NDArray[Any], high: NDArray[Any], center: NDArray[np.float64]) -> float:
+    """Return the scale for places between these (D,) limits."""
+    return scale_for_float32(max(float(np.max(high - center)), float(np.max(center - low))))
 
 
 def scale_for_float32(size: float) -> float:

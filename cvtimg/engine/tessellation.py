@@ -7,6 +7,7 @@ the energy, the sum of density times squared distance to the nearest generator, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,22 +19,22 @@ from cvtimg._shared.checks import (
     check_density,
     check_generators,
     check_locked,
+    check_needs,
     check_non_negative,
     check_rows,
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
+from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
+from cvtimg.engine.block_descent import Descent, check_by_blocks, descend, job_of, label_blocks, sample_points, survey
+from cvtimg.engine.checkpoints import Checkpoint
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
-from cvtimg.engine.points import Points, assign, cell_energies, cell_moments, pack
+from cvtimg.engine.ordering import pack_in_order
+from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.engine.search import EFFORTS, search
 from cvtimg.engine.seeding import SEEDINGS
-
-#: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
-#: are enough generators for a gain and not so many rows that sorting costs more.
-_MANY_GENERATORS = 40
-_FEW_ENOUGH_TO_SORT = 1 << 23
+from cvtimg.files.whole import StrPath
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +47,7 @@ class Tessellation:
         In the units of the samples.
     labels : (M,) int32 array
         Index of the nearest generator of each sample, the lowest on a tie; with a `volume_power`, of the generator
-        that the sample was transferred to.
+        that the sample was transferred to. For samples in blocks a Dask array, computed when it is needed.
     masses : (K,) float64 array
         Sum of the density over each cell.
     energy : float
@@ -76,7 +77,8 @@ class Tessellation:
 
     def __post_init__(self) -> None:
         for array in (self.generators, self.labels, self.masses):
-            array.flags.writeable = False
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell size, energy and convergence in one line."""
@@ -89,7 +91,7 @@ class Tessellation:
 
 
 def tessellate(
-    samples: WeightedSamples | ArrayLike,
+    samples: WeightedSamples | Blocks | ArrayLike,
     n_generators: int,
     *,
     density: ArrayLike | None = None,
@@ -100,13 +102,15 @@ def tessellate(
     locked: ArrayLike | None = None,
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
+    checkpoint: StrPath | None = None,
 ) -> Tessellation:
     """Compute a centroidal Voronoi tessellation.
 
     Parameters
     ----------
     samples : WeightedSamples or (N, D) array
-        Colors of an image with their density, or the rows of a table: any integer or floating point type.
+        Colors of an image with their density, or the rows of a table: any integer or floating point type. Dask and
+        zarr arrays, and files from `cvtimg.blocks.open_blocks`, are never loaded as a whole: see Notes.
     n_generators : int
         Number of generators K, at most the number of distinct samples.
     density : (N,) array, optional
@@ -134,6 +138,9 @@ def tessellate(
     callback : callable, optional
         Called before each step with its number and the energy. It stops the computation by returning True; the result
         then has the best generators so far. During the search the energy is that of the fewer points.
+    checkpoint : path, optional
+        For samples in blocks: a file in which the generators are saved before every pass. If it exists, the
+        computation goes on from there, and ends with the same bits as if it had never stopped.
 
     Returns
     -------
@@ -142,7 +149,16 @@ def tessellate(
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed.
+        If an argument is invalid; the message names it, its value and what is allowed, and the number of the block
+        if it is in one.
+    ConnectionError
+        If the Dask cluster was lost.
+
+    Notes
+    -----
+    Of samples in blocks, about a million rows are drawn for the search, and Lloyd's method then descends over all
+    blocks, on the Dask cluster or scheduler that is current. `energy` and `masses` are those of all samples. The same
+    blocks give the same result, bit for bit, with any number of workers.
 
     References
     ----------
@@ -156,24 +172,43 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    points, order = _points(samples, density, n_generators)
-    fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
+    numbers = np.random.default_rng(rng)
     power = check_non_negative("volume_power", volume_power)
+    blocks = as_blocks(samples, density) if is_blocked(samples) else None
+    check_needs("checkpoint", checkpoint is not None, "samples in blocks", blocks is not None)
+    if blocks:
+        check_by_blocks(method, power)
+    found = survey(blocks, n_generators, numbers) if blocks else None
+    if blocks and found:
+        points, order = sample_points(blocks, found, n_generators)
+    else:
+        points, order = _points(samples, density, n_generators)
+    fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
     move = choose_method(
         method, n_dims=points.n_dims, volume_power=power, n_locked=len(fixed), has_start=not isinstance(init, str)
     )
     watch = Watch(callback, points.frame.energy)
-    conditions = Conditions(settings.stopping, np.random.default_rng(rng), len(fixed), power, watch)
-    if isinstance(init, str):
+    conditions = Conditions(settings.stopping, numbers, len(fixed), power, watch)
+
+    def start() -> NDArray[np.float64]:
+        if not isinstance(init, str):
+            free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
+            return np.concatenate([fixed, points.frame.inward(free)])
         check_choice("init", init, SEEDINGS)
         if move.exact_in_one_dimension:
-            initial = np.zeros((n_generators, points.n_dims))  # only their number matters
-        else:
-            initial = search(points, fixed, n_generators, init, move, settings, conditions)
-    else:
-        free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
-        initial = np.concatenate([fixed, points.frame.inward(free)])
-    end = move(points, initial, conditions)
+            return np.zeros((n_generators, points.n_dims))  # only their number matters
+        return search(points, fixed, n_generators, init, move, settings, conditions)
+
+    if blocks and found:
+        options = (n_generators, effort, np.asarray(init).tolist(), fixed.tolist(), numbers.bit_generator.state)
+        kept = Checkpoint(checkpoint, job_of(found, *options))
+        state = kept.load()
+        if state is None:
+            # From given generators the descent starts at once.
+            state = (move(points, start(), conditions).generators if isinstance(init, str) else start()), []
+        descent = descend(blocks, points, state[0], conditions, kept, state[1])
+        return _of_blocks(descent, points.frame, label_blocks(blocks, found.lengths, descent.generators, points.frame))
+    end = move(points, start(), conditions)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)
@@ -189,19 +224,27 @@ def tessellate(
     )
 
 
-def _points(
-    samples: WeightedSamples | ArrayLike, density: ArrayLike | None, n_generators: int
-) -> tuple[Points, NDArray[np.intp] | None]:
+def _of_blocks(descent: Descent, frame: Frame, labels: Any) -> Tessellation:
+    energy = frame.energy(descent.energy)
+    return Tessellation(
+        generators=frame.outward(descent.generators),
+        labels=labels,
+        masses=descent.masses,
+        energy=energy,
+        weighted_energy=energy,
+        energies=tuple(frame.energy(before) for before in descent.energies),
+        n_iter=len(descent.energies) - 1,
+        converged=descent.converged,
+    )
+
+
+def _points(samples: Any, density: ArrayLike | None, n_generators: int) -> tuple[Points, NDArray[np.intp] | None]:
     """Pack samples, at least as many as generators; also return their order, if it is not the given one."""
     if not isinstance(samples, WeightedSamples):
         rows = check_rows("samples", samples)
         weights = check_density(density, len(rows))
         check_count("n_generators", n_generators, len(rows), "the number of samples")
-        sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
-        if not sortable or n_generators < _MANY_GENERATORS:
-            return pack(rows, weights), None
-        order = along_curve(rows)
-        return pack(rows[order], weights[order], in_order=True), order
+        return pack_in_order(rows, weights, n_generators)
     if density is not None:
         check_alone("density", ["weighted samples"])
     check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_shape, check_that
+from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that
 from cvtimg._shared.choices import EffortName, InitName, MethodName
+from cvtimg.blocks.passes import Block, map_rows, over_blocks
+from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.points import assign, cell_energies, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.files.whole import StrPath
 
 try:
     from scipy.spatial.distance import cdist
@@ -43,6 +48,8 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Initial generators. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
         How much work to spend on finding a low energy.
+    checkpoint : path, optional
+        For samples in blocks: a file that keeps the state of a long fit, as in `tessellate`.
     random_state : int, RandomState instance or None
         An int is the seed, like `rng` of `tessellate`. A RandomState draws a new seed for each fit; None uses NumPy's
         global one.
@@ -53,7 +60,9 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Generators, sorted by their coordinates, or in the order of `init` if that is an array. There are fewer if there
         are fewer distinct samples of positive weight.
     labels_ : (n_samples,) int32 array
-        Index of the nearest generator of each sample.
+        Index of the nearest generator of each sample; a Dask array, not computed yet, for samples in blocks.
+    masses_ : (n_clusters,) float64 array
+        Sum of the weights of the samples of each cluster.
     inertia_ : float
         Energy: sum of weight times squared distance to the nearest generator. If the method "transfer" stops before it
         converges, this is lower than the last of `energies_`, in which a sample may belong to another cell.
@@ -80,6 +89,9 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
     In scikit-learn's terms, generators are cluster centers, a tessellation is a clustering, a cell is a cluster, the
     density is the sample weight, and the energy is the inertia.
 
+    Samples in blocks are Dask and zarr arrays, and files from `cvtimg.blocks.open_blocks`. They are never loaded as a
+    whole: `fit` and `score` pass over the blocks, and `predict` and `transform` return Dask arrays in the same blocks.
+
     Samples are compared in float32, relative to the center of the generators. Centers are float32 if the samples are.
 
     References
@@ -103,12 +115,14 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         method: MethodName = "lloyd",
         init: InitName | ArrayLike = "split",
         effort: EffortName = "balanced",
+        checkpoint: StrPath | None = None,
         random_state: Any = 0,
     ) -> None:
         self.n_clusters = n_clusters
         self.method = method
         self.init = init
         self.effort = effort
+        self.checkpoint = checkpoint
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
@@ -116,7 +130,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
 
         Parameters
         ----------
-        X : (n_samples, n_features) array-like
+        X : (n_samples, n_features) array-like, or samples in blocks
             Samples, finite and dense.
         y : ignored
             Present for compatibility with scikit-learn.
@@ -132,6 +146,9 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         TypeError, ValueError
             If a parameter or an argument is invalid; the message names it, its value and what is allowed.
         """
+        if is_blocked(X):
+            return self._fit_blocks(as_blocks(X, sample_weight, weights_name="sample_weight"))
+        check_needs("checkpoint", self.checkpoint is not None, "samples in blocks", False)
         rows = self._rows(X, reset=True)
         weights = _weights(sample_weight, len(rows))
         check_count("n_clusters", self.n_clusters, len(rows), f"for n_samples={len(rows)}")
@@ -139,14 +156,17 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
             result = self._tessellate(rows, weights, self.n_clusters)
         except TooFewSamplesError:
             result = self._tessellate_distinct(rows, weights)
-        generators = result.generators if not isinstance(self.init, str) else _in_order(result.generators)
+        generators = (
+            result.generators if not isinstance(self.init, str) else result.generators[_order(result.generators)]
+        )
         self.cluster_centers_ = generators.astype(rows.dtype)
-        self.labels_, self.inertia_ = self._measure(rows, weights)
+        self.labels_, self.inertia_ = _measure(self.cluster_centers_, rows, weights)
+        self.masses_ = np.bincount(self.labels_, weights, len(generators)).astype(np.float64, copy=False)
         self.energies_ = np.array(result.energies)
         self.n_iter_ = result.n_iter
         return self
 
-    def predict(self, X: ArrayLike) -> NDArray[np.int32]:  # noqa: N803
+    def predict(self, X: Any) -> Any:  # noqa: N803
         """Label each sample with its nearest generator.
 
         Parameters
@@ -157,11 +177,14 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Returns
         -------
         (n_samples,) int32 array
+            A Dask array for samples in blocks.
         """
         check_is_fitted(self)
-        return self._measure(self._rows(X), None)[0]
+        if is_blocked(X):
+            return map_rows(self._blocks(X), partial(_nearest, self.cluster_centers_), np.int32)
+        return _nearest(self.cluster_centers_, self._rows(X))
 
-    def transform(self, X: ArrayLike) -> Any:  # noqa: N803
+    def transform(self, X: Any) -> Any:  # noqa: N803
         """Measure the distances to the generators.
 
         Parameters
@@ -172,12 +195,13 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Returns
         -------
         (n_samples, n_clusters) array, or what `set_output` asks for
-            Distances, not squared.
+            Distances, not squared; a Dask array for samples in blocks.
         """
         check_is_fitted(self)
-        rows = self._rows(X)
-        # Differences first: scikit-learn's own way through scalar products finds a generator 6e-8 away from itself.
-        return cdist(rows, self.cluster_centers_).astype(rows.dtype, copy=False)
+        if is_blocked(X):
+            distances = partial(_distances, self.cluster_centers_)
+            return map_rows(self._blocks(X), distances, self.cluster_centers_.dtype, self._n_features_out)
+        return _distances(self.cluster_centers_, self._rows(X))
 
     def score(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> float:  # noqa: N803
         """Return the energy of samples, negative, so that more is better.
@@ -196,8 +220,11 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         float
         """
         check_is_fitted(self)
+        if is_blocked(X):
+            blocks = self._blocks(X, sample_weight)
+            return -float(over_blocks(blocks, _energy_of_block, math.fsum, self.cluster_centers_))
         rows = self._rows(X)
-        return -self._measure(rows, _weights(sample_weight, len(rows)))[1]
+        return -_measure(self.cluster_centers_, rows, _weights(sample_weight, len(rows)))[1]
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -212,7 +239,32 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         rows: NDArray[Any] = validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
         return rows
 
-    def _tessellate(self, rows: NDArray[Any], weights: NDArray[np.float64], n_generators: int) -> Tessellation:
+    def _fit_blocks(self, blocks: Blocks) -> CVT:
+        result = self._tessellate(blocks, None, self.n_clusters, checkpoint=self.checkpoint)
+        order = np.arange(len(result.generators)) if not isinstance(self.init, str) else _order(result.generators)
+        self.n_features_in_ = blocks.n_dims
+        single = blocks.rows.dtype == np.float32
+        self.cluster_centers_ = result.generators[order].astype(np.float32 if single else np.float64)
+        self.labels_ = self.predict(blocks)
+        self.inertia_, self.masses_ = result.energy, result.masses[order]
+        self.energies_ = np.array(result.energies)
+        self.n_iter_ = result.n_iter
+        return self
+
+    def _blocks(self, samples: Any, sample_weight: Any = None) -> Blocks:
+        """Return samples in blocks that have as many columns as those of `fit`."""
+        blocks = as_blocks(samples, sample_weight, weights_name="sample_weight")
+        fits = blocks.n_dims == self.n_features_in_
+        check_shape("X", blocks.rows.shape, fits, f"(N, {self.n_features_in_}), as the samples of fit")
+        return blocks
+
+    def _tessellate(
+        self,
+        rows: NDArray[Any] | Blocks,
+        weights: NDArray[np.float64] | None,
+        n_generators: int,
+        checkpoint: StrPath | None = None,
+    ) -> Tessellation:
         seed = self.random_state
         if not isinstance(seed, (int, np.integer)):
             seed = check_random_state(seed).randint(np.iinfo(np.int32).max)
@@ -223,6 +275,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
             method=self.method,
             init=self.init,
             effort=self.effort,
+            checkpoint=checkpoint,
             rng=int(seed),
         )
 
@@ -246,21 +299,38 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         result = self._tessellate(distinct, density, n_found)
         return result if n_found < len(distinct) else replace(result, generators=distinct.astype(np.float64))
 
-    def _measure(self, rows: NDArray[Any], weights: NDArray[np.float64] | None) -> tuple[NDArray[np.int32], float]:
-        """Return the index of the nearest generator of each sample, and the energy."""
-        # The center depends only on the generators, so that a label does not depend on the other samples.
-        center: NDArray[np.float64] = np.mean(self.cluster_centers_, axis=0, dtype=np.float64)
-        density = np.ones(len(rows)) if weights is None else weights
-        points = pack(rows, density, center=center)
-        # Rounded as the samples are, so that a sample that is a generator has no energy.
-        generators = points.frame.inward(self.cluster_centers_).astype(np.float32).astype(np.float64)
-        labels = assign(points, generators)
-        return labels[: len(rows)], points.frame.energy(float(cell_energies(points, generators, labels).sum()))
+
+def _measure(
+    centers: NDArray[Any], rows: NDArray[Any], weights: NDArray[np.float64] | None
+) -> tuple[NDArray[np.int32], float]:
+    """Return the index of the nearest generator of each sample, and the energy."""
+    # The middle depends only on the generators, so that a label does not depend on the other samples.
+    middle: NDArray[np.float64] = np.mean(centers, axis=0, dtype=np.float64)
+    density = np.ones(len(rows)) if weights is None else weights
+    points = pack(rows, density, center=middle)
+    # Rounded as the samples are, so that a sample that is a generator has no energy.
+    generators = points.frame.inward(centers).astype(np.float32).astype(np.float64)
+    labels = assign(points, generators)
+    return labels[: len(rows)], points.frame.energy(float(cell_energies(points, generators, labels).sum()))
 
 
-def _in_order(generators: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sort generators, so that labels do not depend on the order in which the engine finds them."""
-    return generators[np.lexsort(generators.astype(np.float32).T[::-1])]
+def _nearest(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[np.int32]:
+    return _measure(centers, rows, None)[0]
+
+
+def _distances(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+    # Differences first: scikit-learn's own way through scalar products finds a generator 6e-8 away from itself.
+    distances: NDArray[Any] = cdist(rows, centers)
+    return distances.astype(rows.dtype if rows.dtype.kind == "f" else centers.dtype, copy=False)
+
+
+def _energy_of_block(block: Block, centers: NDArray[Any]) -> float:
+    return math.fsum(_measure(centers, rows, weights)[1] for rows, weights in block.pieces())
+
+
+def _order(generators: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the order of generators by coordinates: labels do not depend on how the engine finds them."""
+    return np.lexsort(generators.astype(np.float32).T[::-1])
 
 
 def _weights(sample_weight: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -268,3 +269,51 @@ def test_without_scikit_learn_the_error_says_what_to_install() -> None:
     assert done.stderr.endswith(
         "ImportError: cvtimg.CVT needs scikit-learn 1.6 or newer: pip install 'cvtimg[sklearn]'\n"
     )
+
+
+# Samples in blocks
+
+
+def in_blocks(array: Any, length: int = 70) -> Any:
+    da = pytest.importorskip("dask.array")
+    return da.from_array(array, chunks=(length, *array.shape[1:]))
+
+
+def test_blocks_are_fitted_as_in_memory() -> None:
+    whole = CVT(6).fit(SAMPLES, sample_weight=WEIGHTS)
+    cvt = CVT(6).fit(in_blocks(SAMPLES), sample_weight=in_blocks(WEIGHTS))
+    np.testing.assert_allclose(cvt.cluster_centers_, whole.cluster_centers_, atol=1e-6)
+    np.testing.assert_allclose(cvt.masses_, whole.masses_)
+    assert cvt.inertia_ == pytest.approx(whole.inertia_, rel=1e-6)
+    assert cvt.labels_.chunks == cvt.predict(in_blocks(SAMPLES)).chunks == ((70, 70, 70, 70, 20),)
+    np.testing.assert_array_equal(cvt.labels_.compute(), cvt.predict(SAMPLES))
+    assert clone(cvt).get_params()["n_clusters"] == 6
+
+
+def test_blocks_are_labelled_measured_and_scored_one_by_one() -> None:
+    cvt = CVT(6).fit(SAMPLES)
+    np.testing.assert_array_equal(cvt.predict(in_blocks(SAMPLES)).compute(), cvt.labels_)
+    distances = cvt.transform(in_blocks(SAMPLES))
+    assert distances.shape == (300, 6)
+    np.testing.assert_array_equal(distances.compute(), cvt.transform(SAMPLES))
+    score = cvt.score(in_blocks(SAMPLES), sample_weight=in_blocks(WEIGHTS))
+    assert score == pytest.approx(cvt.score(SAMPLES, sample_weight=WEIGHTS), rel=1e-9)
+    with pytest.raises(ValueError, match=r"X of shape \(300, 3\) must be \(N, 4\), as the samples of fit"):
+        cvt.predict(in_blocks(SAMPLES[:, :3]))
+
+
+def test_a_wrong_block_is_named_when_its_labels_are_computed() -> None:
+    holed = SAMPLES.copy()
+    holed[100] = np.nan
+    labels = CVT(3).fit(SAMPLES).predict(in_blocks(holed))
+    with pytest.raises(ValueError, match=r"block 1: samples must be finite"):
+        labels.compute()
+
+
+def test_a_long_fit_keeps_its_state(tmp_path: Path) -> None:
+    cvt = CVT(6, checkpoint=tmp_path / "state.npz").fit(in_blocks(SAMPLES))
+    assert (tmp_path / "state.npz").exists()
+    again = clone(cvt).fit(in_blocks(SAMPLES))
+    np.testing.assert_array_equal(again.cluster_centers_, cvt.cluster_centers_)
+    with pytest.raises(ValueError, match="checkpoint needs samples in blocks"):
+        cvt.fit(SAMPLES)

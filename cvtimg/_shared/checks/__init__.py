@@ -20,6 +20,7 @@ from cvtimg._shared.checks.images import (
 )
 from cvtimg._shared.checks.tables import (
     SAMPLE_DTYPES,
+    as_samples,
     check_channels,
     check_density,
     check_fewer,
@@ -63,6 +64,7 @@ from cvtimg._shared.checks.values import (
 
 __all__ = [
     "SAMPLE_DTYPES",
+    "as_samples",
     "check_alike",
     "check_alone",
     "check_alpha",

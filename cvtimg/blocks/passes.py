@@ -1,0 +1,246 @@
+"""Passes over blocks: work on each, and one sum of all.
+
+Dask decides where and in which order the work is done, retries it, and moves and spills blocks. The sum is taken along
+a tree that depends only on the number of blocks, so it has the same bits for any number of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import as_samples, check_shape, check_that
+from cvtimg._shared.messages import one_line
+from cvtimg._shared.threads import one_thread
+from cvtimg.blocks.rows import Blocks
+
+__all__ = ["Block", "BlockError", "map_rows", "over_blocks"]
+
+T = TypeVar("T")
+
+#: Rows that are worked on at a time, whatever the size of a block: this bounds the memory for what is made of them.
+_PIECE_ROWS = 1 << 20
+#: Sums that are added at a time: fewer make more tasks, and more wait for each other.
+_WIDTH = 8
+_KEY = "cvtimg-block"
+_passes = count()
+
+
+class BlockError(ValueError):
+    """A block is not as it must be, or cannot be read.
+
+    Attributes
+    ----------
+    number : int
+        Which block, from 0.
+    """
+
+    def __init__(self, number: int, why: str) -> None:
+        super().__init__(number, why)
+        self.number = number
+
+    def __str__(self) -> str:
+        return f"block {self.number}: {self.args[1]}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """One block, where it is worked on.
+
+    Attributes
+    ----------
+    number : int
+        Which block, from 0.
+    rows : (n, D) array
+        Of the type of the samples.
+    weights : (n,) array or None
+    """
+
+    number: int
+    rows: NDArray[Any]
+    weights: NDArray[Any] | None
+
+    def pieces(self) -> Iterator[tuple[NDArray[Any], NDArray[np.float64]]]:
+        """Yield some rows at a time, of a type that the kernels read, with their weights.
+
+        Raises
+        ------
+        ValueError
+            If they are not finite, or a weight is negative.
+        """
+        for start in range(0, len(self.rows), _PIECE_ROWS):
+            part = slice(start, start + _PIECE_ROWS)
+            rows = as_samples("samples", self.rows[part])
+            if self.weights is None:
+                yield rows, np.ones(len(rows))
+                continue
+            weights = np.ascontiguousarray(self.weights[part], np.float64)
+            check_that("weights", np.isfinite(weights).all() and weights.min() >= 0, "be finite and >= 0")
+            yield rows, weights
+
+
+def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[T]], T], *shared: Any) -> T:
+    """Do work on each block, and return the sum.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        What to work on.
+    work : callable
+        From a `Block` and what is shared to a value; picklable.
+    add : callable
+        From values of consecutive blocks, or sums of them, in their order to their sum; picklable.
+    *shared
+        What the work on every block needs: sent to each worker once.
+
+    Returns
+    -------
+    object
+        The sum over all blocks: the same bits wherever and in whatever order they were worked on.
+
+    Raises
+    ------
+    BlockError
+        If the work fails, a block cannot be read, or its workers were lost.
+    ConnectionError
+        If the cluster was lost.
+    """
+    from dask.delayed import delayed
+
+    token = f"{_KEY}-{getattr(work, '__name__', 'work')}-{next(_passes)}"
+    common = delayed(shared, name=f"{token}-shared", traverse=False)
+    parts = _delayed(blocks)
+    one, total = delayed(_work, pure=False), delayed(add, pure=False)
+    lengths = blocks.lengths or (None,) * len(parts)
+    sums = [
+        one(work, number, rows, weights, (lengths[number], blocks.n_dims), common, dask_key_name=f"{token}-{number}")
+        for number, (rows, weights) in enumerate(parts)
+    ]
+    while len(sums) > 1:
+        sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
+    result: T = _computed(sums[0], blocks)
+    return result
+
+
+def map_rows(
+    blocks: Blocks,
+    function: Callable[[NDArray[Any]], NDArray[Any]],
+    dtype: Any,
+    n_columns: int | None = None,
+    *,
+    lengths: tuple[int, ...] | None = None,
+) -> Any:
+    """Return what a function makes of the rows, as a Dask array that is computed when it is needed.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        Rows; their weights are ignored.
+    function : callable
+        From (n, D) rows to (n,) or (n, n_columns) values of this type, row by row; picklable.
+    dtype : data type
+        Of the values.
+    n_columns : int, optional
+        Columns of the values; by default they have no second axis.
+    lengths : tuple of int, optional
+        Lengths of the blocks, where Dask does not know them.
+
+    Returns
+    -------
+    (N,) or (N, n_columns) dask.array.Array
+        In the same blocks. Computing it raises `BlockError` for a block that is not finite.
+    """
+    from dask.delayed import delayed
+
+    tail = () if n_columns is None else ((n_columns,),)
+    return blocks.rows.map_blocks(
+        _mapped,
+        function=delayed(function, traverse=False, pure=True),
+        dtype=dtype,
+        drop_axis=[1] if n_columns is None else [],
+        chunks=(lengths or blocks.rows.chunks[0], *tail),
+        meta=np.empty((0,) * (1 + len(tail)), dtype),
+    )
+
+
+def _mapped(
+    rows: NDArray[Any], *, function: Callable[[NDArray[Any]], NDArray[Any]], block_info: Any = None
+) -> NDArray[Any]:
+    number = block_info[0]["chunk-location"][0] if block_info else 0
+    try:
+        with one_thread():
+            return np.concatenate([function(piece) for piece, _ in Block(number, rows, None).pieces()])
+    except ValueError as error:
+        raise BlockError(number, one_line(error)) from error
+
+
+def _delayed(blocks: Blocks) -> list[tuple[Any, Any]]:
+    rows = blocks.rows.to_delayed()[:, 0].tolist()
+    weights = [None] * len(rows) if blocks.weights is None else blocks.weights.to_delayed().tolist()
+    return list(zip(rows, weights, strict=True))
+
+
+def _work(
+    work: Callable[..., T], number: int, rows: Any, weights: Any, shape: tuple[int | None, int], shared: tuple[Any, ...]
+) -> T:
+    """Work on a block, in one thread, because Dask works on several blocks at a time."""
+    try:
+        rows = np.asarray(rows)
+        fits = rows.ndim == 2 and rows.shape[1] == shape[1] and shape[0] in (None, len(rows))
+        check_shape("samples", rows.shape, fits, f"({'n' if shape[0] is None else shape[0]}, {shape[1]})")
+        if weights is not None:
+            weights = np.asarray(weights)
+            check_shape("weights", weights.shape, weights.shape == rows.shape[:1], f"({len(rows)},), one for each row")
+        with one_thread():
+            return work(Block(number, rows, weights), *shared)
+    except (ValueError, TypeError) as error:
+        raise BlockError(number, one_line(error)) from error
+
+
+def _computed(total: Any, blocks: Blocks) -> Any:
+    try:
+        return _compute(total)[0]
+    except BlockError:
+        raise
+    except Exception as error:
+        _explain(error, blocks)
+
+
+def _explain(error: Exception, blocks: Blocks) -> NoReturn:
+    """Say which block it was, or that the cluster was lost."""
+    kind = type(error).__name__
+    if kind == "KilledWorker":
+        key = str(getattr(error, "task", ""))
+        number = int(key.rpartition("-")[2]) if key.startswith(_KEY) and key.rpartition("-")[2].isdigit() else -1
+        n_lost = getattr(error, "allowed_failures", 0) + 1
+        if number >= 0:
+            raise BlockError(number, f"{n_lost} workers were lost while they worked on it") from error
+        raise ConnectionError(f"{n_lost} workers of the Dask cluster were lost while they worked on {key}") from error
+    if type(error).__module__.partition(".")[0] == "distributed" or "Cancelled" in kind:
+        raise ConnectionError(f"the Dask cluster was lost ({one_line(error) or kind})") from error
+    # Dask does not say where an error comes from: read one block after the other.
+    for number, parts in enumerate(_delayed(blocks)):
+        try:
+            _compute(*(_length(part) for part in parts if part is not None))
+        except Exception as why:
+            raise BlockError(number, f"cannot be read ({type(why).__name__}: {one_line(why)})") from why
+    raise error
+
+
+def _length(part: Any) -> Any:
+    from dask.delayed import delayed
+
+    return delayed(len, pure=False)(part)
+
+
+def _compute(*values: Any) -> tuple[Any, ...]:
+    import dask.base
+
+    library: Any = dask.base
+    computed: tuple[Any, ...] = library.compute(*values)
+    return computed

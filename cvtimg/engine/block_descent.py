@@ -1,0 +1,279 @@
+"""Lloyd's method over blocks of samples that are larger than memory, on one machine or on many.
+
+The search is on a sample in memory, drawn block by block, and only the descent is over all blocks. Its passes are sums
+over the blocks: K x (D + 1) numbers for each, whatever its size. They are added along a fixed tree, so the result
+depends on nothing but the samples, their blocks and the seed: it has the same bits for any number of workers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
+from cvtimg.blocks.passes import Block, map_rows, over_blocks
+from cvtimg.blocks.rows import Blocks
+from cvtimg.engine.checkpoints import Checkpoint
+from cvtimg.engine.methods import Conditions
+from cvtimg.engine.ordering import pack_in_order
+from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack, scale_within
+from cvtimg.engine.seeding import TooFewSamplesError, refill
+
+#: The sample has at most this many rows and values, but this many rows per generator.
+_SAMPLE_ROWS = 1 << 20
+_SAMPLE_VALUES = 1 << 25
+_ROWS_PER_GENERATOR = 64
+#: Energies below this fraction of the energy about the origin are summed point by point, as their moments cancel.
+_SMALL = 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """What the first pass over the blocks finds.
+
+    Attributes
+    ----------
+    lengths : (B,) int64 array
+        Number of rows of each block.
+    mass : float
+        Sum of the weights.
+    sums : (D,) float64 array
+        Sum of weight times row.
+    low, high : (D,) float64 arrays
+        Limits of the rows.
+    rows : (n, D) array
+        The sample: rows of positive weight, drawn block by block.
+    weights : (n,) float64 array
+        Their weights.
+    """
+
+    lengths: NDArray[np.int64]
+    mass: float
+    sums: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    rows: NDArray[Any]
+    weights: NDArray[np.float64]
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows, N."""
+        return int(self.lengths.sum())
+
+    @property
+    def frame(self) -> Frame:
+        """A frame about the mean of all rows, in which every block is packed."""
+        center = self.sums / self.mass
+        if self.rows.dtype.kind == "f":
+            return Frame(center, scale_within(self.low, self.high, center))
+        return Frame(np.rint(center), 1.0)
+
+    @staticmethod
+    def total(parts: Sequence[Survey]) -> Survey:
+        """Join the surveys of consecutive blocks."""
+        return Survey(
+            np.concatenate([part.lengths for part in parts]),
+            sum(part.mass for part in parts),
+            np.sum([part.sums for part in parts], axis=0),
+            np.min([part.low for part in parts], axis=0),
+            np.max([part.high for part in parts], axis=0),
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.weights for part in parts]),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Sums over the cells of some points: masses (K,), density times point (K, D), and the spread about the origin."""
+
+    masses: NDArray[np.float64]
+    sums: NDArray[np.float64]
+    about_origin: float
+
+    def energy(self, generators: NDArray[np.float64]) -> float:
+        """Sum of density times squared distance to the own generator."""
+        cross = np.einsum("kd,kd->", generators, self.sums)
+        norms = np.einsum("k,kd,kd->", self.masses, generators, generators)
+        return float(max(self.about_origin - 2 * cross + norms, 0.0))
+
+    @staticmethod
+    def total(parts: Sequence[Moments]) -> Moments:
+        """Add moments in their order."""
+        masses, sums, about_origin = parts[0].masses, parts[0].sums, parts[0].about_origin
+        for part in parts[1:]:
+            masses, sums = masses + part.masses, sums + part.sums
+            about_origin += part.about_origin
+        return Moments(masses, sums, about_origin)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """The end of a descent over all blocks, in the frame."""
+
+    generators: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    energy: float
+    energies: list[float]
+    converged: bool
+
+
+def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Survey:
+    """Check all blocks, measure them, and draw a sample.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer rows than generators, or the weights are all 0.
+    BlockError
+        If a block is wrong.
+    """
+    lengths = blocks.lengths or over_blocks(blocks, _length, _chained)
+    check_count("n_generators", n_generators, sum(lengths), "the number of samples")
+    most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
+    # Cumulative, so that the shares of the blocks add up.
+    ends = np.cumsum([0, *lengths])
+    shares = np.diff(np.rint(ends * min(1.0, most / ends[-1])).astype(np.int64))
+    found = over_blocks(blocks, _survey_block, Survey.total, int(rng.integers(1 << 62)), shares)
+    check_that("density", found.mass > 0, "not be 0 for all samples")
+    return found
+
+
+def sample_points(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Points, NDArray[np.intp] | None]:
+    """Return the sample, with rows that it lacks if it has too few that differ."""
+    rows, weights = found.rows, found.weights
+    if len(_some_distinct([rows], n_generators)) < n_generators:
+        rare = over_blocks(blocks, _distinct_block, _Distinct(n_generators), n_generators)
+        if len(rare) < n_generators:
+            raise TooFewSamplesError(n_generators, len(rare))
+        rows, weights = np.concatenate([rows, rare]), np.append(weights, np.ones(len(rare)))
+    return pack_in_order(rows, weights, n_generators, found.frame)
+
+
+def check_by_blocks(method: object, volume_power: float) -> None:
+    """Refuse what cannot be done with blocks, where only sums over cells are known."""
+    if method not in (None, "lloyd"):
+        raise_unsupported("method", method, "samples in blocks", ["'lloyd'"])
+    if volume_power:
+        raise_unsupported("volume_power", volume_power, "samples in blocks", ["0"])
+
+
+def descend(
+    blocks: Blocks,
+    sample: Points,
+    generators: NDArray[np.float64],
+    conditions: Conditions,
+    checkpoint: Checkpoint,
+    energies: Sequence[float] = (),
+) -> Descent:
+    """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them.
+
+    Empty cells, which are rare after a search, are refilled from the sample.
+    """
+    known = list(energies)
+    free = np.arange(len(generators)) >= conditions.n_locked
+    frame = sample.frame
+    while True:
+        checkpoint.save(generators, known)
+        found = over_blocks(blocks, _moments_of_block, Moments.total, generators, frame)
+        known.append(found.energy(generators))
+        if conditions.ended(known):
+            break
+        full = found.masses > 0
+        moved = np.divide(found.sums, found.masses[:, None], out=generators.copy(), where=(free & full)[:, None])
+        if (free & ~full).any():
+            moved = refill(sample, moved, assign(sample, moved), free & full, free & ~full)
+        generators = moved
+    energy = known[-1]
+    if energy <= _SMALL * found.about_origin:
+        energy = over_blocks(blocks, _energy_of_block, _added, generators, frame)
+    return Descent(generators, found.masses, energy, known, conditions.stopping.converged(known))
+
+
+def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
+    """Return the (N,) int32 labels as a Dask array, in the same blocks, which is computed when it is needed."""
+    label = partial(_label_rows, generators=generators, frame=frame)
+    return map_rows(blocks, label, np.int32, lengths=tuple(lengths.tolist()))
+
+
+def job_of(found: Survey, *options: object) -> str:
+    """Name samples and options by a fingerprint, for `Checkpoint`."""
+    digest = hashlib.sha256(repr((found.mass, found.rows.dtype, *options)).encode())
+    for array in (found.lengths, found.sums, found.rows, found.weights):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _length(block: Block) -> tuple[int, ...]:
+    return (len(block.rows),)
+
+
+def _chained(parts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    return tuple(length for part in parts for length in part)
+
+
+def _added(parts: Sequence[float]) -> float:
+    return sum(parts)
+
+
+def _survey_block(block: Block, seed: int, shares: NDArray[np.int64]) -> Survey:
+    n_rows, n_dims = block.rows.shape
+    mass, sums = 0.0, np.zeros(n_dims)
+    low, high = np.full(n_dims, np.inf), np.full(n_dims, -np.inf)
+    for rows, weights in block.pieces():
+        mass += float(weights.sum())
+        sums += np.einsum("n,nd->d", weights, rows)
+        low, high = np.minimum(low, rows.min(axis=0)), np.maximum(high, rows.max(axis=0))
+    members = np.arange(n_rows) if block.weights is None else np.flatnonzero(block.weights)
+    share = int(shares[block.number])
+    if share < len(members):
+        rng = np.random.default_rng([seed, block.number])
+        members = members[np.sort(rng.choice(len(members), share, replace=False))]
+    weights = np.ones(len(members)) if block.weights is None else block.weights[members].astype(np.float64)
+    return Survey(np.array([n_rows]), mass, sums, low, high, as_samples("samples", block.rows[members]), weights)
+
+
+def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> Moments:
+    parts = [Moments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
+    for rows, weights in block.pieces():
+        points = pack(rows, weights, frame=frame)
+        moments = cell_moments(points, assign(points, generators), len(generators))
+        parts = [Moments.total([*parts, Moments(*moments, points.energy_about_origin)])]
+    return parts[0]
+
+
+def _energy_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> float:
+    energy = 0.0
+    for rows, weights in block.pieces():
+        points = pack(rows, weights, frame=frame)
+        energy += float(cell_energies(points, generators, assign(points, generators)).sum())
+    return energy
+
+
+def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
+    return assign(pack(rows, np.ones(len(rows)), frame=frame), generators)[: len(rows)]
+
+
+def _distinct_block(block: Block, most: int) -> NDArray[Any]:
+    weighted = [rows[weights > 0] for rows, weights in block.pieces()]
+    return _some_distinct(weighted, most)
+
+
+def _some_distinct(several: Sequence[NDArray[Any]], most: int) -> NDArray[Any]:
+    """Return some of the distinct rows, as many as there are if these are fewer than `most`."""
+    return np.unique(np.concatenate(several), axis=0)[:most]
+
+
+@dataclass(frozen=True, slots=True)
+class _Distinct:
+    """Joins distinct rows."""
+
+    most: int
+
+    def __call__(self, parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return _some_distinct(parts, self.most)

@@ -1,0 +1,298 @@
+"""Samples in blocks give what samples in memory give, whoever works on the blocks, and say which block is wrong."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from reference import squared_distances
+
+from cvtimg import tessellate
+from cvtimg.blocks import BlockError, Blocks, as_blocks, is_blocked, open_blocks, passes
+from cvtimg.engine import Tessellation, block_descent
+
+dask = pytest.importorskip("dask")
+import dask.array as da  # noqa: E402
+
+RNG = np.random.default_rng(12)
+ROWS = np.concatenate([RNG.normal(center, 1, (500, 3)) for center in ((0, 0, 0), (9, 0, 0), (0, 9, 3), (5, 5, 20))])
+ROWS = RNG.permutation(ROWS)
+WEIGHTS = RNG.integers(0, 4, len(ROWS)).astype(np.float64)
+
+
+@pytest.fixture
+def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search on fewer rows than there are."""
+    monkeypatch.setattr(block_descent, "_SAMPLE_ROWS", 600)
+    monkeypatch.setattr(block_descent, "_ROWS_PER_GENERATOR", 20)
+
+
+def blocks(rows: NDArray[Any] = ROWS, weights: NDArray[Any] | None = WEIGHTS, length: int = 170) -> Blocks:
+    given = None if weights is None else da.from_array(weights, chunks=length)
+    return as_blocks(da.from_array(rows, chunks=(length, 2)), given)
+
+
+def same_bits(first: Tessellation, second: Tessellation) -> bool:
+    arrays = [(first.generators, second.generators), (first.masses, second.masses)]
+    return all((a == b).all() for a, b in arrays) and first.energies == second.energies
+
+
+# The result
+
+
+@pytest.mark.usefixtures("small_sample")
+@pytest.mark.parametrize("n_generators", [4, 45])
+def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
+    result = tessellate(blocks(), n_generators)
+    squares = squared_distances(ROWS, result.generators)
+    labels = result.labels.compute()
+    np.testing.assert_array_equal(labels, squares.argmin(axis=1))
+    np.testing.assert_allclose(result.masses, np.bincount(labels, WEIGHTS, n_generators))
+    assert result.energy == pytest.approx((WEIGHTS * squares.min(axis=1)).sum(), rel=1e-6)
+    assert result.energy <= 1.02 * tessellate(ROWS, n_generators, density=WEIGHTS).energy
+    assert all(
+        after <= before * (1 + 1e-7) for before, after in zip(result.energies, result.energies[1:], strict=False)
+    )
+
+
+def test_each_generator_is_the_mean_of_its_cell() -> None:
+    result = tessellate(blocks(weights=None), 4, effort="best")
+    labels = result.labels.compute()
+    for k in range(4):
+        np.testing.assert_allclose(result.generators[k], ROWS[labels == k].mean(axis=0), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.usefixtures("small_sample")
+@pytest.mark.parametrize("scheduler", ["sync", "threads"])
+def test_bits_do_not_depend_on_who_works(scheduler: str) -> None:
+    expected = tessellate(blocks(), 12, rng=3)
+    with dask.config.set(scheduler=scheduler, num_workers=3):
+        again = tessellate(blocks(), 12, rng=3)
+    assert same_bits(expected, again)
+    np.testing.assert_array_equal(expected.labels.compute(), again.labels.compute())
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_bits_do_not_depend_on_pieces_of_one_tile(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = RNG.integers(0, 256, (4000, 3)).astype(np.uint8)  # whose sums are exact
+    expected = tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7)
+    monkeypatch.setattr(passes, "_PIECE_ROWS", 100)
+    assert same_bits(expected, tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7))
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_integers_give_the_same_for_any_blocks_once_the_start_is_given() -> None:
+    rows = RNG.integers(0, 256, (3000, 3)).astype(np.uint8)
+    results = [tessellate(as_blocks(da.from_array(rows, chunks=n)), 5, init=rows[:5]) for n in (100, 333, 3000)]
+    assert same_bits(results[0], results[1])
+    assert same_bits(results[0], results[2])
+    in_memory = tessellate(rows, 5, init=rows[:5])
+    np.testing.assert_allclose(results[0].generators, in_memory.generators, rtol=1e-9)
+
+
+def test_one_dimension_starts_from_the_optimum() -> None:
+    rows = ROWS[:, :1]
+    result = tessellate(as_blocks(da.from_array(rows, chunks=(300, 1))), 6)
+    assert result.energy == pytest.approx(tessellate(rows, 6).energy, rel=1e-4)
+
+
+def test_locked_generators_stay() -> None:
+    locked = [[50.0, 50, 50], [0, 0, 0]]
+    result = tessellate(blocks(), 6, locked=locked)
+    np.testing.assert_allclose(result.generators[:2], locked, atol=1e-12)
+    assert result.masses[0] == 0
+
+
+def test_empty_cells_are_refilled() -> None:
+    start = np.concatenate([ROWS[:3], np.full((2, 3), 1e4)])
+    result = tessellate(blocks(), 5, init=start)
+    assert (result.masses > 0).all()
+    assert np.abs(result.generators).max() < 100
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_rare_rows_that_the_sample_misses_are_found() -> None:
+    rows = np.zeros((3000, 2))
+    rows[::700] = np.arange(5)[:, None] + 7.0
+    result = tessellate(as_blocks(da.from_array(rows, chunks=(500, 2))), 6)
+    assert result.energy == pytest.approx(0, abs=1e-9)
+    with pytest.raises(ValueError, match=r"n_generators=7 must be in 1..6, the number of distinct samples"):
+        tessellate(as_blocks(da.from_array(rows, chunks=(500, 2))), 7)
+
+
+def test_a_callback_stops_it() -> None:
+    result = tessellate(blocks(), 12, callback=lambda step, energy: step >= 3)
+    assert result.n_iter == 0
+    assert not result.converged
+
+
+# Where blocks come from
+
+
+def test_lengths_may_be_unknown() -> None:
+    unknown = blocks().rows[da.from_array(np.ones(len(ROWS), bool), chunks=170)]
+    weights = blocks().weights[da.from_array(np.ones(len(ROWS), bool), chunks=170)]
+    assert as_blocks(unknown).lengths is None
+    result = tessellate(as_blocks(unknown, weights), 4)
+    assert same_bits(result, tessellate(blocks(), 4))
+    assert len(result.labels) == len(ROWS)
+
+
+def test_a_zarr_array_is_read_in_its_chunks(tmp_path: Path) -> None:
+    zarr = pytest.importorskip("zarr")
+    stored = zarr.create_array(str(tmp_path / "a.zarr"), shape=ROWS.shape, chunks=(100, 3), dtype="f8")
+    stored[:] = ROWS
+    assert is_blocked(stored)
+    for opened in (as_blocks(stored), open_blocks(tmp_path / "a.zarr")):
+        np.testing.assert_array_equal(opened.rows.compute(), ROWS)
+        assert all(length % 100 == 0 for length in opened.lengths or ())
+
+
+def test_a_file_of_numpy_is_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.save(tmp_path / "a.npy", ROWS)
+    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 170 * 24)
+    opened = open_blocks(tmp_path / "a.npy")
+    assert opened.n_blocks == 12
+    np.testing.assert_array_equal(opened.rows.compute(), ROWS)
+    assert same_bits(tessellate(opened, 4), tessellate(blocks(weights=None), 4))
+    assert len(pickle.dumps(opened)) < ROWS.nbytes / 2  # workers read for themselves
+    np.save(tmp_path / "b.npy", ROWS[:, 0])
+    assert open_blocks(tmp_path / "b.npy").rows.shape == (len(ROWS), 1)
+
+
+def test_columns_of_parquet(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    columns = {"w": WEIGHTS, "x": ROWS[:, 0].astype(np.float32), "y": ROWS[:, 1], "n": np.arange(len(ROWS))}
+    parquet.write_table(pa.table(columns), tmp_path / "a.parquet", row_group_size=300)
+    opened = open_blocks(tmp_path / "a.parquet", columns=["y", "x"], weight="w")
+    np.testing.assert_array_equal(opened.rows.compute(), np.stack([columns["y"], columns["x"]], axis=1))
+    np.testing.assert_array_equal(opened.weights.compute(), WEIGHTS)
+    assert opened.n_blocks == 7
+    assert open_blocks(tmp_path, weight="w").n_dims == 3
+    with pytest.raises(ValueError, match=r"column='z' must be one of w, x, y, n"):
+        open_blocks(tmp_path / "a.parquet", columns=["z"])
+    holed = pa.table({"x": pa.array([1.0, None, 2.0])})
+    parquet.write_table(holed, tmp_path / "b.parquet")
+    with pytest.raises(BlockError, match=r"block 0: .*column 'x' of row group 0 must have no missing values"):
+        tessellate(open_blocks(tmp_path / "b.parquet"), 2)
+
+
+# What is wrong is said with the number of the block
+
+
+def test_a_value_that_is_not_finite() -> None:
+    rows = ROWS.copy()
+    rows[400, 1] = np.nan
+    with pytest.raises(BlockError, match=r"block 2: samples must be finite: it contains NaN or infinity") as raised:
+        tessellate(blocks(rows), 3)
+    assert raised.value.number == 2
+    assert str(pickle.loads(pickle.dumps(raised.value))) == str(raised.value)
+
+
+def test_a_negative_weight() -> None:
+    weights = WEIGHTS.copy()
+    weights[1000] = -1
+    with pytest.raises(BlockError, match=r"block 5: weights must be finite and >= 0"):
+        tessellate(blocks(weights=weights), 3)
+    with pytest.raises(ValueError, match=r"density must not be 0 for all samples"):
+        tessellate(blocks(weights=0 * WEIGHTS), 3)
+
+
+def test_blocks_of_different_widths() -> None:
+    wrong = [da.from_delayed(dask.delayed(np.ones)((4, n)), (4, 3), float) for n in (3, 3, 2)]
+    with pytest.raises(BlockError, match=r"block 2: samples of shape \(4, 2\) must be \(4, 3\)"):
+        tessellate(da.concatenate(wrong), 1)
+    short = [da.from_delayed(dask.delayed(np.ones)((n, 3)), (4, 3), float) for n in (4, 5)]
+    with pytest.raises(BlockError, match=r"block 1: samples of shape \(5, 3\) must be \(4, 3\)"):
+        tessellate(da.concatenate(short), 1)
+
+
+def _unreadable(start: int) -> NDArray[np.float64]:
+    if start == 8:
+        raise OSError("disk on fire")
+    return ROWS[start : start + 4]
+
+
+def test_a_block_that_cannot_be_read() -> None:
+    parts = [da.from_delayed(dask.delayed(_unreadable)(start), (4, 3), float) for start in range(0, 16, 4)]
+    with pytest.raises(BlockError, match=r"block 2: cannot be read \(OSError: disk on fire\)"):
+        tessellate(da.concatenate(parts), 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "macqueen"}, r"method='macqueen' does not support samples in blocks; 'lloyd' does"),
+        ({"volume_power": 1}, r"volume_power=1.0 does not support samples in blocks; 0 does"),
+        ({"density": WEIGHTS}, r"density must not be given with Blocks, which carry their own weights"),
+    ],
+)
+def test_options_that_blocks_do_not_have(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        tessellate(blocks(), 3, **options)
+
+
+def test_arguments_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"n_generators=2001 must be in 1..2000, the number of samples"):
+        tessellate(blocks(), 2001)
+    with pytest.raises(ValueError, match=r"samples of shape \(4,\) must be \(N, D\)"):
+        tessellate(da.ones(4), 1)
+    with pytest.raises(ValueError, match=r"density of shape \(3,\) must be \(4,\), one weight for each sample"):
+        tessellate(da.ones((4, 2)), 1, density=np.ones(3))
+    with pytest.raises(TypeError, match=r"samples of type complex128 must be"):
+        tessellate(da.ones((4, 2), dtype=complex), 1)
+    with pytest.raises(ValueError, match=r"checkpoint needs samples in blocks"):
+        tessellate(ROWS, 2, checkpoint="a.npz")
+
+
+# A run that was cut off
+
+
+class CutOffError(Exception):
+    """What ends a run in the middle."""
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = tessellate(blocks(), 30, effort="best")
+    assert expected.n_iter > 4
+    sums = block_descent.over_blocks
+    n_passes = 0
+
+    def cut_off(*arguments: Any) -> Any:
+        nonlocal n_passes
+        n_passes += 1
+        if n_passes > 4:
+            raise CutOffError
+        return sums(*arguments)
+
+    path = tmp_path / "state.npz"
+    monkeypatch.setattr(block_descent, "over_blocks", cut_off)
+    with pytest.raises(CutOffError):
+        tessellate(blocks(), 30, effort="best", checkpoint=path)
+    monkeypatch.setattr(block_descent, "over_blocks", sums)
+    monkeypatch.setattr("cvtimg.engine.tessellation.search", None)  # which is not done again
+    again = tessellate(blocks(), 30, effort="best", checkpoint=path)
+    assert same_bits(expected, again)
+    assert same_bits(expected, tessellate(blocks(), 30, effort="best", checkpoint=path))
+
+
+def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
+    tessellate(blocks(), 3, checkpoint=path)
+    for other in (
+        lambda: tessellate(blocks(ROWS + 1), 3, checkpoint=path),
+        lambda: tessellate(blocks(), 4, checkpoint=path),
+    ):
+        with pytest.raises(ValueError, match=r"checkpoint=.* must be of the same samples, blocks and options"):
+            other()
+    path.write_bytes(b"other")
+    with pytest.raises(ValueError, match=r"checkpoint=.* must be a file that an earlier run saved"):
+        tessellate(blocks(), 3, checkpoint=path)
+    assert path.read_bytes() == b"other"
