@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,9 @@ from cvtimg.cli.known_pixels import known_in_all
 from cvtimg.cli.quantize_options import QuantizeOptions
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from cvtimg.pictures import ImageInfo
     from cvtimg.quantization import QuantizedFrames
 
@@ -71,12 +74,19 @@ def quantize_animation(
     if "--save-palette" in task.outputs:
         _write_palette(task, result.results, overwrite)
     stopwatch.lap("write")
-    tessellations = [one.tessellation for one in result.results if one.tessellation]
     return {
         "width": frames.images[0].shape[1],
         "height": frames.images[0].shape[0],
         "channels": max(one.palette.shape[1] for one in result.results),
         "frames": len(frames.images),
+        **figures_of(result, known),
+    }
+
+
+def figures_of(result: QuantizedFrames, known: Sequence[NDArray[np.bool_]]) -> Row:
+    """Return what a row says of all frames or pages together."""
+    tessellations = [one.tessellation for one in result.results if one.tessellation]
+    return {
         "left_out": sum(int((~one).sum()) for one in known),
         "distinct_colors": result.n_distinct,
         "k": max(len(one.palette) for one in result.results),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.cli.animations import figures_of
 from cvtimg.cli.known_pixels import known_in_all
 from cvtimg.cli.quantize_options import QuantizeOptions
 
@@ -70,21 +70,12 @@ def quantize_pages(
         counts = sum(np.bincount(one.indices.ravel(), minlength=len(first.palette)) for one in result.results)
         write_palette(task.outputs["--save-palette"], first.palette, density=counts, overwrite=overwrite)
     stopwatch.lap("write")
-    tessellations = [one.tessellation for one in result.results if one.tessellation]
     return {
         "width": pages.images[0].shape[1],
         "height": pages.images[0].shape[0],
         "channels": first.palette.shape[1],
         "pages": len(pages.images),
-        "left_out": sum(int((~one).sum()) for one in known),
-        "distinct_colors": result.n_distinct,
-        "k": max(len(one.palette) for one in result.results),
-        "elbow": None,
-        "energy": result.energy,
-        "mse": result.mse,
-        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
-        "n_iter": max((one.n_iter for one in tessellations), default=0),
-        "converged": all(one.converged for one in tessellations),
+        **figures_of(result, known),
     }
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
-from cvtimg.cli import segment_arguments as arguments
+from cvtimg.cli import segment_options as own
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.known_pixels import known_in_all, known_pixels
 from cvtimg.cli.pages import has_pages, segment_pages
@@ -41,95 +38,48 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
-#: Options that do not need the whole image at a time.
-_IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
-
-
-@dataclass(frozen=True, slots=True)
-class SegmentOptions:
-    """What is done to each image: a number of segments, and options of `segment` or of `superpixels`."""
-
-    number: int | str
-    keywords: Mapping[str, Any]
-    superpixels: bool
-    mask: Path | None
-    nodata: float | None
-    volume: bool
-    hierarchy: bool = False
-    threshold: float | None = None
-
-    def segments(self, image: NDArray[Any], known: NDArray[np.bool_]) -> Segmentation:
-        """Divide an image."""
-        import cvtimg
-
-        if self.hierarchy:
-            from cvtimg.cli.hierarchies import cut_regions
-
-            return cut_regions(image, known, self.number, self.threshold, self.keywords)
-        divide: Any = cvtimg.superpixels if self.superpixels else cvtimg.segment
-        result: Segmentation = divide(image, self.number, mask=known, **self.keywords)
-        return result
-
-    @property
-    def in_tiles(self) -> dict[str, Any]:
-        """Options that do not need the whole image."""
-        return {name: self.keywords[name] for name in _IN_TILES}
-
-    @property
-    def unfit(self) -> dict[str, Any]:
-        """Given options that need the whole image, by their names on the command line."""
-        given = {
-            "--superpixels": self.superpixels,
-            "--hierarchy": self.hierarchy,
-            "-k auto": self.number == "auto",
-        }
-        given |= {
-            f"--{name.replace('_', '-')}": value for name, value in self.keywords.items() if name not in _IN_TILES
-        }
-        return {name: value for name, value in given.items() if value}
-
 
 def segment(
     inputs: options.Images,
-    number: arguments.Number = None,
-    output: arguments.Labels = None,
-    out_dir: arguments.OutDir = None,
-    write: arguments.Write = "",
-    mean: arguments.Mean = None,
-    edges: arguments.Edges = None,
-    overlay: arguments.Overlay = None,
-    contours: arguments.ContourFile = None,
-    table: arguments.Table = None,
-    coco: arguments.Coco = None,
-    edge_mode: arguments.EdgeMode = "inner",
-    line_color: arguments.LineColor = "#ffff00",
-    line_width: arguments.LineWidth = 1,
-    subpixel: arguments.Subpixel = False,
-    simplify: arguments.Simplify = 0,
+    number: own.Number = None,
+    output: own.Labels = None,
+    out_dir: own.OutDir = None,
+    write: own.Write = "",
+    mean: own.Mean = None,
+    edges: own.Edges = None,
+    overlay: own.Overlay = None,
+    contours: own.ContourFile = None,
+    table: own.Table = None,
+    coco: own.Coco = None,
+    edge_mode: own.EdgeMode = "inner",
+    line_color: own.LineColor = "#ffff00",
+    line_width: own.LineWidth = 1,
+    subpixel: own.Subpixel = False,
+    simplify: own.Simplify = 0,
     space: options.Space = "rgb",
     averaging: options.Averaging = "none",
-    kernel: arguments.Kernel = "gaussian",
-    radius: arguments.Radius = 2,
-    edge_weight: arguments.EdgeWeight = 0,
-    edge_radius: arguments.EdgeRadius = 3,
-    components: arguments.Components = False,
-    min_size: arguments.MinSize = 0,
-    border_price: arguments.BorderPrice = 0,
-    objects: arguments.Objects = False,
-    background: arguments.Background = "largest",
-    neck_depth: arguments.NeckDepth = 0.5,
-    object_border: arguments.ObjectBorder = "segment",
-    properties: arguments.Properties = "",
-    hierarchy: arguments.Hierarchy = False,
-    threshold: arguments.Threshold = None,
-    tree: arguments.Tree = None,
-    strengths: arguments.Strengths = None,
-    cuts: arguments.Cuts = None,
-    superpixels: arguments.Superpixels = False,
-    compactness: arguments.Compactness = None,
+    kernel: own.Kernel = "gaussian",
+    radius: own.Radius = 2,
+    edge_weight: own.EdgeWeight = 0,
+    edge_radius: own.EdgeRadius = 3,
+    components: own.Components = False,
+    min_size: own.MinSize = 0,
+    border_price: own.BorderPrice = 0,
+    objects: own.Objects = False,
+    background: own.Background = "largest",
+    neck_depth: own.NeckDepth = 0.5,
+    object_border: own.ObjectBorder = "segment",
+    properties: own.Properties = "",
+    hierarchy: own.Hierarchy = False,
+    threshold: own.Threshold = None,
+    tree: own.Tree = None,
+    strengths: own.Strengths = None,
+    cuts: own.Cuts = None,
+    superpixels: own.Superpixels = False,
+    compactness: own.Compactness = None,
     mask: options.Mask = None,
     nodata: options.NoData = None,
-    volume: arguments.Volume = False,
+    volume: own.Volume = False,
     volume_power: options.VolumePower = 0,
     effort: options.Effort = "balanced",
     seed: options.Seed = 0,
@@ -192,7 +142,7 @@ def segment(
         keywords["objects"] = _objects(background, neck_depth, object_border) if objects else False
     if not hierarchy or space != "rgb":  # a hierarchy has a space of its own by default
         keywords["space"] = space
-    how = SegmentOptions(number, keywords, superpixels, mask, nodata, volume, hierarchy, threshold)
+    how = own.SegmentOptions(number, keywords, superpixels, mask, nodata, volume, hierarchy, threshold)
     style = Style(
         edge_mode=edge_mode,
         line_color=tuple(bytes.fromhex(line_color)[:3]),
@@ -234,7 +184,7 @@ def _objects(background: str, neck_depth: float, border: str) -> ObjectOptions:
 
 
 def _segment(
-    task: Task, stopwatch: Stopwatch, *, how: SegmentOptions, style: Style, overwrite: bool, max_pixels: int | None
+    task: Task, stopwatch: Stopwatch, *, how: own.SegmentOptions, style: Style, overwrite: bool, max_pixels: int | None
 ) -> Row:
     from cvtimg import read_image
     from cvtimg.pictures import image_info
@@ -272,7 +222,7 @@ def _segment(
 
 
 def _divide(
-    image: NDArray[Any], known: NDArray[np.bool_], *, how: SegmentOptions, header: ImageInfo
+    image: NDArray[Any], known: NDArray[np.bool_], *, how: own.SegmentOptions, header: ImageInfo
 ) -> tuple[NDArray[Any], Segmentation]:
     """Segment an image; return the bands that count, and the result."""
     if header.has_alpha and image.shape[2:] == (4,):

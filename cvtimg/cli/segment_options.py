@@ -1,14 +1,25 @@
-"""Options of ``cvtimg segment`` that no other command has."""
+"""Options of ``cvtimg segment`` that no other command has, and what they ask for."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
 from cvtimg.cli import options
 from cvtimg.cli.segment_outputs import KIND_NAMES
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cvtimg.segmentation.result import Segmentation
+
+#: Options that do not need the whole image at a time.
+_IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
 
 _PIXELS = options.whole_number(0, 2**31 - 1)
 _AMOUNT = options.number(0)
@@ -133,3 +144,47 @@ Superpixels = Annotated[
 Compactness = Annotated[
     float | None, Option(metavar="C", parser=_AMOUNT, help="Compactness of --superpixels; larger values: rounder.")
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentOptions:
+    """What is done to each image: a number of segments, and options of `segment` or of `superpixels`."""
+
+    number: int | str
+    keywords: Mapping[str, Any]
+    superpixels: bool
+    mask: Path | None
+    nodata: float | None
+    volume: bool
+    hierarchy: bool = False
+    threshold: float | None = None
+
+    def segments(self, image: NDArray[Any], known: NDArray[np.bool_]) -> Segmentation:
+        """Divide an image."""
+        import cvtimg
+
+        if self.hierarchy:
+            from cvtimg.cli.hierarchies import cut_regions
+
+            return cut_regions(image, known, self.number, self.threshold, self.keywords)
+        divide: Any = cvtimg.superpixels if self.superpixels else cvtimg.segment
+        result: Segmentation = divide(image, self.number, mask=known, **self.keywords)
+        return result
+
+    @property
+    def in_tiles(self) -> dict[str, Any]:
+        """Options that do not need the whole image."""
+        return {name: self.keywords[name] for name in _IN_TILES}
+
+    @property
+    def unfit(self) -> dict[str, Any]:
+        """Given options that need the whole image, by their names on the command line."""
+        given = {
+            "--superpixels": self.superpixels,
+            "--hierarchy": self.hierarchy,
+            "-k auto": self.number == "auto",
+        }
+        given |= {
+            f"--{name.replace('_', '-')}": value for name, value in self.keywords.items() if name not in _IN_TILES
+        }
+        return {name: value for name, value in given.items() if value}
