@@ -1,24 +1,26 @@
-"""Mesh files: VTU, Gmsh's MSH, OBJ and STL are written here, others by meshio."""
+"""Mesh files: VTU, Gmsh's MSH, OBJ, PLY and STL are written here, others by meshio."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
+from cvtimg.files.vtu import TRIANGLE, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, write_whole
 
 #: What meshio is asked for, beside the formats below.
-MESHIO_SUFFIXES = (".bdf", ".inp", ".med", ".mesh", ".off", ".ply", ".vtk", ".xdmf")
+MESHIO_SUFFIXES = (".bdf", ".inp", ".med", ".mesh", ".off", ".vtk", ".xdmf")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshContent:
-    """What files hold of a mesh: the arrays of `Mesh`, and the qualities (T,) of its triangles."""
+    """What files hold of a mesh: the arrays of `Mesh`, with points of the plane or of space, and qualities (T,)."""
 
     points: NDArray[np.float64]
     triangles: NDArray[np.int32]
@@ -41,37 +43,10 @@ def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool) -> None:
 
 
 def _vtu(mesh: MeshContent) -> bytes:
-    """VTK's format of unstructured grids, in XML with binary arrays."""
-    n, n_triangles = len(mesh.points), len(mesh.triangles)
-    arrays = [
-        ("points", _in_space(mesh.points).astype("<f8"), "Float64", 3),
-        ("connectivity", mesh.triangles.astype("<i4"), "Int32", 1),
-        ("offsets", (3 * np.arange(1, n_triangles + 1)).astype("<i4"), "Int32", 1),
-        ("types", np.full(n_triangles, 5, np.uint8), "UInt8", 1),
-        ("tag", mesh.tags.astype("<i4"), "Int32", 1),
-        ("quality", mesh.qualities.astype("<f8"), "Float64", 1),
-    ]
-    lines, blocks, offset = {}, [], 0
-    for name, array, kind, width in arrays:
-        lines[name] = (
-            f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="appended" offset="{offset}"/>'
-        )
-        block = array.tobytes()
-        blocks += [np.array(len(block), "<u8").tobytes(), block]
-        offset += 8 + len(block)
-    head = "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-            f'<UnstructuredGrid><Piece NumberOfPoints="{n}" NumberOfCells="{n_triangles}">',
-            f"<Points>{lines['points']}</Points>",
-            f"<Cells>{lines['connectivity']}{lines['offsets']}{lines['types']}</Cells>",
-            f'<CellData Scalars="tag">{lines["tag"]}{lines["quality"]}</CellData>',
-            "</Piece></UnstructuredGrid>",
-            '<AppendedData encoding="raw">_',
-        ]
-    )
-    return b"".join([head.encode(), *blocks, b"\n</AppendedData></VTKFile>\n"])
+    """VTK's format of unstructured grids."""
+    ends = 3 * np.arange(1, len(mesh.triangles) + 1)
+    values: dict[str, NDArray[Any]] = {"tag": mesh.tags, "quality": mesh.qualities}
+    return vtu_content(_in_space(mesh.points), mesh.triangles, ends, TRIANGLE, values)
 
 
 def _msh(mesh: MeshContent) -> bytes:
@@ -108,15 +83,38 @@ def _obj(mesh: MeshContent) -> bytes:
 
 
 def _stl(mesh: MeshContent) -> bytes:
-    """Triangles with single precision, the normal up."""
+    """Triangles with single precision."""
+    corners = _in_space(mesh.points)[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     facets = np.zeros(len(mesh.triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-    facets["normal"] = [0, 0, 1]
-    facets["corners"] = _in_space(mesh.points)[mesh.triangles]
+    facets["normal"] = normals / np.where(lengths > 0, lengths, 1)
+    facets["corners"] = corners
     return b"cvtimg".ljust(80) + np.array(len(facets), "<u4").tobytes() + facets.tobytes()
 
 
+def _ply(mesh: MeshContent) -> bytes:
+    """Stanford's format, binary, with double precision; without tags, which not all readers skip."""
+    head = [
+        "ply\nformat binary_little_endian 1.0\ncomment cvtimg",
+        f"element vertex {len(mesh.points)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(mesh.triangles)}",
+        "property list uchar int vertex_indices\nend_header\n",
+    ]
+    faces = np.empty(len(mesh.triangles), [("n", "u1"), ("corners", "<i4", 3)])
+    faces["n"], faces["corners"] = 3, mesh.triangles
+    return "\n".join(head).encode() + _in_space(mesh.points).astype("<f8").tobytes() + faces.tobytes()
+
+
 #: The registry of formats: suffix to the function that makes the content.
-MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".msh": _msh, ".obj": _obj, ".stl": _stl}
+MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {
+    ".vtu": _vtu,
+    ".msh": _msh,
+    ".obj": _obj,
+    ".ply": _ply,
+    ".stl": _stl,
+}
 
 
 def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
@@ -133,7 +131,8 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
 
 
 def _in_space(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([points, np.zeros(len(points))])
+    """(N, 3) points, where those of the plane have z = 0."""
+    return points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])
 
 
 def _rows(form: str, rows: NDArray[np.generic]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_have_area, check_places, check_triangles
+from cvtimg._shared.checks import check_have_area, check_places, check_shape, check_triangles
 from cvtimg.placement.measures import measure_cells
 from cvtimg.regions import PolygonRegion
 
@@ -90,7 +90,7 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
 
     Parameters
     ----------
-    points : (N, 2) array
+    points : (N, 2) or (N, 3) array
     triangles : (T, 3) integer array
         Indices of points, in either direction.
 
@@ -105,16 +105,14 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     >>> measures.areas.tolist(), measures.least_angles.round(9).tolist()
     ([0.5], [45.0])
     """
-    places, corners = (
-        check_places("points", points, 2),
-        check_triangles("triangles", triangles, len(np.asarray(points))),
-    )
+    places = check_places("points", points)
+    check_shape("points", places.shape, places.shape[1] in (2, 3), "(N, 2) or (N, 3), a place in each row")
+    corners = check_triangles("triangles", triangles, len(places))
     a, b, c = (places[corners[:, k]] for k in range(3))
     sides = np.sort(
         [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
     )
-    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    areas = np.abs(turn) / 2
+    areas = _twice_areas(b - a, c - a) / 2
     short, middle, long = sides
     with np.errstate(divide="ignore", invalid="ignore"):
         circumradii = np.where(areas > 0, short * middle * long / (4 * areas), np.inf)
@@ -124,6 +122,13 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     cosine = middle**2 + long**2 - short**2
     angles = np.degrees(np.arctan2(4 * areas, cosine))
     return TriangleMeasures(areas, angles, circumradii, qualities)
+
+
+def _twice_areas(u: Points, v: Points) -> NDArray[np.float64]:
+    """Area of each parallelogram with sides u and v, (T, 2) or (T, 3)."""
+    if u.shape[1] == 2:
+        return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    return np.asarray(np.linalg.norm(np.cross(u, v), axis=1))
 
 
 def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:

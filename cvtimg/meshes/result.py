@@ -77,7 +77,7 @@ class Mesh:
         ----------
         path : str or path-like
             .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
-            (a group for each tag) or .stl; other formats need meshio.
+            (a group for each tag), .ply or .stl; other formats need meshio.
         overwrite : bool
             Replace an existing file.
 

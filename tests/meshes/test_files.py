@@ -15,7 +15,7 @@ def mesh() -> Mesh:
     return mesh_labels(np.repeat([[3, 5]], 6, axis=0).repeat(6, axis=1), n=50)
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".obj", ".stl", ".vtk", ".off"])
+@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".obj", ".ply", ".stl", ".vtk", ".off"])
 def test_other_programs_read_the_same_triangles(mesh: Mesh, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     mesh.save(path)

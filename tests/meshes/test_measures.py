@@ -30,9 +30,10 @@ def test_cells_are_clipped_to_the_mesh_and_not_to_its_hull() -> None:
     assert measure_mesh(points, triangles).h == pytest.approx(1)
 
 
-def test_measures_of_triangles_agree_with_their_formulas() -> None:
-    points = np.random.default_rng(0).random((50, 2))
-    triangles = Delaunay(points).simplices
+@pytest.mark.parametrize("n_dims", [2, 3])
+def test_measures_of_triangles_agree_with_their_formulas(n_dims: int) -> None:
+    points = np.random.default_rng(0).random((50, n_dims))
+    triangles = Delaunay(points[:, :2]).simplices
     found = measure_triangles(points, triangles)
     for k, corners in enumerate(points[triangles]):
         a, b, c = (np.linalg.norm(corners[i] - corners[j]) for i, j in ((1, 2), (2, 0), (0, 1)))
