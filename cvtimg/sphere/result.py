@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_positive
 from cvtimg.files.whole import StrPath
 from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.measures import GridMeasures, measure_grid
@@ -67,24 +68,29 @@ class SphereGrid:
         """Measure how good the grid is."""
         return measure_grid(self.points, self.triangles)
 
-    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the grid to a file; the suffix picks the format.
+    def save(self, path: StrPath, *, radius: float = 1.0, overwrite: bool = False) -> None:
+        """Write the grid to a file; the end of its name picks the format.
 
         Parameters
         ----------
         path : str or path-like
-            One of `cvtimg.sphere.GRID_FORMATS`.
+            .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
+            cells, for METIS), .vtu and .geojson (cells as polygons) or .csv (a row per point).
+        radius : float
+            Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
+            of the earth in meters, 6371229, as MPAS-Ocean takes it.
         overwrite : bool
             Replace an existing file.
 
         Raises
         ------
         ValueError
-            If the suffix is unknown.
+            If the name ends otherwise, or `radius` is not > 0.
         OSError
             If the file cannot be written.
         """
-        write_grid(path, GridContent(self.points, self.triangles, self.areas, self.density), overwrite=overwrite)
+        content = GridContent(self.points, self.triangles, self.density, check_positive("radius", radius))
+        write_grid(path, content, overwrite=overwrite)
 
     def __repr__(self) -> str:
         return f"SphereGrid({len(self.points)} points, {len(self.triangles)} triangles)"

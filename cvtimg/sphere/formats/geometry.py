@@ -1,0 +1,148 @@
+"""Places, lengths and areas of a grid of the unit sphere, and what its edges weigh in a C-grid of velocities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.sphere.formats.connectivity import Connectivity, Indices, turn
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Geometry:
+    """Measures of cells, edges and vertices, on the unit sphere.
+
+    Attributes
+    ----------
+    vertices : (T, 3) float64 array
+        Circumcenters of the triangles.
+    edges : (E, 3) float64 array
+        Middles between neighboring generators.
+    cell_distances, edge_lengths : (E,) float64 arrays
+        From generator to generator, and from vertex to vertex, along great circles.
+    angles : (E,) float64 array
+        Of the direction from the first cell to the second with the east, counterclockwise, in -pi..pi.
+    kites : (T, 3) float64 array
+        Part of each triangle in the cell of each corner. They have signs: those of an obtuse angle's neighbors are
+        negative in part, and all add up to the cells.
+    cell_areas, triangle_areas : (N,) and (T,) float64 arrays
+    """
+
+    vertices: Values
+    edges: Values
+    cell_distances: Values
+    edge_lengths: Values
+    angles: Values
+    kites: Values
+    cell_areas: Values
+    triangle_areas: Values
+
+
+def measure(points: Values, around: Connectivity) -> Geometry:
+    """Measure a grid whose generators are unit vectors."""
+    triangles = around.cells_on_vertex
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    vertices = _unit(np.cross(b - a, c - a))
+    first, second = (points[around.cells_on_edge[:, k]] for k in range(2))
+    edges = _unit(first + second)
+    left, right = (vertices[around.vertices_on_edge[:, k]] for k in (1, 0))
+    middles = edges[around.edges_on_vertex]
+    kites = np.stack(
+        [
+            _triangle_areas(corner, middles[:, k], vertices) + _triangle_areas(corner, vertices, middles[:, k - 1])
+            for k, corner in enumerate((a, b, c))
+        ],
+        axis=1,
+    )
+    return Geometry(
+        vertices,
+        edges,
+        _arcs(first, second),
+        _arcs(left, right),
+        _angles_with_east(edges, second - first),
+        kites,
+        np.bincount(triangles.ravel(), kites.ravel(), minlength=len(points)).astype(np.float64, copy=False),
+        kites.sum(axis=1),
+    )
+
+
+def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
+    """Return latitudes in -pi/2..pi/2 and longitudes in 0..2 pi, below 2 pi."""
+    latitudes = np.arctan2(places[:, 2], np.hypot(places[:, 0], places[:, 1]))
+    longitudes = np.arctan2(places[:, 1], places[:, 0]) % (2 * np.pi)
+    return latitudes, np.where(longitudes < 2 * np.pi, longitudes, 0.0)
+
+
+def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indices, Values]:
+    """Compute how velocities through edges nearby add up to the velocity along an edge.
+
+    Parameters
+    ----------
+    around : Connectivity
+    geometry : Geometry
+
+    Returns
+    -------
+    edges_on_edge : (E, 2 M) int32 array
+        The other edges of the first cell, then of the second, counterclockwise from the edge; -1 after the last.
+    weights : (E, 2 M) float64 array
+        The velocity along edge e, to the left of that through it, is the sum of weights[e, j] u[edges_on_edge[e, j]].
+
+    References
+    ----------
+    J. Thuburn, T. D. Ringler, W. C. Skamarock, J. B. Klemp, Numerical representation of geostrophic modes on
+    arbitrarily structured C-grids, Journal of Computational Physics 228 (2009) 8321-8335,
+    doi 10.1016/j.jcp.2009.08.006.
+    """
+    n_edges, most = len(around.halves), around.outgoing.shape[1]
+    edges_on_edge = np.full((n_edges, 2 * most), -1, np.int32)
+    weights = np.zeros((n_edges, 2 * most))
+    shares = (geometry.kites / geometry.cell_areas[around.cells_on_vertex]).ravel()
+    filled = np.zeros(n_edges, np.intp)
+    for sign, halves in ((1.0, around.halves), (-1.0, around.twins[around.halves])):
+        cells = around.cells_on_vertex.ravel()[halves]
+        others = around.degrees[cells] - 1
+        current, passed = halves.copy(), np.zeros(n_edges)
+        for j in range(int(others.max())):
+            rows = np.flatnonzero(others > j)
+            # Half-edge 3 t + k leaves corner k, whose kite in triangle t lies between it and the next one.
+            passed[rows] += shares[current[rows]]
+            current[rows] = turn(current[rows], around.twins)
+            edge = around.edge_of[current[rows]]
+            outward = np.where(around.cells_on_edge[edge, 0] == cells[rows], sign, -sign)
+            lengths = geometry.edge_lengths[edge] / geometry.cell_distances[rows]
+            edges_on_edge[rows, filled[rows]] = edge
+            weights[rows, filled[rows]] = (0.5 - passed[rows]) * outward * lengths
+            filled[rows] += 1
+    return edges_on_edge, weights
+
+
+def _unit(places: Values) -> Values:
+    return np.asarray(places / np.linalg.norm(places, axis=1, keepdims=True))
+
+
+def _arcs(a: Values, b: Values) -> Values:
+    return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1)))
+
+
+def _triangle_areas(a: Values, b: Values, c: Values) -> Values:
+    """Area of spherical triangles, > 0 if they go around counterclockwise.
+
+    A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomedical Engineering 30 (1983). The
+    triple product is taken of differences, so that small triangles keep their digits.
+    """
+    triple = np.einsum("ij,ij->i", a, np.cross(b - a, c - a))
+    cosines = np.einsum("ij,ij->i", a, b) + np.einsum("ij,ij->i", b, c) + np.einsum("ij,ij->i", c, a)
+    return np.asarray(2 * np.arctan2(triple, 1 + cosines))
+
+
+def _angles_with_east(places: Values, directions: Values) -> Values:
+    _, longitudes = latitudes_longitudes(places)
+    east = np.stack([-np.sin(longitudes), np.cos(longitudes), np.zeros(len(places))], axis=1)
+    north = np.cross(places, east)
+    northward, eastward = (np.einsum("ij,ij->i", directions, axis) for axis in (north, east))
+    return np.asarray(np.arctan2(northward, eastward))

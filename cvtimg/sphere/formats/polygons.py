@@ -1,0 +1,147 @@
+"""Voronoi cells as polygons: GeoJSON for maps, VTU for views in space."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, BinaryIO, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.vtu import POLYGON, vtu_content
+from cvtimg.sphere.formats.connectivity import Indices, connect
+from cvtimg.sphere.formats.content import GridContent
+from cvtimg.sphere.formats.geometry import Values, latitudes_longitudes, measure
+
+#: Decimals of degrees: about a centimeter on the earth.
+_DECIMALS = 7
+#: Edges that span more degrees of longitude get points between.
+_WIDE = 3.0
+
+Ring: TypeAlias = list[list[float]]
+
+
+def write_geojson(file: BinaryIO, grid: GridContent) -> None:
+    """Write each cell as a feature in degrees, cut where it crosses the antimeridian (RFC 7946)."""
+    around = connect(grid.triangles, len(grid.points))
+    geometry = measure(grid.points, around)
+    areas = (geometry.cell_areas * grid.radius**2).tolist()
+    file.write(b'{"type": "FeatureCollection", "features": [\n')
+    for number, pieces in enumerate(cell_polygons(geometry.vertices, around.vertices_on_cell, around.degrees)):
+        rings = [[*piece, piece[0]] for piece in pieces]
+        shape: dict[str, Any] = {"type": "Polygon", "coordinates": rings}
+        if len(rings) > 1:
+            shape = {"type": "MultiPolygon", "coordinates": [[ring] for ring in rings]}
+        properties = {"area": areas[number], "neighbors": int(around.degrees[number])}
+        feature = {"type": "Feature", "id": number, "geometry": shape, "properties": properties}
+        file.write(b",\n" * bool(number) + json.dumps(feature).encode())
+    file.write(b"\n]}\n")
+
+
+def write_vtu(file: BinaryIO, grid: GridContent) -> None:
+    """Write cells as polygons in space with their areas, numbers of neighbors and densities."""
+    around = connect(grid.triangles, len(grid.points))
+    geometry = measure(grid.points, around)
+    corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
+    areas = geometry.cell_areas * grid.radius**2
+    values: dict[str, NDArray[Any]] = {"area": areas, "neighbors": around.degrees, "density": grid.density}
+    file.write(vtu_content(geometry.vertices * grid.radius, corners, np.cumsum(around.degrees), POLYGON, values))
+
+
+def cell_polygons(vertices: Values, corners: Indices, degrees: Indices) -> Iterator[list[Ring]]:
+    """Yield the rings (longitude, latitude), in degrees and without their ends, that each cell has on a map.
+
+    Longitudes are in -180..180. A cell across the antimeridian has two rings; one around a pole goes along the edge of
+    the map. Edges are straight on the map, so that long ones get points between, where the great circle is.
+    """
+    table = _on_map(vertices)
+    numbers, ends = corners[corners >= 0], np.cumsum(degrees)
+    following = np.roll(corners, -1, axis=1)
+    following[np.arange(len(corners)), degrees - 1] = corners[:, 0]
+    wide = np.abs(np.diff(table[[numbers, following[corners >= 0]], 0], axis=0))[0] > _WIDE
+    at_pole = np.abs(table[numbers, 1]) == 90
+    special = np.logical_or.reduceat(wide | at_pole, np.concatenate([[0], ends[:-1]]))
+    rings, start = table[numbers].tolist(), 0
+    for number, end in enumerate(ends.tolist()):
+        ring = rings[start:end]
+        yield _pieces(_dense_ring(vertices, table, numbers[start:end].tolist())) if special[number] else [ring]
+        start = end
+
+
+def _on_map(places: Values) -> Values:
+    latitudes, longitudes = (np.degrees(angles).round(_DECIMALS) for angles in latitudes_longitudes(places))
+    return np.stack([((longitudes + 180) % 360 - 180).round(_DECIMALS), latitudes], axis=1)
+
+
+def _dense_ring(vertices: Values, table: Values, corners: list[int]) -> Ring:
+    """Put points between corners that are far apart, and let a corner at a pole have the longitudes beside it."""
+    kept = [corner for corner in corners if abs(table[corner, 1]) < 90]
+    path = []
+    for a, b in zip(kept, [*kept[1:], kept[0]], strict=True):
+        path.append(table[a].tolist())
+        skipped = (corners.index(b) - corners.index(a)) % len(corners) > 1
+        if skipped:
+            pole = float(np.copysign(90, vertices[a, 2]))
+            path += [[table[a, 0], pole], [table[b, 0], pole]]
+            continue
+        n = int(abs((table[b, 0] - table[a, 0] + 180) % 360 - 180) / _WIDE) + 1
+        parts = np.arange(1, n)[:, None] / n
+        low, high = vertices[min(a, b)], vertices[max(a, b)]  # the same points for both cells at the edge
+        between = _on_map(low + parts * (high - low)).tolist()
+        path += between if a < b else between[::-1]
+    return path
+
+
+def _pieces(ring: Ring) -> list[Ring]:
+    """Cut a ring at the edge of the map."""
+    steps = [b[0] - a[0] for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
+    jumps = [k for k, step in enumerate(steps) if abs(step) > 180]
+    if not jumps:
+        return [ring]
+    if len(jumps) == 1:
+        return [_around_pole([*ring[jumps[0] + 1 :], *ring[: jumps[0] + 1]])]
+    return _cut(_unrolled(ring, steps))
+
+
+def _around_pole(ring: Ring) -> Ring:
+    """Close a ring, which begins and ends at the antimeridian, along the edge of the map."""
+    (west, south), (east, north) = sorted((ring[0], ring[-1]))
+    latitude = round(south + (north - south) * (180 + west) / (360 + west - east), _DECIMALS)
+    is_eastward = ring[0][0] < ring[-1][0]
+    start, pole = (-180.0, 90.0) if is_eastward else (180.0, -90.0)
+    ring = [[start, latitude], *ring, [-start, latitude], [-start, pole], [start, pole]]
+    return [place for k, place in enumerate(ring) if place != ring[k - 1]]
+
+
+def _unrolled(ring: Ring, steps: list[float]) -> Ring:
+    """Let longitudes go on where they jump by 360 degrees."""
+    longitude, path = ring[0][0], []
+    for (_, latitude), step in zip(ring, steps, strict=True):
+        path.append([longitude, latitude])
+        longitude += (step + 180) % 360 - 180
+    return path
+
+
+def _cut(path: Ring) -> list[Ring]:
+    """Cut a ring at the antimeridians that it crosses, and move its pieces to -180..180."""
+    pieces = []
+    for around in (-360.0, 0.0, 360.0):
+        piece = _clipped(_clipped(path, around - 180, 1.0), around + 180, -1.0)
+        moved = [[round(x - around, _DECIMALS), y] for x, y in piece]
+        if len(moved) > 2 and max(x for x, _ in moved) > min(x for x, _ in moved):
+            pieces.append(moved)
+    return pieces
+
+
+def _clipped(path: Ring, limit: float, side: float) -> Ring:
+    """Keep what lies beyond a meridian (side 1) or before it (side -1)."""
+    kept = []
+    for a, b in zip(path, [*path[1:], *path[:1]], strict=True):
+        inside, next_inside = side * (a[0] - limit) >= 0, side * (b[0] - limit) >= 0
+        if inside:
+            kept.append(a)
+        if inside != next_inside:
+            part = (limit - a[0]) / (b[0] - a[0])
+            kept.append([limit, round(a[1] + part * (b[1] - a[1]), _DECIMALS)])
+    return kept

@@ -1,0 +1,346 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from scipy.io import netcdf_file
+from scipy.sparse import coo_array
+from scipy.spatial import ConvexHull, SphericalVoronoi
+
+from cvtimg.sphere import SphereGrid, triangulate
+from cvtimg.sphere.formats import GRID_FORMATS, GridContent, write_grid
+
+N = 600
+EARTH = 6371229.0
+
+
+def unit(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(places / np.linalg.norm(places, axis=-1, keepdims=True))
+
+
+def hull(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Delaunay triangles by Qhull, counterclockwise."""
+    triangles = ConvexHull(points).simplices
+    inward = np.linalg.det(points[triangles]) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return triangles.astype(np.int32)
+
+
+def spiral(n: int, seed: int = 0, noise: float = 0.02) -> NDArray[np.float64]:
+    height, turn = 1 - (2 * np.arange(n) + 1) / n, np.arange(n) * np.pi * (3 - 5**0.5)
+    radius = np.sqrt(1 - height**2)
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    return unit(points + noise * np.random.default_rng(seed).normal(size=points.shape))
+
+
+def content(points: NDArray[np.float64], radius: float = 1.0) -> GridContent:
+    return GridContent(points, hull(points), np.linspace(1, 2, len(points)), radius)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a file of each format."""
+    path = tmp_path_factory.mktemp("grids")
+    for end in GRID_FORMATS:
+        write_grid(path / f"grid{end}", content(spiral(N), EARTH if end == ".nc" else 1.0))
+    write_grid(path / "unit.nc", content(spiral(N)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def mpas(folder: Path) -> dict[str, NDArray[Any]]:
+    """Return the variables on the unit sphere, with indices from 0."""
+    with netcdf_file(folder / "unit.nc", mmap=False) as file:
+        found = {
+            name: variable[:].astype(variable[:].dtype.newbyteorder("=")) for name, variable in file.variables.items()
+        }
+    for name in found:
+        if "On" in name and name[0] != "n" and name not in ("weightsOnEdge", "kiteAreasOnVertex"):
+            found[name] = found[name] - 1
+    for kind in ("Cell", "Edge", "Vertex"):
+        found[kind] = np.stack([found[f"{axis}{kind}"] for axis in "xyz"], axis=1)
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["unit.nc", "grid.nc", "grid.ugrid.nc", "grid.scrip.nc"])
+def test_uxarray_opens_and_validates_the_grid(folder: Path, name: str) -> None:
+    import uxarray
+
+    grid = uxarray.open_grid(folder / name)
+    assert grid.validate()
+    assert (grid.n_face, grid.n_node) == (N, 2 * N - 4)
+    assert "scrip" in name or grid.n_edge == 3 * N - 6  # in SCRIP files, corners that are repeated make edges
+    assert np.allclose(grid.face_areas, SphericalVoronoi(spiral(N)).calculate_areas(), rtol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_uxarray_opens_the_triangles_of_mpas(folder: Path) -> None:
+    import uxarray
+
+    dual = uxarray.open_grid(folder / "grid.nc", use_dual=True)
+    assert (dual.n_face, dual.n_node) == (2 * N - 4, N)
+    assert dual.validate()
+
+
+def test_mpas_has_the_dimensions_and_attributes_of_its_specification(folder: Path) -> None:
+    with netcdf_file(folder / "grid.nc", mmap=False) as file:
+        most = file.dimensions["maxEdges"]
+        assert dict(file.dimensions) == {
+            "nCells": N, "nEdges": 3 * N - 6, "nVertices": 2 * N - 4, "maxEdges": most, "maxEdges2": 2 * most, "TWO": 2,
+            "vertexDegree": 3, "Time": None,
+        }  # fmt: skip
+        assert (file.on_a_sphere, file.is_periodic, file.mesh_spec, file.Conventions) == (
+            b"YES",
+            b"NO",
+            b"1.0",
+            b"MPAS",
+        )
+        assert file.sphere_radius == EARTH
+        assert len(file.file_id) == 10
+
+
+def test_lengths_and_areas_are_in_units_of_the_radius(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+    with netcdf_file(folder / "grid.nc", mmap=False) as file:
+        for name, power in (("xCell", 1), ("dcEdge", 1), ("dvEdge", 1), ("areaCell", 2), ("kiteAreasOnVertex", 2)):
+            assert np.allclose(file.variables[name][:], mpas[name] * EARTH**power, rtol=1e-12)
+        for name in ("latCell", "angleEdge", "weightsOnEdge", "meshDensity"):
+            assert np.allclose(file.variables[name][:], mpas[name], rtol=1e-12)
+
+
+def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> None:
+    for cell in range(N):
+        degree = mpas["nEdgesOnCell"][cell]
+        cells, edges, vertices = (mpas[f"{name}OnCell"][cell, :degree] for name in ("cells", "edges", "vertices"))
+        for name in ("cells", "edges", "vertices"):
+            assert (mpas[f"{name}OnCell"][cell, degree:] == -1).all()
+        center = mpas["Cell"][cell]
+        for j in range(degree):
+            assert set(mpas["cellsOnEdge"][edges[j]]) == {cell, cells[j]}
+            # Vertex j lies between edges j and j + 1.
+            assert set(mpas["cellsOnVertex"][vertices[j]]) == {cell, cells[j], cells[(j + 1) % degree]}
+            following = mpas["Vertex"][vertices[(j + 1) % degree]]
+            assert np.dot(center, np.cross(mpas["Vertex"][vertices[j]], following)) > 0
+    for vertex in range(2 * N - 4):
+        cells = mpas["cellsOnVertex"][vertex]
+        assert np.linalg.det(mpas["Cell"][cells]) > 0
+        for k in range(3):
+            edge = mpas["edgesOnVertex"][vertex, k]
+            assert set(mpas["cellsOnEdge"][edge]) == {cells[k], cells[(k + 1) % 3]}
+    first, second = mpas["Cell"][mpas["cellsOnEdge"]].transpose(1, 0, 2)
+    right, left = mpas["Vertex"][mpas["verticesOnEdge"]].transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(mpas["Edge"], second - first), left - right) > 0).all()
+
+
+def lhuilier(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+    """Area of a spherical triangle with its sign."""
+    x, y, z = (np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q) for p, q in ((b, c), (c, a), (a, b)))
+    s = (x + y + z) / 2
+    tangents = np.tan(s / 2) * np.tan((s - x) / 2) * np.tan((s - y) / 2) * np.tan((s - z) / 2)
+    return float(np.sign(np.linalg.det([a, b, c])) * 4 * np.arctan(np.sqrt(max(tangents, 0))))
+
+
+def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str, NDArray[Any]]) -> None:
+    areas = SphericalVoronoi(spiral(N)).calculate_areas()
+    assert np.allclose(mpas["areaCell"], areas, rtol=1e-7)
+    for vertex in range(0, 2 * N - 4, 7):
+        corners = mpas["Cell"][mpas["cellsOnVertex"][vertex]]
+        assert mpas["areaTriangle"][vertex] == pytest.approx(lhuilier(*corners), rel=1e-7)
+        center = mpas["Vertex"][vertex]
+        assert np.ptp(corners @ center) < 1e-14
+        for k, corner in enumerate(corners):
+            after, before = (unit(corner + corners[(k + step) % 3]) for step in (1, 2))
+            kite = lhuilier(corner, after, center) + lhuilier(corner, center, before)
+            assert mpas["kiteAreasOnVertex"][vertex, k] == pytest.approx(kite, rel=1e-7, abs=1e-12)
+
+
+def test_kites_add_up_to_cells_and_to_triangles(mpas: dict[str, NDArray[Any]]) -> None:
+    kites = mpas["kiteAreasOnVertex"]
+    assert np.allclose(kites.sum(axis=1), mpas["areaTriangle"], rtol=1e-12)
+    assert np.allclose(np.bincount(mpas["cellsOnVertex"].ravel(), kites.ravel()), mpas["areaCell"], rtol=1e-12)
+    assert mpas["areaCell"].sum() == pytest.approx(4 * np.pi, rel=1e-12)
+
+
+def test_weights_agree_with_their_definition(mpas: dict[str, NDArray[Any]]) -> None:
+    for edge in range(0, 3 * N - 6, 11):
+        expected: dict[int, float] = {}
+        for side, cell in enumerate(mpas["cellsOnEdge"][edge]):
+            degree = mpas["nEdgesOnCell"][cell]
+            around = mpas["edgesOnCell"][cell, :degree].tolist()
+            corners = mpas["verticesOnCell"][cell, :degree]
+            start, share = around.index(edge), 0.0
+            for step in range(1, degree):
+                vertex = corners[(start + step - 1) % degree]
+                corner = mpas["cellsOnVertex"][vertex].tolist().index(cell)
+                share += mpas["kiteAreasOnVertex"][vertex, corner] / mpas["areaCell"][cell]
+                other = around[(start + step) % degree]
+                outward = 1 if mpas["cellsOnEdge"][other, 0] == cell else -1
+                ratio = mpas["dvEdge"][other] / mpas["dcEdge"][edge]
+                expected[other] = (1 - 2 * side) * outward * (0.5 - share) * ratio
+        n = mpas["nEdgesOnEdge"][edge]
+        assert mpas["edgesOnEdge"][edge, :n].tolist() == list(expected)
+        assert np.allclose(mpas["weightsOnEdge"][edge, :n], list(expected.values()), rtol=1e-9, atol=1e-12)
+        assert (mpas["edgesOnEdge"][edge, n:] == -1).all()
+        assert (mpas["weightsOnEdge"][edge, n:] == 0).all()
+
+
+def weight_matrix(mpas: dict[str, NDArray[Any]]) -> Any:
+    rows, columns = np.nonzero(mpas["edgesOnEdge"] >= 0)
+    values = mpas["weightsOnEdge"][rows, columns]
+    return coo_array((values, (rows, mpas["edgesOnEdge"][rows, columns])), shape=(3 * N - 6,) * 2).tocsr()
+
+
+def test_weights_conserve_energy(mpas: dict[str, NDArray[Any]]) -> None:
+    # The Coriolis force does no work: the weights are antisymmetric but for lengths (Thuburn et al., equation 39).
+    scaled = weight_matrix(mpas).multiply(mpas["dcEdge"][:, None]).multiply(1 / mpas["dvEdge"][None, :])
+    assert abs(scaled + scaled.T).max() < 1e-13
+
+
+def test_weights_let_a_flow_without_sources_have_none_on_triangles(mpas: dict[str, NDArray[Any]]) -> None:
+    potential = np.random.default_rng(1).normal(size=2 * N - 4)
+    right, left = potential[mpas["verticesOnEdge"]].T
+    along = weight_matrix(mpas) @ ((left - right) / mpas["dvEdge"])
+    # The velocity along an edge leads out of the triangle on its right, into that on its left.
+    flux = along * mpas["dcEdge"]
+    ends = np.concatenate([mpas["verticesOnEdge"][:, 0], mpas["verticesOnEdge"][:, 1]])
+    out = np.bincount(ends, np.concatenate([flux, -flux]))
+    assert np.abs(flux).max() > 0.1
+    assert np.abs(out).max() < 1e-12 * np.abs(flux).max()
+
+
+def icosahedral(n_bisections: int) -> NDArray[np.float64]:
+    """Nearly regular cells, by bisection and Lloyd's method."""
+    golden = (1 + 5**0.5) / 2
+    corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
+    points = unit(np.array([np.roll(corner, shift) for corner in corners for shift in range(3)], float))
+    for _ in range(n_bisections):
+        triangles = hull(points)
+        edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+        points = np.concatenate([points, unit(points[edges].sum(axis=1))])
+    for _ in range(40):
+        a, b, c = (points[corner] for corner in hull(points).T)
+        pulls = (a + b + c) * np.linalg.norm(np.cross(b - a, c - a), axis=1)[:, None]
+        points = unit(np.stack([np.bincount(hull(points).ravel(), np.repeat(x, 3)) for x in pulls.T], axis=1))
+    return points
+
+
+def test_weights_reproduce_a_solid_rotation_the_better_the_finer_the_grid() -> None:
+    from cvtimg.sphere.formats.connectivity import connect
+    from cvtimg.sphere.formats.geometry import measure, tangential_weights
+
+    errors = []
+    for points in (icosahedral(2), icosahedral(3)):
+        around = connect(hull(points), len(points))
+        geometry = measure(points, around)
+        edges, weights = tangential_weights(around, geometry)
+        first, second = points[around.cells_on_edge].transpose(1, 0, 2)
+        normal = unit(second - first)
+        velocity = np.cross([0.2, -0.5, 0.84], geometry.edges)
+        through = np.einsum("ij,ij->i", velocity, normal)
+        along = np.einsum("ij,ij->i", velocity, np.cross(geometry.edges, normal))
+        found = (weights * np.where(edges >= 0, through[edges], 0)).sum(axis=1)
+        errors.append(np.sqrt(np.mean((found - along) ** 2) / np.mean(along**2)))
+    assert errors[1] < 0.02
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_angles_of_edges_are_those_with_the_east(mpas: dict[str, NDArray[Any]]) -> None:
+    step = 1e-6
+    latitude, longitude, angle = mpas["latEdge"], mpas["lonEdge"], mpas["angleEdge"]
+    latitude, longitude = latitude + step * np.sin(angle), longitude + step * np.cos(angle) / np.cos(latitude)
+    ahead = np.stack([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], 1)
+    first, second = mpas["Cell"][mpas["cellsOnEdge"]].transpose(1, 0, 2)
+    assert np.allclose((ahead - mpas["Edge"]) / step, unit(second - first), atol=1e-4)
+
+
+def poles_and_meridian() -> NDArray[np.float64]:
+    """Cells with corners at the poles and on the antimeridian."""
+    angles = np.radians(np.arange(45.0, 360, 90))
+    rings = [
+        np.stack([np.cos(angles) * np.cos(x), np.sin(angles) * np.cos(x), np.full(4, np.sin(x))], 1)
+        for x in (0.8, -0.8)
+    ]
+    return np.concatenate([*rings, unit(np.array([[1, 0.1, 0], [-1, 0.2, 0.1], [0.1, 1, 0], [0.2, -1, 0.1]], float))])
+
+
+@pytest.mark.parametrize(
+    "points", [spiral(N), spiral(N)[:, [2, 0, 1]], poles_and_meridian()], ids=["a", "b", "corners"]
+)
+def test_cells_in_geojson_tile_the_map(tmp_path: Path, points: NDArray[np.float64]) -> None:
+    path = tmp_path / "a.geojson"
+    write_grid(path, content(points))
+    features = json.loads(path.read_text())["features"]
+    shapes = [shapely.geometry.shape(feature["geometry"]) for feature in features]
+    assert len(shapes) == len(points)
+    assert all(shape.is_valid for shape in shapes)
+    west, south, east, north = shapely.total_bounds(shapes)
+    assert (west, south, east, north) == (-180, -90, 180, 90)
+    assert sum(shape.area for shape in shapes) == pytest.approx(360 * 180, rel=1e-9)
+    assert shapely.union_all(shapes).area == pytest.approx(360 * 180, rel=1e-9)
+    areas = [feature["properties"]["area"] for feature in features]
+    assert sum(areas) == pytest.approx(4 * np.pi)
+    longitudes, latitudes = np.degrees(np.arctan2(points[:, 1], points[:, 0])), np.degrees(np.arcsin(points[:, 2]))
+    places = shapely.points(longitudes, latitudes)
+    assert all(shape.contains(place) for shape, place in zip(shapes, places, strict=True))
+
+
+def test_vtu_files_hold_the_cells(folder: Path) -> None:
+    mesh = meshio.read(folder / "grid.vtu")
+    assert sum(len(block.data) for block in mesh.cells) == N
+    assert np.allclose(np.linalg.norm(mesh.points, axis=1), 1)
+    assert np.concatenate(mesh.cell_data["area"]).sum() == pytest.approx(4 * np.pi)
+
+
+def test_tables_hold_the_generators(folder: Path) -> None:
+    table = np.genfromtxt(folder / "grid.csv", delimiter=",", names=True)
+    assert np.allclose(np.stack([table[axis] for axis in "xyz"], 1), spiral(N), rtol=0, atol=1e-15)
+    assert np.allclose(np.sin(np.radians(table["lat"])), table["z"])
+    assert table["area"].sum() == pytest.approx(4 * np.pi)
+    assert table["neighbors"].sum() == 6 * N - 12
+
+
+def test_graphs_list_the_neighbors_of_each_cell(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+    head, *lines = (folder / "grid.graph.info").read_text().splitlines()
+    assert head == f"{N} {3 * N - 6}"
+    for line, row, degree in zip(lines, mpas["cellsOnCell"] + 1, mpas["nEdgesOnCell"], strict=True):
+        assert line == " ".join(map(str, row[:degree]))
+
+
+def test_triangles_must_close_the_sphere(tmp_path: Path) -> None:
+    whole = content(spiral(20))
+    holed = GridContent(whole.points, whole.triangles[1:], whole.density, 1.0)
+    turned = GridContent(whole.points, whole.triangles.copy(), whole.density, 1.0)
+    turned.triangles[3] = turned.triangles[3, ::-1]
+    for grid in (holed, turned):
+        with pytest.raises(ValueError, match="triangles must close the sphere"):
+            write_grid(tmp_path / "a.nc", grid)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_grid_saves_itself(tmp_path: Path) -> None:
+    points = spiral(20)
+    grid = SphereGrid(points, triangulate(points), *np.ones((2, 20)), 1.0, 0.0, np.zeros(20, bool))
+    grid.save(tmp_path / "a.nc", radius=EARTH)
+    with netcdf_file(tmp_path / "a.nc", mmap=False) as file:
+        assert file.sphere_radius == EARTH
+        assert file.variables["areaCell"][:].sum() == pytest.approx(4 * np.pi * EARTH**2)
+    with pytest.raises(ValueError, match="radius=0 must be a finite number > 0"):
+        grid.save(tmp_path / "b.nc", radius=0)
+
+
+def test_the_end_of_the_name_picks_the_format(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"path='a\.tif' must be a name that ends in \.ugrid\.nc"):
+        write_grid("a.tif", content(spiral(20)))
+    path = tmp_path / "A.UGRID.NC"
+    write_grid(path, content(spiral(20)))
+    assert b"mesh_topology" in path.read_bytes()
+    with pytest.raises(FileExistsError):
+        write_grid(path, content(spiral(20)))
