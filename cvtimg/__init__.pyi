@@ -45,6 +45,7 @@ from .restoration.reconstruction import restore
 from .segmentation.grid_cells import superpixels
 from .segmentation.hierarchy.building import segment_hierarchy
 from .segmentation.segments import segment
+from .sphere.grids import sphere_grid
 from .supports.radii import support_radii
 from .tables.estimator import CVT
 
@@ -93,6 +94,7 @@ __all__ = [
     "segment_hierarchy",
     "segmentation",
     "sphere",
+    "sphere_grid",
     "stipple",
     "superpixels",
     "support_radii",

@@ -7,7 +7,6 @@ mass m and the center of mass c of its cell, so that Lloyd's move to c is a step
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,16 +15,13 @@ from numpy.typing import NDArray
 
 from cvtimg.engine.methods import Stopping, Watch
 from cvtimg.placement.moments import CellMoments, Moments
+from cvtimg.placement.quasi_newton import StepMemory, dot
 
 _Points = NDArray[np.float64]
 
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[_Points, _Points], _Points]
 
-#: Pairs of steps that the inverse Hessian is made of; the paper's figures hardly change from 5 to 10.
-_MEMORY = 7
-#: The inverse Hessian starts as Lloyd's step times a number in this range.
-_LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: How far an over-relaxed move goes beyond the center of mass.
@@ -173,7 +169,7 @@ class _QuasiNewton:
     def __init__(self, moments: CellMoments, terms: Terms) -> None:
         self._moments = moments
         self._terms = terms
-        self._memory: deque[tuple[_Points, _Points, float]] = deque(maxlen=_MEMORY)
+        self._memory = StepMemory()
         self._last: tuple[_State, _Points] | None = None
         self._next: _State | None = None
 
@@ -192,10 +188,7 @@ class _QuasiNewton:
             self._memory.clear()
             return
         before, old = self._last
-        step, change = at.generators - before.generators, gradient - old
-        product = _dot(step, change)
-        if product > 1e-12 * (_dot(step, step) * _dot(change, change)) ** 0.5:
-            self._memory.append((step, change, product))
+        self._memory.learn(at.generators - before.generators, gradient - old)
 
     def _search(self, at: _State, gradient: _Points) -> _State:
         directions = [self._step(gradient, at.moments.masses)] if self._memory else []
@@ -203,7 +196,7 @@ class _QuasiNewton:
             length = 1.0
             while length > _SHORTEST:
                 there = _moved(self._moments, at, length * direction, self._terms)
-                promised = min(_dot(gradient, there.generators - at.generators), 0.0)
+                promised = min(dot(gradient, there.generators - at.generators), 0.0)
                 if there.energy <= at.energy + _ENOUGH * promised:
                     return there
                 length /= 2
@@ -211,31 +204,14 @@ class _QuasiNewton:
         return _moved(self._moments, at, at.to_centroids, self._terms)
 
     def _step(self, gradient: _Points, masses: NDArray[np.float64]) -> _Points:
-        """Multiply the gradient by the inverse Hessian that is remembered: two loops over the memory."""
-        to_lloyd = np.divide(-0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
-        rest, parts = gradient.copy(), []
-        for step, change, product in reversed(self._memory):
-            part = _dot(step, rest) / product
-            rest -= part * change
-            parts.append(part)
-        scale = 1.0
-        if self._memory:
-            _, change, product = self._memory[-1]
-            scale = float(np.clip(product / -_dot(change * to_lloyd, change), _LEAST_SCALE, _LARGEST_SCALE))
-        rest *= scale * to_lloyd
-        for (step, change, product), part in zip(self._memory, reversed(parts), strict=True):
-            rest -= (part + _dot(change, rest) / product) * step
-        return rest
+        """Multiply the gradient by the inverse Hessian, which starts from Lloyd's steps."""
+        to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
+        return -self._memory.times(gradient, to_lloyd)
 
 
 def _moved(moments: CellMoments, at: _State, step: _Points, terms: Terms) -> _State:
     generators = terms.moved(at.generators, step)
     return _State(generators, moments(generators))
-
-
-def _dot(a: _Points, b: _Points) -> float:
-    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
-    return float(np.einsum("kd,kd", a, b))
 
 
 def _refilled(moments: CellMoments, at: _State, terms: Terms) -> _State | None:

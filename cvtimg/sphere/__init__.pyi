@@ -1,14 +1,21 @@
+from .densities import Refinement, by_spacing
 from .formats import GRID_FORMATS
+from .grids import EFFORTS, Effort, sphere_grid
 from .measures import GridMeasures, measure_grid
 from .result import SphereGrid
 from .triangulation import LEAST_DISTANCE, SphereCells, triangulate
 
 __all__ = [
+    "EFFORTS",
     "GRID_FORMATS",
     "LEAST_DISTANCE",
+    "Effort",
     "GridMeasures",
+    "Refinement",
     "SphereCells",
     "SphereGrid",
+    "by_spacing",
     "measure_grid",
+    "sphere_grid",
     "triangulate",
 ]

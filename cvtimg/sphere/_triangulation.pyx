@@ -33,9 +33,14 @@ cdef extern from "insertion.h" nogil:
 cdef extern from "dual_cells.h" nogil:
     void circumcenter(const c_globe *globe, int32_t t, double *center)
     void uniform_moment(const c_globe *globe, const double *centers, int32_t first, double *moment)
-    double weighted_moment(
+    void weighted_moment(
         const c_globe *globe, const double *centers, const double *at_points, const double *at_centers,
-        int32_t first, double *moment,
+        int32_t first, double *mass, double *moment, double *energy,
+    )
+
+cdef extern from "corners.h" nogil:
+    int add_corner_slopes(
+        const c_globe *globe, int32_t t, double least_cosine, double largest_cosine, double *slopes,
     )
 
 
@@ -202,14 +207,17 @@ def sum_weighted(
     Py_ssize_t stop,               # IN
     double[::1] masses,            # OUT (N,): integral of the density over each cell, in rows start..stop
     double[:, ::1] moments,        # OUT (N, 3): of the density times x
+    double[::1] energies,          # OUT (N,): of the density times the squared distance to the vertex
 ):
     """Integrate a density over cells."""
     cdef c_globe globe = as_globe(points, triangles, twins)
     cdef Py_ssize_t i
     with nogil:
         for i in range(start, stop):
-            masses[i] = weighted_moment(
-                &globe, &centers[0, 0], &at_points[0], &at_centers[0], firsts[i], &moments[i, 0])
+            weighted_moment(
+                &globe, &centers[0, 0], &at_points[0], &at_centers[0], firsts[i], &masses[i], &moments[i, 0],
+                &energies[i],
+            )
 
 
 def list_corners(
@@ -251,3 +259,21 @@ def shortest_edge(
                 if length < least:
                     least, found = length, 3 * t + k
     return least, found
+
+
+def sum_corner_slopes(
+    const double[:, ::1] points,   # IN (N, 3)
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    double least_cosine,           # IN
+    double largest_cosine,         # IN
+    double[:, ::1] slopes,         # OUT (N, 3)
+):
+    """Sum the slopes of what angles out of bounds cost; return how many triangles have one."""
+    cdef c_globe globe = as_globe(points, triangles, triangles)
+    cdef int32_t t
+    cdef Py_ssize_t n_out = 0
+    with nogil:
+        slopes[:] = 0
+        for t in range(<int32_t>triangles.shape[0]):
+            n_out += add_corner_slopes(&globe, t, least_cosine, largest_cosine, &slopes[0, 0])
+    return n_out

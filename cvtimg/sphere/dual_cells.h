@@ -61,13 +61,13 @@ static void uniform_moment(const struct globe *globe, const double *centers, int
         moment[k] = sum[k];
 }
 
-/* The mass of the same cell and the integral of the density times x, for a density that is linear on each triangle of
- * the generator and the ends of a side. */
-static double weighted_moment(const struct globe *globe, const double *centers, const double *at_points,
-                              const double *at_centers, int32_t first, double *moment)
+/* The mass of the same cell, the integral of the density times x, and that of the density times the squared distance
+ * to the generator, for a density that is linear on each triangle of the generator and the ends of a side. */
+static void weighted_moment(const struct globe *globe, const double *centers, const double *at_points,
+                            const double *at_centers, int32_t first, double *mass_to, double *moment, double *energy_to)
 {
     const double *a = origin_of(globe, first);
-    double at_a = at_points[globe->vertices[first]], mass = 0, sum[3] = {0, 0, 0};
+    double at_a = at_points[globe->vertices[first]], mass = 0, energy = 0, sum[3] = {0, 0, 0};
     int32_t e = first;
 
     do {
@@ -75,14 +75,20 @@ static double weighted_moment(const struct globe *globe, const double *centers, 
         const double *q = centers + 3 * (ptrdiff_t)left, *r = centers + 3 * (ptrdiff_t)right;
         double area = 2 * angle_of(determinant(a, r, q), 1 + dot3(a, r) + dot3(r, q) + dot3(q, a));
         double at_q = at_centers[left], at_r = at_centers[right], all = at_a + at_r + at_q;
+        double u[3], v[3];
+        subtract3(u, r, a);
+        subtract3(v, q, a);
         mass += area * all / 3;
+        energy += area / 30 * (dot3(u, u) * (all + 2 * at_r) + dot3(u, v) * (all + at_r + at_q) +
+                               dot3(v, v) * (all + 2 * at_q));
         for (int k = 0; k < 3; k++)
             sum[k] += area / 12 * ((all + at_a) * a[k] + (all + at_r) * r[k] + (all + at_q) * q[k]);
         e = next_edge(f);
     } while (e != first);
     for (int k = 0; k < 3; k++)
         moment[k] = sum[k];
-    return mass;
+    *mass_to = mass;
+    *energy_to = energy;
 }
 
 #endif

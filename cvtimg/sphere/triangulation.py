@@ -93,21 +93,22 @@ class Triangulation:
         in_parts(kernel, len(moments), _WORK * len(moments))
         return moments
 
-    def weighted_moments(self, at_points: Points, centers: Points, at_centers: Points) -> tuple[Points, Points]:
-        """Integrate a density over each cell: masses (N,), and integrals of the density times x (N, 3).
+    def weighted_moments(self, at_points: Points, centers: Points, at_centers: Points) -> tuple[Points, Points, Points]:
+        """Integrate a density over each cell: masses (N,), and those of the density times x (N, 3) and the energy (N,).
 
         The density is given at points (N,) and at circumcenters (T,), and taken to be linear in between.
         """
-        firsts, masses, moments = self.first_edges(), np.empty(len(self.points)), np.empty_like(self.points)
+        firsts, moments = self.first_edges(), np.empty_like(self.points)
+        masses, energies = np.empty((2, len(self.points)))
 
         def kernel(start: int, stop: int) -> None:
             _triangulation.sum_weighted(
                 self.points, self.triangles, self.twins, centers, firsts, at_points, at_centers, start, stop,
-                masses, moments,
+                masses, moments, energies,
             )  # fmt: skip
 
         in_parts(kernel, len(moments), _WORK * len(moments))
-        return masses, moments
+        return masses, moments, energies
 
     def areas(self) -> NDArray[np.float64]:
         """Return the areas (N,) of Voronoi cells; together 4 pi."""

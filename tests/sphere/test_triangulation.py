@@ -162,10 +162,11 @@ def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
     for _ in range(3):
         mesh.replace(unit(mesh.uniform_moments()))
     centers = mesh.circumcenters()
-    masses, moments = mesh.weighted_moments(np.full(20_000, 3.0), centers, np.full(len(centers), 3.0))
+    masses, moments, energies = mesh.weighted_moments(np.full(20_000, 3.0), centers, np.full(len(centers), 3.0))
     assert masses == pytest.approx(3 * mesh.areas())
     exact = 3 * mesh.uniform_moments()
     assert np.abs(unit(moments) - unit(exact)).max() < 1e-6
+    assert energies.sum() == pytest.approx(24 * np.pi - 2 * np.einsum("ij,ij", exact, mesh.points), rel=1e-3)
 
 
 def test_results_do_not_depend_on_threads() -> None:

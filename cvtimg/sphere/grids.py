@@ -1,0 +1,262 @@
+"""Grids of the sphere, of any number of points and any density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, check_fewer, check_in_range, check_shape
+from cvtimg._shared.choices import EffortName
+from cvtimg.engine.methods import Callback, Watch
+from cvtimg.regions.densities import ConstantDensity
+from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
+from cvtimg.sphere.descent import Cells, SumCells, Terms, WeightedCells, descend, uniform_cells
+from cvtimg.sphere.polishing import polish_angles
+from cvtimg.sphere.result import SphereGrid
+from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, random_points, without
+from cvtimg.sphere.triangulation import Points, Triangulation, check_sphere_points, unit
+
+#: More points than this have more edges than 32 bits number.
+MOST_POINTS = 1 << 28
+#: The coarsest level has at least this many points: few where all cells are alike, so that twelve are pentagons.
+_COARSEST, _COARSEST_WEIGHTED = 12, 600
+#: Starts of the coarsest level with cells alike, of which the lowest goes on, and their moves.
+_TRIALS, _TRIAL_MOVES = 8, 200
+#: The coarsest level may have more points where `levels` says so; then there is one start.
+_FEW = 200
+#: Places that the mean of a density is taken over.
+_FEWEST = 1 << 15
+#: Points are numbered along a curve from so many on.
+_WORTH_AN_ORDER = 5000
+#: Free points keep so far from fixed ones at the start, in sizes of their cells.
+_APART = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long points move.
+
+    Attributes
+    ----------
+    moves : int
+        At most, at each level.
+    tolerance : float
+        Offset from centers of mass at which a level ends, by the sizes of cells.
+    noises : tuple of float
+        With a density: how far points are moved at random at each level, by the sizes of cells, to remove defects; one
+        grid for each, of which the best is kept.
+    polishing : int
+        Moves of polishing at most.
+    """
+
+    moves: int
+    tolerance: float
+    noises: tuple[float, ...]
+    polishing: int
+
+
+#: The registry: names for `effort`.
+EFFORTS: dict[str, Effort] = {
+    "fast": Effort(30, 1e-3, (0.2,), 60),
+    "balanced": Effort(100, 1e-6, (0.2,), 100),
+    "best": Effort(300, 1e-8, (0.2, 0.15, 0.25), 300),
+}
+
+
+def sphere_grid(
+    n: int,
+    *,
+    density: SphereDensityLike = None,
+    fixed: ArrayLike | None = None,
+    start: str | ArrayLike = "auto",
+    levels: int | None = None,
+    polish: bool = True,
+    effort: EffortName = "balanced",
+    rng: int | np.random.Generator = 0,
+    callback: Callback | None = None,
+) -> SphereGrid:
+    """Place points on the sphere, each at the center of mass of its own Voronoi cell, projected to the sphere.
+
+    Parameters
+    ----------
+    n : int
+        Number of points, >= 4. With 12, 42, 162, ... 10 * 4^k + 2 and no density, all cells but twelve are hexagons.
+    density : callable, (H, 2 H) array, Refinement or sequence of these, optional
+        A function from (N, 3) unit vectors to (N,) values >= 0; an equirectangular picture, longitudes -180..180 from
+        left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
+        size of cells goes as density^(-1/4); by a picture, it grows by at most 15 % through a cell and is at most 10
+        times that of the finest. 1 everywhere by default.
+    fixed : (L, 3) array, optional
+        Unit vectors that become the first L of the n points, with the same bits.
+    start : {"auto", "icosahedron", "random", "lattice", "spiral"} or (n, 3) array
+        Where points begin. "auto" begins with few points, moves them, and divides triangles by four at each level, the
+        best way to good grids; the others have one level.
+    levels : int, optional
+        Number of levels of "auto", >= 1; by default as many as n allows.
+    polish : bool
+        Move points a little at the end, so that no triangle is obtuse.
+    effort : {"fast", "balanced", "best"}
+        How long points move.
+    rng : int or numpy.random.Generator
+        Seed. The same seed gives the same bits, whatever the number of threads.
+    callback : callable, optional
+        Called before each move with its number and the energy; it stops by returning True.
+
+    Returns
+    -------
+    SphereGrid
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here; the message names it.
+
+    Notes
+    -----
+    Points move by limited-memory BFGS. Moments of cells are exact for the density 1; other densities are taken to be
+    linear between points and corners of cells.
+
+    References
+    ----------
+    Q. Du, M. Gunzburger, L. Ju, Constrained centroidal Voronoi tessellations for surfaces, SIAM J. Sci. Comput. 24
+    (2003) 1488-1506, doi 10.1137/S1064827501391576.
+
+    Examples
+    --------
+    >>> from cvtimg import sphere_grid
+    >>> grid = sphere_grid(642)
+    >>> grid, grid.measures().n_pentagons, grid.measures().n_obtuse
+    (SphereGrid(642 points, 1280 triangles), 12, 0)
+    """
+    check_at_least("n", n, 4, "the corners of a tetrahedron")
+    check_in_range("n", n, n <= MOST_POINTS, f"at most {MOST_POINTS}")
+    settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
+    weight = as_sphere_density(density)
+    held = np.empty((0, 3)) if fixed is None else check_sphere_points("fixed", fixed)
+    check_fewer("fixed", len(held), n + 1)
+    random = np.random.default_rng(rng)
+    plan = _Plan(None if weight is None else Scaled(weight), settings, polish, random, Watch(callback))
+    if not isinstance(start, str):
+        check_excluded("start of given points", True, levels=levels, fixed=len(held))
+        points = check_sphere_points("start", start)
+        check_shape("start", points.shape, len(points) == n, f"({n}, 3)")
+        return plan.from_points(points)
+    check_choice("start", start, ("auto", *STARTS))
+    if start != "auto":
+        check_excluded(f"start={start!r}", True, levels=levels, fixed=len(held))
+        return plan.from_points(STARTS[start](n, random))
+    if len(held):
+        check_excluded("fixed", True, levels=levels)
+        return plan.around(held, n)
+    return plan.by_levels(_sizes(n, _COARSEST if weight is None else _COARSEST_WEIGHTED, levels))
+
+
+def _sizes(n: int, coarsest: int, levels: int | None) -> list[int]:
+    """Numbers of points of all levels, from the coarsest."""
+    if levels is not None:
+        check_at_least("levels", levels, 1, "the number of grids, from the coarsest to that of n points")
+    sizes = [n]
+    while (sizes[-1] + 6) // 4 >= coarsest and len(sizes) != levels:
+        sizes.append((sizes[-1] + 9) // 4)
+    return sizes[::-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """What all ways to a grid share."""
+
+    density: Scaled | None
+    effort: Effort
+    polish: bool
+    rng: np.random.Generator
+    watch: Watch
+
+    def by_levels(self, sizes: list[int]) -> SphereGrid:
+        """Begin with few points, and double the resolution at each level."""
+        noises = (0.0,) if self.density is None else self.effort.noises
+        grids = [self._finished(self._climb(sizes, noise)) for noise in noises]
+        return min(grids, key=lambda grid: (grid.measures().n_obtuse, grid.energy))
+
+    def from_points(self, points: Points) -> SphereGrid:
+        """Begin with points, which keep their numbers."""
+        mesh = Triangulation(points)
+        self._descend(mesh, self._sums(len(points)))
+        return self._finished(mesh)
+
+    def around(self, fixed: Points, n: int) -> SphereGrid:
+        """Begin with fixed points and, where these are not, draws by the density."""
+        mesh = Triangulation(np.concatenate([fixed, self._drawn_apart(fixed, n)]))
+        free = np.arange(n) >= len(fixed)
+        self._descend(mesh, self._sums(n), free)
+        return self._finished(mesh, free)
+
+    def _climb(self, sizes: list[int], noise: float) -> Triangulation:
+        mesh = self._coarsest(sizes[0])
+        for level, n in enumerate(sizes):
+            if level:
+                mesh = bisected(mesh)
+                if len(mesh.points) > n:
+                    mesh = Triangulation(without(mesh.points, len(mesh.points) - n, self.rng))
+            if n >= _WORTH_AN_ORDER:
+                mesh = in_order(mesh)
+            sums = self._sums(n)
+            if noise and level:
+                step = noise * np.sqrt(sums(mesh).areas)[:, None]
+                mesh.replace(unit(mesh.points + step * self.rng.normal(size=mesh.points.shape)))
+            self._descend(mesh, sums)
+        return mesh
+
+    def _coarsest(self, n: int) -> Triangulation:
+        if self.density is not None:
+            return Triangulation(drawn(self.density.for_cells(n), n, self.rng))
+        if n == 12:
+            return icosahedron()
+        trials = [Triangulation(random_points(n, self.rng)) for _ in range(_TRIALS if n <= _FEW else 1)]
+        terms = Terms(_TRIAL_MOVES, self.effort.tolerance)
+        return min(trials, key=lambda mesh: descend(mesh, uniform_cells, terms).energy)
+
+    def _sums(self, n: int) -> SumCells:
+        """How cells are summed at a level of n points: without details that are finer than the cells."""
+        if self.density is None:
+            return uniform_cells
+        return WeightedCells(self.density.for_cells(n))
+
+    def _descend(self, mesh: Triangulation, sums: SumCells, free: NDArray[np.bool_] | None = None) -> Cells:
+        return descend(mesh, sums, Terms(self.effort.moves, self.effort.tolerance, free, watch=self.watch))
+
+    def _drawn_apart(self, fixed: Points, n: int) -> Points:
+        """Draw free points by the density, apart from fixed ones."""
+        from scipy.spatial import cKDTree
+
+        density: SphereDensity = ConstantDensity() if self.density is None else self.density.for_cells(n)
+        tree, n_free, n_drawn = cKDTree(fixed), n - len(fixed), n
+        size = np.sqrt(4 * np.pi * np.sqrt(density(fibonacci(_FEWEST))).mean() / n)
+        while True:
+            points = drawn(density, n_drawn, self.rng)
+            points = points[tree.query(points)[0] > _APART * size * density(points) ** -0.25]
+            if len(points) >= n_free:
+                chosen: Points = points[np.sort(self.rng.permutation(len(points))[:n_free])]
+                return chosen
+            n_drawn = int(1.2 * n_drawn) + n_free - len(points)
+
+    def _finished(self, mesh: Triangulation, free: NDArray[np.bool_] | None = None) -> SphereGrid:
+        sums = self._sums(len(mesh.points))
+        if self.polish:
+            polish_angles(mesh, np.sqrt(sums(mesh).areas), self.effort.polishing, free=free)
+        return as_grid(mesh, sums, free)
+
+
+def as_grid(mesh: Triangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:
+    """Sum the cells of a triangulation at its end."""
+    cells = sums(mesh)
+    return SphereGrid(
+        points=mesh.points,
+        triangles=mesh.triangles,
+        areas=mesh.areas(),
+        density=sums.density(mesh.points) if isinstance(sums, WeightedCells) else np.ones(len(mesh.points)),
+        energy=cells.energy,
+        offset=cells.offset_of(free),
+        fixed=np.zeros(len(mesh.points), bool) if free is None else ~free,
+    )

@@ -1,0 +1,122 @@
+"""Points to start from: icosahedral grids, lattices, spirals, draws by density, and the midpoints of coarser grids."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cvtimg._shared.checks import check_in_range
+from cvtimg.engine.ordering import along_curve
+from cvtimg.sphere.densities import SphereDensity, fibonacci, from_degrees
+from cvtimg.sphere.triangulation import Points, Triangulation, unit
+
+#: Places that draws choose from, for each point, and at least.
+_CANDIDATES, _FEWEST = 64, 1 << 17
+#: How far the midpoints of a lattice are turned about the poles, so that columns are not in line.
+_HALF = 0.5
+
+
+def icosahedron() -> Triangulation:
+    """Return the triangulation of the 12 corners of an icosahedron."""
+    golden = (1 + 5**0.5) / 2
+    corners = [
+        corner
+        for one in (-1.0, 1.0)
+        for long in (-golden, golden)
+        for corner in ((0.0, one, long), (one, long, 0.0), (long, 0.0, one))
+    ]
+    return Triangulation(unit(np.array(corners)))
+
+
+def bisected(mesh: Triangulation) -> Triangulation:
+    """Add the midpoints of all edges and divide triangles by four: n points become 4 n - 6."""
+    n, edges, twins = len(mesh.points), mesh.triangles.ravel(), mesh.twins.ravel()
+    number = np.arange(len(twins), dtype=np.int32)
+    own = np.flatnonzero(number < twins)
+    number[own] = n + np.arange(len(own), dtype=np.int32)
+    number[twins[own]] = number[own]
+    ends = np.roll(mesh.triangles, -1, axis=1).ravel()
+    middles = unit(mesh.points[edges[own]] + mesh.points[ends[own]])
+    a, b, c = mesh.triangles.T
+    ab, bc, ca = number.reshape(-1, 3).T
+    triangles = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+    return Triangulation(np.concatenate([mesh.points, middles]), triangles)
+
+
+def in_order(mesh: Triangulation) -> Triangulation:
+    """Give points numbers along a curve, so that neighbors are near in memory."""
+    order = along_curve(mesh.points)
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    triangles = number[mesh.triangles]
+    by_least = np.argsort(triangles.min(axis=1), kind="stable")
+    return Triangulation(mesh.points[order], triangles[by_least])
+
+
+def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
+    """Leave out some points, far from each other."""
+    if n_surplus == 0:
+        return points
+    direction = rng.normal(size=3)
+    left_out: list[int] = []
+    farness = points @ direction
+    for _ in range(n_surplus):
+        left_out.append(int(farness.argmax()))
+        farness = np.minimum(farness, -(points @ points[left_out[-1]]))
+    return np.delete(points, left_out, axis=0)
+
+
+def lattice(n: int) -> Points:
+    """Return N points along circles of latitude whose distance is about that of the points along each."""
+    n_rings = max(round((np.pi * n) ** 0.5 / 2), 1)
+    edges = np.pi * (np.arange(n_rings + 1) / n_rings - 0.5)
+    shares = np.diff(np.sin(edges)) / 2
+    ends = np.round(np.concatenate([[0], np.cumsum(shares)]) * n).astype(int)
+    rings = [
+        from_degrees(360 * (np.arange(count) + _HALF * (ring % 2)) / count, np.full(count, latitude))
+        for ring, (count, latitude) in enumerate(
+            zip(np.diff(ends), np.degrees((edges[1:] + edges[:-1]) / 2), strict=True)
+        )
+        if count
+    ]
+    return np.concatenate(rings)
+
+
+def random_points(n: int, rng: np.random.Generator) -> Points:
+    """Draw N points uniformly."""
+    return unit(rng.normal(size=(n, 3)))
+
+
+def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
+    """Draw N points in strata along a curve, as many in each as the generators of a tessellation: density^(1/2)."""
+    places = fibonacci(max(_CANDIDATES * n, _FEWEST))
+    places = places[along_curve(places)]
+    weights = np.cumsum(np.sqrt(density(places)))
+    wanted = (np.arange(n) + rng.random(n)) * (weights[-1] / n)
+    chosen = np.unique(np.minimum(np.searchsorted(weights, wanted), len(places) - 1))
+    if len(chosen) < n:  # where strata are smaller than the spaces between places
+        others = np.setdiff1d(np.arange(len(places)), chosen)
+        chances = density(places[others]) ** 0.5
+        more = rng.choice(others, n - len(chosen), replace=False, p=chances / chances.sum())
+        chosen = np.union1d(chosen, more)
+    points: Points = places[chosen]
+    return points
+
+
+def icosahedral(n: int, rng: np.random.Generator) -> Points:
+    """Return the points of an icosahedron, bisected as often as it takes to have N."""
+    mesh = icosahedron()
+    while len(mesh.points) < n:
+        mesh = bisected(mesh)
+    check_in_range("n", n, len(mesh.points) == n, "12, 42, 162, ... 10 * 4^k + 2 to start from an icosahedron")
+    return mesh.points
+
+
+#: The registry: names for `start`, of starts that are given no density.
+STARTS: dict[str, Callable[[int, np.random.Generator], Points]] = {
+    "icosahedron": icosahedral,
+    "random": random_points,
+    "lattice": lambda n, _: lattice(n),
+    "spiral": lambda n, _: fibonacci(n),
+}

@@ -1,0 +1,200 @@
+"""Grids of the sphere by their properties."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from cvtimg import sphere_grid
+from cvtimg._shared.threads import limit_threads, n_threads
+from cvtimg.sphere import Refinement, SphereGrid
+from cvtimg.sphere.densities import fibonacci, from_degrees
+from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order
+from cvtimg.sphere.triangulation import Triangulation, unit
+
+Points = NDArray[np.float64]
+
+
+def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
+    assert grid.points.shape == (n, 3)
+    assert np.einsum("ij,ij->i", grid.points, grid.points) == pytest.approx(1, abs=1e-14)
+    assert grid.triangles.shape == (2 * n - 4, 3)
+    assert grid.areas.sum() == pytest.approx(4 * np.pi)
+    hull = {tuple(row) for row in np.sort(ConvexHull(grid.points).simplices, axis=1).tolist()}
+    own = {tuple(row) for row in np.sort(grid.triangles, axis=1).tolist()}
+    # Where four points are on one circle, which triangles they have is open.
+    assert len(hull ^ own) <= 0.01 * len(own)
+
+
+@pytest.mark.parametrize("n", [4, 5, 12, 13, 42, 99, 642, 1000])
+def test_grids_of_any_number_of_points_are_regular(n: int) -> None:
+    grid = sphere_grid(n)
+    assert_is_a_grid(grid, n)
+    measures = grid.measures()
+    if n >= 12:
+        assert measures.n_obtuse == 0
+        assert measures.least_angle > 46
+        assert grid.areas.max() < 1.6 * grid.areas.min()
+
+
+@pytest.mark.parametrize("n", [12, 42, 162, 642, 2562])
+def test_an_icosahedral_grid_has_twelve_pentagons_and_rests_at_centers_of_mass(n: int) -> None:
+    grid = sphere_grid(n)
+    measures = grid.measures()
+    assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
+    assert measures.least_angle > 53
+    assert measures.largest_angle < 72.1
+    assert grid.offset < 1e-6
+    centers = unit(Triangulation(grid.points).uniform_moments())
+    assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-5 * np.sqrt(4 * np.pi / n)
+
+
+def test_the_energy_is_the_mean_squared_distance_times_the_area() -> None:
+    grid, places = sphere_grid(100, density=lambda x: 1 + x[:, 2] ** 2), fibonacci(400_000)
+    squares = 2 - 2 * (places @ grid.points.T).max(axis=1)
+    assert grid.energy == pytest.approx(4 * np.pi * (squares * (1 + places[:, 2] ** 2)).mean(), rel=0.02)
+    uniform = sphere_grid(100)
+    squares = 2 - 2 * (places @ uniform.points.T).max(axis=1)
+    assert uniform.energy == pytest.approx(4 * np.pi * squares.mean(), rel=1e-4)
+
+
+def test_cells_are_smaller_by_the_ratio_of_a_refinement() -> None:
+    refinement = Refinement(-100, 40, radius=25, ratio=4)
+    grid = sphere_grid(2562, density=refinement)
+    assert_is_a_grid(grid, 2562)
+    distance = np.degrees(np.arccos(grid.points @ from_degrees(-100, 40)[0]))
+    sizes = np.sqrt(grid.areas)
+    assert np.median(sizes[distance > 60]) / np.median(sizes[distance < 12]) == pytest.approx(4, rel=0.08)
+    assert grid.measures().n_obtuse == 0
+
+
+def test_of_several_refinements_the_finest_counts() -> None:
+    places = fibonacci(1000)
+    caps = [Refinement(0, 0, 20, 2), Refinement(10, 10, 10, 3)]
+    grid = sphere_grid(1000, density=caps, effort="fast")
+    assert grid.density == pytest.approx(np.maximum(caps[0](grid.points), caps[1](grid.points)))
+    assert caps[0](places).max() <= 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_points_gather_where_a_picture_is_bright(dtype: Any) -> None:
+    picture = np.ones((90, 180), dtype)
+    picture[:45] = 16  # the northern half, where cells get half the size
+    grid = sphere_grid(1500, density=picture)
+    north = grid.points[:, 2] > 0
+    assert north.mean() == pytest.approx(0.8, abs=0.06)  # but for the belt where sizes grow
+    assert grid.areas.sum() == pytest.approx(4 * np.pi)
+
+
+def test_a_picture_that_is_black_somewhere_gives_a_grid_without_obtuse_triangles() -> None:
+    picture = np.zeros((64, 128))
+    picture[20:30, 30:60] = 1
+    grid = sphere_grid(3000, density=picture)
+    assert_is_a_grid(grid, 3000)
+    inside = (grid.lat < 32) & (grid.lat > 7) & (grid.lon > -94) & (grid.lon < -13)
+    assert inside.mean() > 0.4
+    assert grid.measures().n_obtuse == 0
+
+
+def test_fixed_points_keep_their_bits() -> None:
+    fixed = unit(np.random.default_rng(5).normal(size=(20, 3)))
+    grid = sphere_grid(600, fixed=fixed)
+    assert (grid.points[:20] == fixed).all()
+    assert grid.fixed.tolist() == [True] * 20 + [False] * 580
+    assert_is_a_grid(grid, 600)
+    assert grid.areas.max() < 3 * grid.areas.min()
+    centers = unit(Triangulation(grid.points).uniform_moments())
+    offsets = np.linalg.norm(centers - grid.points, axis=1) / np.sqrt(grid.areas)
+    assert np.sqrt((offsets[20:] ** 2).mean()) == pytest.approx(grid.offset, rel=0.01)
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_every_start_leads_to_a_grid(start: str) -> None:
+    grid = sphere_grid(162, start=start)
+    assert_is_a_grid(grid, 162)
+    assert grid.offset < 0.03
+
+
+def test_given_points_keep_their_numbers() -> None:
+    start = fibonacci(300)
+    grid = sphere_grid(300, start=start, polish=False)
+    assert np.linalg.norm(grid.points - start, axis=1).max() < 3 * np.sqrt(4 * np.pi / 300)
+    assert grid.energy < sphere_grid(300, start=grid.points, effort="fast", polish=False).energy * 1.001
+
+
+def test_levels_lower_the_energy() -> None:
+    assert sphere_grid(642).energy < sphere_grid(642, levels=1, polish=False).energy
+
+
+def test_results_have_the_same_bits_at_any_number_of_threads() -> None:
+    before, grids = n_threads(), []
+    for threads in (1, 3):
+        limit_threads(threads)
+        grids.append(sphere_grid(3000, density=Refinement(0, 0, 40, 3), effort="fast"))
+    limit_threads(before)
+    assert (grids[0].points == grids[1].points).all()
+    assert (grids[0].triangles == grids[1].triangles).all()
+
+
+def test_the_callback_sees_falling_energies_and_stops() -> None:
+    energies: list[float] = []
+
+    def callback(step: int, energy: float) -> bool:
+        assert step == len(energies)
+        energies.append(energy)
+        return step == 4
+
+    sphere_grid(500, start="random", callback=callback)
+    assert len(energies) == 5
+    assert energies[-1] < energies[0]
+
+
+def test_bisection_adds_the_midpoints_of_all_edges() -> None:
+    mesh = bisected(icosahedron())
+    assert len(mesh.points) == 42
+    assert (mesh.points[:12] == icosahedron().points).all()
+    twice = in_order(bisected(mesh))
+    assert len(np.unique(twice.points.round(9), axis=0)) == 162
+    edges = np.concatenate([twice.triangles[:, [0, 1]], twice.triangles[:, [1, 2]], twice.triangles[:, [2, 0]]])
+    assert len(np.unique(np.sort(edges, axis=1), axis=0)) == 480
+    ordered = np.concatenate([[np.inf], twice.points[twice.triangles].min(axis=(1, 2))])
+    assert len(ordered) == 321
+
+
+def test_draws_follow_the_root_of_the_density() -> None:
+    points = drawn(lambda x: np.where(x[:, 2] > 0, 9.0, 1.0), 4000, np.random.default_rng(0))
+    assert len(np.unique(points, axis=0)) == 4000
+    assert (points[:, 2] > 0).mean() == pytest.approx(0.75, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"n": 3}, "n=3 must be an integer >= 4"),
+        ({"n": 100, "density": np.ones((4, 9))}, r"density of shape \(4, 9\) must be twice as wide as high"),
+        ({"n": 100, "density": np.zeros((4, 8))}, "density must"),
+        ({"n": 100, "density": lambda x: 0 * x[:, 0]}, "density must not be 0 everywhere"),
+        ({"n": 100, "density": lambda x: np.nan * x[:, 0]}, r"density at .*=nan must be finite"),
+        ({"n": 100, "density": np.full((4, 8), np.nan)}, "density must be finite"),
+        ({"n": 100, "fixed": [[0, 0, 2]]}, r"\|fixed\[0\]\|=2.0 must be 1"),
+        ({"n": 100, "fixed": [[0, 0, 1], [0, 0, 1]]}, "must be at least 1e-07 apart"),
+        ({"n": 100, "start": "icosahedron"}, "n=100 must be 12, 42, 162"),
+        ({"n": 100, "start": np.eye(3)}, r"start of shape \(3, 3\) must be \(100, 3\)"),
+        ({"n": 100, "start": "random", "levels": 2}, "takes no levels"),
+        ({"n": 100, "levels": 0}, "levels=0 must be an integer >= 1"),
+        ({"n": 100, "effort": "most"}, "effort='most' must be one of"),
+    ],
+)
+def test_bad_input_is_one_clear_error(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        sphere_grid(**given)
+
+
+def test_refinements_refuse_what_is_no_cap() -> None:
+    for wrong in ({"lat": 91}, {"radius": 0}, {"ratio": 0.5}, {"width": -1}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            Refinement(**{"lon": 0, "lat": 0, "radius": 10, "ratio": 2, **wrong})
