@@ -7,7 +7,11 @@ figures that have a script are drawn.
 import contextlib
 import runpy
 import sys
+from io import BytesIO
 from pathlib import Path
+
+import numpy as np
+from PIL import Image
 
 import cvtimg
 
@@ -16,17 +20,14 @@ GALLERY = DOCS.parent / "examples" / "gallery"
 
 
 def main(names: list[str]) -> None:
-    """Run the scripts, and write the `sheet` that each defines, in 256 colors, or the `figure`, the bytes of a PNG."""
+    """Run the scripts, and write the `sheet` or the `figure` (bytes of a PNG) that each defines, in 256 colors."""
     drawn = [path.stem for path in sorted(DOCS.glob("*.png")) if (GALLERY / f"plot_{path.stem}.py").exists()]
     for name in names or drawn:
         with contextlib.chdir(GALLERY):
             left = runpy.run_path(f"plot_{name}.py")
-        path = DOCS / f"{name}.png"
-        if "figure" in left:
-            path.write_bytes(left["figure"])
-        else:
-            sheet = cvtimg.quantize(left["sheet"], 256)
-            cvtimg.write_image(path, sheet.indices, palette=sheet.palette, overwrite=True)
+        drawn = np.asarray(Image.open(BytesIO(left["figure"])).convert("RGB")) if "figure" in left else left["sheet"]
+        few = cvtimg.quantize(drawn, 256)
+        cvtimg.write_image(DOCS / f"{name}.png", few.indices, palette=few.palette, overwrite=True)
 
 
 if __name__ == "__main__":
