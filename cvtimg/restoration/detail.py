@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
-from cvtimg.restoration.clipping import clipped_ends, mean_loss
+from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.filters import Noisy, filtered
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
 from cvtimg.restoration.suspicion import Suspicion, first_estimate
 from cvtimg.restoration.versions import Floats, Versions, fuse
 
 #: Largest number of patches in a group, pass by pass.
-_PASSES = {"fast": (600, 80), "balanced": (600, 150, 60), "best": (600, 150, 80, 60)}
+_PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 100, 80, 60)}
 #: Blur, in pixels, of the first estimate.
 _FIRST_BLUR = 0.7
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
-_PLACE = 0.18
+_PLACE = 0.24
 #: Longest side of a tile, and how far tiles reach into each other, in pixels.
 _TILE, _OVERLAP = 400, 8
 
@@ -94,11 +94,11 @@ def restore_detail(
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)
                 fused, weight = fuse(kept, trust)
-            values = _unclipped(kept, trust, variance, fused, weight, estimate)
+            values, precision = _unclipped(kept, trust, variance, fused, weight, estimate)
             noisy = Noisy(
                 with_border(axes.along(values)),
                 with_border(axes.along(estimate)),
-                with_border(weight[:, :, None] / np.float32(variance))[:, :, 0],
+                with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
             )
             kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, effort, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
@@ -148,15 +148,20 @@ def _tiles(side: int) -> Iterator[tuple[slice, Floats]]:
 
 def _unclipped(
     versions: Versions, trust: NDArray[np.float64], variance: float, fused: Floats, weight: Floats, estimate: Floats
-) -> Floats:
-    """Subtract from fused versions what clipping has added to each, given an estimate of what they show."""
+) -> tuple[Floats, Floats]:
+    """Fuse versions again without what clipping has done to each, given an estimate of what they show.
+
+    Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
+    """
     white = versions.white
     if white is None:
-        return fused
-    added = np.zeros_like(fused)
+        return fused, weight
+    total, weights = np.zeros_like(fused), np.zeros_like(weight)
     for version, share in enumerate(trust):
         sigma = float(np.sqrt(variance / share))
-        known = versions.known[:, :, version]
-        ends = clipped_ends(versions.bands(version)[known], estimate[known], sigma, white)
-        added[known] += np.float32(share) * mean_loss(estimate[known], sigma, white, ends)
-    return fused - np.divide(added, weight[:, :, None], out=added, where=weight[:, :, None] > 0)
+        known, values = versions.known[:, :, version], versions.bands(version)
+        clipped = Clipped.of(estimate, sigma, white, clipped_ends(values[known], estimate[known], sigma, white))
+        own = np.where(known, np.float32(share) / (clipped.variance / clipped.slope**2).mean(axis=2), 0)
+        total += own[:, :, None] * (estimate + (values - clipped.added - estimate) / clipped.slope)
+        weights += own
+    return np.divide(total, weights[:, :, None], out=fused.copy(), where=weights[:, :, None] > 0), weights

@@ -22,7 +22,7 @@ _Doubles = NDArray[np.float64]
 #: Covariances in memory at once.
 _CHUNK = 256
 #: The estimate has lost some detail, so its covariances are raised by this.
-_GAIN = 1.2
+_GAIN = 1.1
 #: Noise makes the covariance of few patches uneven: eigenvalues are lowered by this part of the largest of noise alone.
 _LOWERED = 0.7
 #: Added to the variance that a filter leaves, as a share of that of the noise: no patch is trusted without limit.

@@ -56,11 +56,16 @@ def masked_cells(
     energies = [_energy(rows, loads, generators, current, volume_power)]
     converged = False
     while not converged and len(energies) <= _MAX_ROUNDS:
-        moved = move(generators, current)
-        converged = bool(np.count_nonzero(moved != current[known]) <= _ALMOST_NONE * len(current))
-        current[known] = moved
-        generators, masses = masked_means(rows, loads, current, generators)
-        energies.append(_energy(rows, loads, generators, current, volume_power))
+        changed = current.copy()
+        changed[known] = move(generators, current)
+        converged = bool(np.count_nonzero(changed != current) <= _ALMOST_NONE * len(current))
+        means, behind = masked_means(rows, loads, changed, generators)
+        energy = _energy(rows, loads, means, changed, volume_power)
+        if energy > energies[-1]:  # by rounding: pixels would move to and fro
+            converged = True
+            break
+        current, generators, masses = changed, means, behind
+        energies.append(energy)
     return MaskedCells(current.reshape(labels.shape), generators, masses, tuple(energies), converged)
 
 

@@ -17,8 +17,8 @@ from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration import _patches
+from cvtimg.restoration.noise import noise_of_bands
 from cvtimg.restoration.versions import Floats, Versions
-from cvtimg.segmentation.noise import scattered_noise
 
 #: Patches are 5 x 5 pixels.
 REACH = 2
@@ -55,9 +55,7 @@ class Axes:
         """Give bands equal noise and, if there are many, order what they have in common before the rest."""
         n_bands = image.shape[2]
         slices = tuple(slice(first, first + _MOST_BANDS) for first in range(0, n_bands, _MOST_BANDS))
-        noise = np.stack(
-            [scattered_noise(versions.bands(s), versions.known[:, :, s]) for s in range(versions.n_versions)]
-        )
+        noise = np.stack(noise_of_bands(versions))
         least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
         equal = least.max() <= _EQUAL * least.min()
         if equal and len(slices) == 1:

@@ -16,6 +16,7 @@ from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.evidence import Evidence
+from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
 from cvtimg.restoration.suspicion import Suspicion
@@ -23,7 +24,6 @@ from cvtimg.restoration.versions import (
     Versions,
     averaged_versions,
     disagreement,
-    noise_of,
     stack_versions,
     trust_in,
     usual_noise,
@@ -109,7 +109,7 @@ def restore(
         ends of their type where they pile up there. Not available with averaging, edge weight or volume power.
     effort : {"fast", "balanced", "best"}
         Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
-        in each of which groups are found anew: 2, 3 or 4.
+        in each of which groups are found anew: 2, 4 or 5.
     rng : int or numpy.random.Generator
         Seed of the patches that are drawn for `detail`.
 
@@ -159,7 +159,7 @@ def restore(
     average = as_averaging(averaging)
     check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
-    noise = noise_of(given)  # before any interpolation, which smooths it
+    noise = noise_of(given, alike=not channels)  # before any interpolation, which smooths it
     trust = trust_in(given, weights, noise)
     placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))
     versions = placed if channels else HIDDEN[hiding](placed, usual_noise(placed, noise))

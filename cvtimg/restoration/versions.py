@@ -15,7 +15,6 @@ from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.segmentation.averaging import Averaging, averaged
-from cvtimg.segmentation.noise import scattered_noise
 
 Floats = NDArray[np.float32]
 
@@ -163,12 +162,6 @@ def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
         own = versions.version_of == version
         values[:, :, own] = averaged(versions.bands(version), averaging, versions.known[:, :, version])
     return versions.moved(values, versions.known)
-
-
-def noise_of(versions: Versions) -> NDArray[np.float64]:
-    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known."""
-    found = [scattered_noise(versions.bands(s), versions.known[:, :, s]) for s in range(versions.n_versions)]
-    return np.array([np.sqrt(np.mean(np.square(sigmas, dtype=np.float64))) for sigmas in found])
 
 
 def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg import restore
 from cvtimg.restoration import detail
-from cvtimg.restoration.clipping import clipped_ends, mean_loss
+from cvtimg.restoration.clipping import Clipped, clipped_ends
 
 Damage = damage.Damage
 
@@ -57,12 +57,22 @@ def test_clipping_is_undone_for_integers(clean: NDArray[np.float64]) -> None:
     assert abs((found - dark)[shade].mean()) < abs((as_if_not_clipped - dark)[shade].mean()) * 0.6
 
 
-def test_the_loss_by_clipping_is_that_of_many_draws() -> None:
+def test_what_clipping_does_to_noise_is_what_it_does_to_many_draws() -> None:
     true = np.array([0.0, 3, 10, 128, 250, 255], np.float32)
-    draws = np.clip(true + 8 * np.random.default_rng(0).standard_normal((200_000, 6)), 0, 255)
-    np.testing.assert_allclose(mean_loss(true, 8, 255), draws.mean(axis=0) - true, atol=0.05)
-    assert clipped_ends(draws[:, 0], np.zeros(200_000, np.float32), 8, 255)[0]
-    assert not clipped_ends(np.full(200_000, 2.0, np.float32), np.full(200_000, 2, np.float32), 8, 255)[0]
+    noise = 8 * np.random.default_rng(0).standard_normal((200_000, 6))
+    draws = np.clip(true + noise, 0, 255)
+    clipped = Clipped.of(true, 8, 255)
+    np.testing.assert_allclose(clipped.added, draws.mean(axis=0) - true, atol=0.05)
+    np.testing.assert_allclose(clipped.variance, draws.var(axis=0) / 64, atol=0.01)
+    slope = (np.clip(true + 0.5 + noise, 0, 255) - np.clip(true - 0.5 + noise, 0, 255)).mean(axis=0)
+    np.testing.assert_allclose(clipped.slope, slope, atol=0.01)
+
+
+def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
+    noise = 8 * np.random.default_rng(0).standard_normal(200_000)
+    assert clipped_ends(np.clip(noise, 0, 255), np.zeros(200_000, np.float32), 8, 255)[0]
+    level = np.full(200_000, 2.0, np.float32)
+    assert not clipped_ends(level, level, 8, 255)[0]
 
 
 def test_tiles_leave_no_seams(clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch) -> None:

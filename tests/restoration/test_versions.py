@@ -7,7 +7,8 @@ import pytest
 from damaging import card
 
 from cvtimg import restore
-from cvtimg.restoration.versions import fill, fuse, noise_of, stack_versions, trust_in, usual_noise
+from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, usual_noise
 
 RNG = np.random.default_rng(0)
 
