@@ -49,7 +49,8 @@ class Clipped:
 
 def _places(apart: Floats, sigma: float) -> NDArray[np.int32]:
     """Points of the table for values that are so far from an end."""
-    return np.minimum(apart * np.float32(_PER_DEVIATION / sigma) + np.float32(0.5), _LAST).astype(np.int32)
+    places: NDArray[np.int32] = np.minimum(apart * np.float32(_PER_DEVIATION / sigma) + 0.5, _LAST).astype(np.int32)
+    return places
 
 
 @cache
