@@ -29,24 +29,22 @@ class Effort:
 
     Attributes
     ----------
-    n_levels : int
-        Coarser levels before the picture itself, each with a quarter of the pixels and of the generators.
-    coarse : Stopping
-        When to stop there.
+    coarse : tuple of Stopping
+        When to stop at each coarser level, the coarsest first; each has a quarter of the pixels and of the generators
+        of the next.
     stopping : Stopping
-        When to stop in the end.
+        When to stop in the picture itself.
     """
 
-    n_levels: int
-    coarse: Stopping
+    coarse: tuple[Stopping, ...]
     stopping: Stopping
 
 
-#: The registry: names for `effort`.
+#: The registry: names for `effort`. Moves of the coarsest level cost next to nothing, and save some of the last.
 EFFORTS: dict[str, Effort] = {
-    "fast": Effort(2, Stopping(1e-3, 12), Stopping(1e-3, 8)),
-    "balanced": Effort(2, Stopping(1e-4, 20), Stopping(5e-5, 36)),
-    "best": Effort(2, Stopping(1e-5, 40), Stopping(1e-6, 400)),
+    "fast": Effort((Stopping(1e-3, 12), Stopping(1e-3, 12)), Stopping(1e-3, 8)),
+    "balanced": Effort((Stopping(1e-5, 40), Stopping(1e-4, 20)), Stopping(9e-5, 36)),
+    "best": Effort((Stopping(1e-5, 40), Stopping(1e-5, 40)), Stopping(1e-6, 400)),
 }
 
 
@@ -157,7 +155,7 @@ def place_by_levels(
 ) -> Descent:
     """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
     n_free = n_generators - len(fixed)
-    start = _start(moments, n_free, effort.n_levels, fixed, method, effort, rng, watch)
+    start = _start(moments, n_free, effort.coarse, fixed, method, rng, watch)
     project = WhereMassIs(moments)
     return _descend(moments, project(start, start), fixed, method, effort.stopping, watch, project)
 
@@ -171,24 +169,23 @@ class WhereMassIs:
     """
 
     def __init__(self, moments: PixelMoments) -> None:
-        self._density = moments.density
+        self._mass = moments.density > 0
         self._scale = moments.scale
-        self._everywhere = bool(moments.density.min() > 0)
+        self._everywhere = bool(self._mass.all())
         self._nearest: NearestPixel | None = None  # made when it is needed first
 
     def __call__(self, there: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
         """Move points without mass below them to the nearest pixel that has some."""
         if self._everywhere:
             return there
+        height, width = self._mass.shape
         places = there * self._scale
-        x, y = (
-            np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(places.T, self._density.shape[::-1], strict=True)
-        )
-        white = self._density[y, x] == 0
-        if not white.any():
+        x, y = np.clip(places, 0, [width - 1, height - 1]).astype(np.intp).T
+        white = np.flatnonzero(~self._mass.ravel()[y * width + x])
+        if not len(white):
             return there
         if self._nearest is None:
-            self._nearest = NearestPixel(self._density > 0)
+            self._nearest = NearestPixel(self._mass)
         moved = there.copy()
         moved[white] = self._nearest(places[white]) / self._scale
         return moved
@@ -197,19 +194,18 @@ class WhereMassIs:
 def _start(
     moments: PixelMoments,
     n_free: int,
-    n_levels: int,
+    coarser: tuple[Stopping, ...],
     fixed: NDArray[np.float64],
     method: str,
-    effort: Effort,
     rng: np.random.Generator,
     watch: Watch,
 ) -> NDArray[np.float64]:
-    if n_levels == 0 or n_free < _WORTH_A_LEVEL:
+    if not coarser or n_free < _WORTH_A_LEVEL:
         return along_hilbert_curve(moments.density, n_free, rng) / moments.scale
     coarse = moments.halved()
     n_coarse = -(-n_free // 4)
-    start = _start(coarse, n_coarse, n_levels - 1, fixed, method, effort, rng, watch)
-    end = _descend(coarse, start, fixed, method, effort.coarse, watch)
+    start = _start(coarse, n_coarse, coarser[:-1], fixed, method, rng, watch)
+    end = _descend(coarse, start, fixed, method, coarser[-1], watch)
     height, width = moments.density.shape
     split = split_generators(end.generators[len(fixed) :], n_free)
     return np.clip(split, 0, np.array([width, height]) / moments.scale)

@@ -13,17 +13,21 @@ from numpy.typing import NDArray
 
 _Points = NDArray[np.float64]
 
-#: Pairs of steps that the inverse Hessian is made of; figures hardly change from 5 to 10.
-_MEMORY = 7
 #: It starts as the given diagonal times a number in this range.
 _LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
 
 
 class StepMemory:
-    """The last steps of a descent, and how they changed the gradient."""
+    """The last steps of a descent, and how they changed the gradient.
 
-    def __init__(self) -> None:
-        self._pairs: deque[tuple[_Points, _Points, float]] = deque(maxlen=_MEMORY)
+    Parameters
+    ----------
+    n_steps : int
+        How many steps; figures hardly change from 5 to 10.
+    """
+
+    def __init__(self, n_steps: int = 7) -> None:
+        self._pairs: deque[tuple[_Points, _Points, float]] = deque(maxlen=n_steps)
 
     def __len__(self) -> int:
         return len(self._pairs)
