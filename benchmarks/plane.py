@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -153,42 +154,52 @@ def _centroid(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def draws(quick: bool) -> list[Row]:
-    """Time the probabilistic method in this process, in one and two others, and on two of Dask."""
+    """Time the probabilistic method in this process, in one and two others, and on two of Dask, in turns.
+
+    What else runs on the machine changes the wall time, so that several rounds are run, and the load is printed.
+    """
     from cvtimg.engine import Probabilistic
     from cvtimg.placement import place_by_draws
     from cvtimg.regions import Box
 
     box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if quick else 20))
+    places: dict[str, Any] = {"this process": _alone, "1 process": partial(_in_pool, 1)}
+    places |= {"2 processes": partial(_in_pool, 2), "2 of Dask": _on_dask}
+    runs: dict[str, list[Row]] = {where: [] for where in places}
 
-    def run(executor: Any) -> float:
-        return place_by_draws(box, n, rule=rule, n_moves=2 if quick else 5, executor=executor).energy
+    def run(executor: Any, n_moves: int = 2 if quick else 5) -> float:
+        return place_by_draws(box, n, rule=rule, n_moves=n_moves, executor=executor).energy
 
+    for _ in range(2 if quick else 5):
+        for where, measure in places.items():
+            runs[where] += measure(run)
     rows = []
-    (energy, wall), seconds = timed(lambda: timed(lambda: run(None)), time.process_time)
-    rows.append({"where": "this process", "wall": wall, "cpu": seconds, "energy": energy})
-    for count in (1, 2):
-        with ProcessPoolExecutor(count, get_context("spawn")) as pool:
-            list(pool.map(abs, range(count)))  # started
-            before = _children_seconds(pool)
-            energy, seconds = timed(lambda pool=pool: run(pool))
-            cpu = _children_seconds(pool) - before
-        rows.append({"where": f"{count} process{'es' * (count > 1)}", "wall": seconds, "cpu": cpu, "energy": energy})
-    rows += _on_dask(run)
-    header = ("where", "wall seconds", "processor seconds", "energy")
-    table = [[r["where"], f"{r['wall']:.2f}", f"{r['cpu']:.2f}", f"{r['energy']:.8g}"] for r in rows]
-    print_table(f"Draws: {rule.draws} in each move, {n} generators in 3 dimensions", header, table)
+    for where, found in runs.items():
+        if found:
+            wall, cpu = ([row[key] for row in found] for key in ("wall", "cpu"))
+            row = {"where": where, "wall": min(wall), "median_wall": statistics.median(wall), "cpu": min(cpu)}
+            rows.append({**row, "energy": found[0]["energy"]})
+    header = ("where", "wall seconds, best", "median", "processor seconds", "energy")
+    table = [
+        [r["where"], f"{r['wall']:.2f}", f"{r['median_wall']:.2f}", f"{r['cpu']:.2f}", f"{r['energy']:.8g}"]
+        for r in rows
+    ]
+    load = f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    print_table(f"Draws: {rule.draws} in each move, {n} generators in 3 dimensions; {load}", header, table)
     return rows
 
 
-def _children_seconds(pool: ProcessPoolExecutor) -> float:
-    """Processor seconds of the processes of a pool."""
-    ticks = os.sysconf("SC_CLK_TCK")
-    total = 0.0
-    for pid in pool._processes:
-        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
-            fields = file.read().rpartition(")")[2].split()
-        total += (int(fields[11]) + int(fields[12])) / ticks
-    return total
+def _alone(run: Any) -> list[Row]:
+    (energy, wall), seconds = timed(lambda: timed(lambda: run(None)), time.process_time)
+    return [{"wall": wall, "cpu": seconds, "energy": energy}]
+
+
+def _in_pool(n_processes: int, run: Any) -> list[Row]:
+    with ProcessPoolExecutor(n_processes, get_context("spawn")) as pool:
+        run(pool, 1)  # all processes are started, and have imported what they need
+        before = _seconds_of(list(pool._processes))
+        energy, seconds = timed(lambda: run(pool))
+        return [{"wall": seconds, "cpu": _seconds_of(list(pool._processes)) - before, "energy": energy}]
 
 
 def _on_dask(run: Any) -> list[Row]:
@@ -197,9 +208,22 @@ def _on_dask(run: Any) -> list[Row]:
     except ImportError:
         return []
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        client.run(lambda: __import__("cvtimg.placement.draws"))
+        run(client.get_executor(), 1)
+        workers = list(client.run(os.getpid).values())
+        before = _seconds_of(workers)
         energy, seconds = timed(lambda: run(client.get_executor()))
-    return [{"where": "2 of Dask", "wall": seconds, "cpu": float("nan"), "energy": energy}]
+        return [{"wall": seconds, "cpu": _seconds_of(workers) - before, "energy": energy}]
+
+
+def _seconds_of(pids: list[int]) -> float:
+    """Processor seconds of other processes so far."""
+    ticks = os.sysconf("SC_CLK_TCK")
+    total = 0.0
+    for pid in pids:
+        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+            fields = file.read().rpartition(")")[2].split()
+        total += (int(fields[11]) + int(fields[12])) / ticks
+    return total
 
 
 def main() -> None:

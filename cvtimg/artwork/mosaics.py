@@ -219,10 +219,11 @@ def mosaic(
     ]
     tiling, points, energies = min(ends, key=lambda end: min(end[2]))
     painted = paint(bands, tiling.labels(points), tiling.n_tiles())
-    colors = _colors(painted, space, samples.dtype, has_alpha)
+    triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
+    middles = points if triangles is None else points[triangles].mean(axis=1)
+    colors = _colors(_means(painted, bands, middles), space, samples.dtype, has_alpha)
     if palette is not None:
         colors = _restricted(colors, painted.areas, palette, has_alpha)
-    triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
     squared = _unit(samples.dtype, space) ** 2
     history = tuple(squared * energy for energy in energies)
     return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history)
@@ -273,9 +274,19 @@ def _white(dtype: np.dtype[Any], space: SpaceName) -> np.float32:
     return np.float32(white / _unit(dtype, space))
 
 
-def _colors(painted: Painted, space: SpaceName, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
+def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean of each tile; for one between the centers of pixels, the color of the pixel that it lies in."""
+    height, width = painted.labels.shape
+    empty = painted.areas == 0
+    x, y = np.clip(middles[empty], 0, [width - 1, height - 1]).astype(np.intp).T
+    means = painted.colors.copy()
+    means[empty] = bands[y, x]
+    return means
+
+
+def _colors(means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
     """Return the means of tiles as colors of a type."""
-    means, unit = painted.colors, _unit(dtype, space)
+    unit = _unit(dtype, space)
     if not has_alpha:
         return from_space(means * unit, space, dtype)
     opacity = means[:, -1:] / _white(dtype, space)

@@ -23,8 +23,11 @@ MARKS = ("disks", "circles", "points", "lines")
 TABLES = (".csv", ".npy", ".npz")
 #: Width of the line of circles, in millimeters, where none is given.
 _LINE = 0.3
-#: Radius of points, and length of lines, in widths of the pen: a pen that goes no way at all may make no dot.
-_POINT = 0.1
+#: Half a diagonal of points, and half the length of lines, in widths of the pen: a pen that goes no way at all may make
+#: no dot.
+_POINT = 0.05
+#: Area that the pen covers for a dot, in squared widths of the pen.
+_COVERED = {"points": np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2, "lines": np.pi / 4 + 2 * _POINT}
 #: Width of the lines of cells, in millimeters.
 _CELL_LINE = 0.1
 
@@ -123,28 +126,36 @@ def _layers(pens: Sequence[PenDots], ground: NDArray[np.uint8], paper: Paper, sc
         yield f'<rect width="100%" height="100%" fill="{hexadecimal(ground)}"/>\n'
     for place, pen in enumerate(pens, 1):
         radii = pen.radii * scale
-        suits = _LINE if paper.marks == "circles" else 2 * float(radii.mean() if len(radii) else 1)
-        line = suits if paper.pen_width is None else paper.pen_width
+        line = _suiting_line(paper.marks, radii) if paper.pen_width is None else paper.pen_width
         ink = hexadecimal(pen.color)
-        look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}" stroke-linecap="round"'
+        look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
+        look += ' stroke-linecap="round" stroke-linejoin="round"'
         attributes = f'fill="{ink}"' if paper.marks == "disks" else look
         # Inks on white paper let the light of others through.
         blend = ' style="mix-blend-mode:multiply"' if len(pens) > 1 and ground.all() else ""
         yield from layer(place, pen.name, attributes + blend, _marks(paper.marks, pen.points * scale, radii, line))
 
 
+def _suiting_line(marks: str, radii: NDArray[np.float64]) -> float:
+    """Choose a width of the pen: for marks that it dots, so that they cover what the dots do."""
+    if marks not in _COVERED or not len(radii):
+        return _LINE
+    return float(radii.mean() * np.sqrt(np.pi / _COVERED[marks]))
+
+
 def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float) -> Iterator[str]:
-    xs, ys = numbers(places[:, 0], 3), numbers(places[:, 1], 3)
-    if marks == "lines":
-        length = number(_POINT * line, 4)
-        yield from (f'<path d="M{x} {y}h{length}"/>\n' for x, y in zip(xs, ys, strict=True))
+    half = _POINT * line
+    if marks in _COVERED:
+        # Loops have corners: viewers leave a hole in a round one that is smaller than its line is wide.
+        r = number(half, 4)
+        way = f"h{number(2 * half, 4)}" if marks == "lines" else f"l{r}-{r} {r} {r}-{r} {r}z"
+        starts = zip(numbers(places[:, 0] - half, 3), numbers(places[:, 1], 3), strict=True)
+        yield from (f'<path d="M{x} {y}{way}"/>\n' for x, y in starts)
         return
     if marks == "circles":
-        radii = np.maximum(radii - line / 2, _POINT * line)
-    elif marks == "points":
-        radii = np.full_like(radii, _POINT * line)
-    sizes = numbers(radii, 4)
-    yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in zip(xs, ys, sizes, strict=True))
+        radii = np.maximum(radii - line / 2, half)
+    marked = zip(numbers(places[:, 0], 3), numbers(places[:, 1], 3), numbers(radii, 4), strict=True)
+    yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
 
 
 def write_cells(

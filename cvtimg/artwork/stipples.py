@@ -150,17 +150,17 @@ class Stipples:
         Parameters
         ----------
         path : str or path-like
-            .svg: a drawing in millimeters with one layer a pen. .png and other formats of pixels: what `draw` gives.
+            .svg: a drawing in millimeters with one layer per pen. .png and other formats of pixels: what `draw` gives.
             .csv: a line for each dot. .npy: an (N, 4) array of x, y, radius and layer. .npz: arrays by name. Places
             and radii are in pixels in the last three.
         width : float
             Width on paper in millimeters, for .svg and .png.
         marks : {"disks", "circles", "points", "lines"}
-            For .svg: filled dots; their outlines; tiny circles that a pen makes dots of; or lines so short that a pen
+            For .svg: filled dots; their outlines; tiny loops that a pen makes dots of; or lines so short that a pen
             makes dots of them.
         pen_width : float, optional
-            Width of the pen's line in millimeters, for .svg. By default the mean diameter of the dots of a layer, so
-            that points and lines have the tone of the image; 0.3 for circles.
+            Width of the pen's line in millimeters, for .svg. By default such that points and lines cover what the
+            dots of a layer do; 0.3 for circles.
         tour : bool
             Write dots in the order of the tour, else in that in which they were placed.
         scale : float, optional

@@ -77,7 +77,7 @@ Width = Annotated[
 ]
 Marks = Annotated[
     Literal["disks", "circles", "points", "lines"],
-    Option(help="What a dot is in .svg: a filled disk, its outline, or a tiny circle or line that a pen dots."),
+    Option(help="What a dot is in .svg: a filled disk, its outline, or a tiny loop or line that a pen dots."),
 ]
 PenWidth = Annotated[
     float | None, Option(metavar="MM", parser=_length, help="Width of the pen's line in .svg; by default a dot's.")

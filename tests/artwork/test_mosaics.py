@@ -161,6 +161,17 @@ def test_files_hold_each_tile_once(tmp_path: Path, shape: str) -> None:
 
 
 @pytest.mark.parametrize("shape", ["cells", "triangles"])
+def test_tiles_without_pixels_have_the_color_of_the_place_where_they_are(shape: str) -> None:
+    image = np.full((8, 8), 30, np.uint8)
+    image[:, 4:] = 200
+    result = mosaic(image, 64, shape=shape)
+    tiles = result.points if result.triangles is None else result.points[result.triangles].mean(axis=1)
+    empty = np.bincount(result.labels.ravel(), minlength=64) == 0
+    assert empty.any()
+    assert np.array_equal(result.colors[empty, 0], np.where(tiles[empty, 0] < 4, 30, 200))
+
+
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
 @pytest.mark.parametrize("scale", [0.37, 1.0, 1.3, 2.71])
 def test_no_background_shines_through_when_rendered(tmp_path: Path, shape: str, scale: float) -> None:
     resvg = pytest.importorskip("resvg_py")

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cvtimg import read_image, stipple
 from cvtimg.artwork.stipple_files import MARKS
@@ -19,8 +22,10 @@ SVG = "{http://www.w3.org/2000/svg}"
 def places_in(path: Path) -> np.ndarray:
     root = ElementTree.parse(path).getroot()
     circles = [(float(node.get("cx", "")), float(node.get("cy", ""))) for node in root.iter(f"{SVG}circle")]
-    lines = [node.get("d", "")[1:].split("h")[0].split() for node in root.iter(f"{SVG}path")]
-    return np.array(circles or [(float(x), float(y)) for x, y in lines])
+    # Lines and loops begin at their left end.
+    half = 0.05 * float(root[0].get("stroke-width", "0"))
+    starts = [re.split("[hl]", node.get("d", "")[1:])[0].split() for node in root.iter(f"{SVG}path")]
+    return np.array(circles or [(float(x) + half, float(y)) for x, y in starts])
 
 
 @pytest.mark.parametrize("marks", MARKS)
@@ -34,7 +39,7 @@ def test_a_drawing_has_each_dot_in_millimeters_in_the_order_of_the_tour(tmp_path
     assert np.allclose(places_in(path), 2 * STIPPLES.points, atol=6e-4)
 
 
-def test_disks_have_the_radii_of_dots_and_points_that_of_the_pen(tmp_path: Path) -> None:
+def test_disks_have_the_radii_of_dots_and_points_the_width_of_the_pen(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     STIPPLES.save(path, width=80, tour=False)
     radii = [float(node.get("r", "")) for node in ElementTree.parse(path).getroot().iter(f"{SVG}circle")]
@@ -42,7 +47,25 @@ def test_disks_have_the_radii_of_dots_and_points_that_of_the_pen(tmp_path: Path)
     STIPPLES.save(path, marks="points", pen_width=0.5, overwrite=True)
     group = ElementTree.parse(path).getroot()[0]
     assert group.get("stroke-width") == "0.5"
-    assert {node.get("r") for node in group} == {"0.05"}
+    assert {node.get("d", "").split("l")[1] for node in group} == {"0.025-0.025 0.025 0.025-0.025 0.025z"}
+
+
+@pytest.mark.parametrize("marks", ["points", "lines"])
+def test_marks_that_a_pen_dots_cover_as_much_as_disks_without_holes(tmp_path: Path, marks: str) -> None:
+    resvg = pytest.importorskip("resvg_py")
+    dots = stipple(RAMP, 150)  # of one size
+
+    def ink(kind: str) -> np.ndarray:
+        dots.save(tmp_path / f"{kind}.svg", marks=kind, width=80)
+        path = str(tmp_path / f"{kind}.svg")
+        found = resvg.svg_to_bytes(svg_path=path, width=1600, dpi=96, background="#ffffff")
+        with Image.open(io.BytesIO(bytes(found))) as image:
+            return np.asarray(image.convert("L")) < 128
+
+    disks, marked = ink("disks"), ink(marks)
+    assert marked.mean() == pytest.approx(disks.mean(), rel=0.03)
+    x, y = (dots.points * 20).astype(int).T
+    assert marked[y, x].all()
 
 
 def test_tables_hold_the_dots(tmp_path: Path) -> None:
