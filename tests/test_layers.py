@@ -22,6 +22,7 @@ LAYERS: list[set[str]] = [
     {"quantization", "segmentation", "bases", "placement"},
     {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
     {"supports"},
+    {"explore"},
     {"cli"},
     {"__main__"},
 ]

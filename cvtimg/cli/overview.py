@@ -21,6 +21,7 @@ COMMANDS = {
     "design": "Place N points for experiments evenly in a box.",
     "basis": "Find N modes that nearly contain all frames of a film or rows of an array.",
     "keyframes": "Choose the N frames of a film that represent the others.",
+    "explore": "See results while choosing, on a page in the browser.",
     "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
 }
 _OPTIONS = {

@@ -115,6 +115,7 @@ def _result(
     from cvtimg.colors.spaces import to_depth
     from cvtimg.pictures.formats.encoding import encode_image
     from cvtimg.quantization import quantize_to_size
+    from cvtimg.quantization.own_palettes import own_palette
 
     if how.depth:
         image = to_depth(image, np.dtype(f"uint{how.depth}"))
@@ -122,7 +123,7 @@ def _result(
     given = {name: value for name, value in given.items() if value is not None}
     if how.max_bytes is None:
         result = quantize(image, **given)
-        own = _own_palette(task.source, result, how)
+        own = None if how.colors else own_palette(task.source, result, how.search.get("n_colors"))
         return result if own is None else quantize(image, palette=own, mask=mask, **how.mapping)
 
     def size(result: Quantized) -> int:
@@ -130,20 +131,6 @@ def _result(
         return len(encode_image(task.output.suffix, as_stored(pixels, task.output)[0], **how_stored))
 
     return quantize_to_size(image, how.max_bytes, size, **given)
-
-
-def _own_palette(source: Path, result: Quantized, how: QuantizeOptions) -> NDArray[Any] | None:
-    """Return the palette of an indexed image that is reproduced exactly, so that its indices keep their meaning."""
-    n_colors = how.search.get("n_colors")
-    if result.energy or not isinstance(n_colors, int) or how.colors or result.palette.dtype.itemsize > 1:
-        return None
-    from cvtimg import read_palette
-    from cvtimg.pictures import image_info
-
-    if image_info(source).mode != "P":
-        return None
-    own = read_palette(source)
-    return own if len(own) <= n_colors and own.shape[1] == result.palette.shape[1] else None
 
 
 def _content(result: Quantized, file: Mapping[str, Any]) -> tuple[NDArray[Any], dict[str, Any]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -132,21 +132,10 @@ def _write_labels(subject: Subject, path: Path) -> None:
 def _write_mean(subject: Subject, path: Path) -> None:
     from cvtimg import write_image
     from cvtimg.cli.sample_types import as_stored
+    from cvtimg.labels import mean_picture
 
-    mean, _ = as_stored(_mean_picture(subject.image, subject.labels), path)
+    mean, _ = as_stored(mean_picture(subject.labels, subject.image), path)
     write_image(path, mean, alpha=False, metadata=subject.place(), overwrite=subject.overwrite)
-
-
-def _mean_picture(image: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
-    """Return an image in which each pixel has the mean of its segment, rounded to the type; masked pixels are 0."""
-    import numpy as np
-
-    from cvtimg.labels import region_means
-
-    means = np.nan_to_num(region_means(labels, image))
-    colors = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)
-    picture: NDArray[Any] = colors[labels].reshape(image.shape)
-    return picture
 
 
 def _write_edges(subject: Subject, path: Path) -> None:
@@ -174,26 +163,13 @@ def _write_overlay(subject: Subject, path: Path) -> None:
 
 
 def _write_contours(subject: Subject, path: Path) -> None:
-    import numpy as np
+    from cvtimg.labels import write_contours
+    from cvtimg.plotting import contour_drawing
 
-    from cvtimg.labels import Drawing, region_means, write_contours
-    from cvtimg.plotting.sheets import shown_colors
-
-    labels = subject.labels
-    means = np.nan_to_num(region_means(labels, subject.image))
-    areas = np.bincount(labels.ravel()).tolist()
-    place = subject.header.geo_transform
-    drawing = Drawing(
-        polygons=subject.contours.polygons,
-        size=labels.shape,
-        colors=shown_colors(means[:, :3], _without_fourth(subject.image), labels, ignore=0),
-        properties={
-            label: {"area": area, "mean": mean}
-            for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
-        },
-        transform=[place[:3], place[3:]] if place else None,
-        epsg=subject.header.epsg if place else None,
-    )
+    drawing = contour_drawing(subject.contours, subject.labels, subject.image)
+    if subject.header.geo_transform:
+        place = subject.header.geo_transform
+        drawing = replace(drawing, transform=[place[:3], place[3:]], epsg=subject.header.epsg)
     write_contours(path, drawing, overwrite=subject.overwrite)
 
 

@@ -1,7 +1,7 @@
 from .components import absorb_small, connected_pieces, join_regions
 from .contours import Contours, Polygon, find_contours
 from .edges import find_edges
-from .figures import region_means, region_table, run_lengths
+from .figures import mean_picture, region_means, region_table, run_lengths
 from .files import label_colors, read_labels, write_labels, write_table
 from .formats import CONTOUR_FORMATS, write_contours
 from .formats.coco import write_coco
@@ -20,6 +20,7 @@ __all__ = [
     "find_edges",
     "join_regions",
     "label_colors",
+    "mean_picture",
     "read_labels",
     "region_means",
     "region_table",

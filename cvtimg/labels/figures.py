@@ -48,6 +48,32 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     return means
 
 
+def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
+    """Draw each region in its mean color.
+
+    Parameters
+    ----------
+    labels, image
+        As in `region_means`.
+
+    Returns
+    -------
+    (H, W) or (H, W, C) array
+        Of the type of the image, rounded if that is an integer type; 0 where there is no finite value.
+
+    Examples
+    --------
+    >>> from cvtimg.labels import mean_picture
+    >>> mean_picture([[1, 1, 2]], np.array([[10, 20, 200]], np.uint8)).tolist()
+    [[15, 15, 200]]
+    """
+    means = np.nan_to_num(region_means(labels, image))
+    pixels = np.asarray(image)
+    colors = (np.rint(means) if pixels.dtype.kind in "iu" else means).astype(pixels.dtype)
+    picture: NDArray[Any] = colors[np.asarray(labels)].reshape(pixels.shape)
+    return picture
+
+
 def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()) -> dict[str, NDArray[Any]]:
     """Measure every region.
 

@@ -1,12 +1,14 @@
 from .charts import draw_pairs, draw_spectrum, draw_supports
 from .energy_curves import Plotted, draw_curves
 from .meshes import draw_mesh
+from .outlines import contour_drawing
 from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
 
 __all__ = [
     "Panel",
     "Plotted",
     "contact_sheet",
+    "contour_drawing",
     "draw_curves",
     "draw_edges",
     "draw_mesh",

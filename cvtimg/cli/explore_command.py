@@ -1,0 +1,63 @@
+"""``cvtimg explore``: a page in the browser."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from cvtimg.batch import WrongUsageError, complain, reason
+from cvtimg.cli import options
+
+EXAMPLES = """Examples:
+
+\b
+  cvtimg explore photo.jpg
+  cvtimg explore scan_1.png scan_2.png scan_3.png
+  cvtimg explore --port 8000 --no-browser
+"""
+
+Pictures = Annotated[
+    list[str] | None,
+    Argument(metavar="[PICTURE...]", help="Images to open: files, folders or patterns; more can be dropped."),
+]
+Port = Annotated[
+    int,
+    Option(
+        "--port", metavar="N", parser=options.whole_number(0, 65535), help="Port of the server; 0 for any that is free."
+    ),
+]
+NoBrowser = Annotated[bool, Option("--no-browser", help="Print the address of the page without opening it.")]
+
+
+def explore(inputs: Pictures = None, port: Port = 0, no_browser: NoBrowser = False) -> int:
+    """See results while choosing: a page in the browser, served by this machine for this machine alone.
+
+    Prints the address of the page. Everything stays here: the page loads nothing from elsewhere, and sends nothing
+    elsewhere. The server ends with Ctrl-C, or 15 minutes after its last page was closed.
+    """
+    from cvtimg import find_images
+
+    for name in ("starlette", "uvicorn", "websockets"):
+        if find_spec(name) is None:
+            raise WrongUsageError("explore needs more packages: pip install 'cvtimg[explore]'")
+    paths: list[Path] = []
+    n_failed = 0
+    for given in inputs or []:
+        try:
+            paths += find_images(given)
+        except OSError as error:
+            n_failed += 1
+            complain(f"{given}: {reason(given, error)}")
+    if n_failed and not paths:
+        return 1
+    from cvtimg.explore import serve
+
+    serve(paths, port=port, browser=not no_browser, say=_say)
+    return int(n_failed > 0)
+
+
+def _say(address: str) -> None:
+    print(address, flush=True)

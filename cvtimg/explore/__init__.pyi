@@ -1,0 +1,4 @@
+from .serving import serve
+from .tabs import TABS
+
+__all__ = ["TABS", "serve"]

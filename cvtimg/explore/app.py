@@ -1,0 +1,172 @@
+"""The server's addresses."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
+
+from cvtimg._shared.choices import SpaceName
+from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.guard import ENTRANCE, Guard, Pass
+from cvtimg.explore.lanes import Lanes
+from cvtimg.explore.room import MOST_BYTES, Room
+from cvtimg.explore.tabs import TABS
+from cvtimg.explore.tabs.base import SPACES
+
+__all__ = ["Server", "static_files"]
+
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+_STATIC = Path(__file__).parent / "static"
+
+
+def static_files() -> dict[str, Path]:
+    """Return the files of the page by their addresses; no other file is ever sent."""
+    files = {f"/{path.name}": path for path in sorted(_STATIC.iterdir()) if path.suffix in _KINDS}
+    return {"/": files.pop("/index.html"), **files}
+
+
+class Server:
+    """The application, and when it was last used.
+
+    Attributes
+    ----------
+    app : ASGI application
+        To be run by uvicorn.
+    room : Room
+        What is open.
+    """
+
+    def __init__(self, own: Pass, paths: Sequence[Path] = ()) -> None:
+        self.room = Room()
+        self._own, self._paths = own, paths
+        self._n_pages, self._last_used = 0, time.monotonic()
+        files = static_files()
+        routes: list[Any] = [Route(address, self._static(path)) for address, path in files.items()]
+        routes += [
+            Route(ENTRANCE, self._enter),
+            Route("/about", self._about),
+            Route("/picture", self._open_picture, methods=["POST"]),
+            Route("/palette", self._open_palette, methods=["POST"]),
+            Route("/given/{number:int}", self._open_given, methods=["POST"]),
+            Route("/curve/{picture}/{space}", self._curve),
+            Route("/file/{result}/{output}", self._file),
+            WebSocketRoute("/live", self._live),
+        ]
+        self.app = Guard(Starlette(routes=routes), own)
+
+    @property
+    def idle_seconds(self) -> float:
+        """Seconds since the last page went; 0 while one is open."""
+        return 0.0 if self._n_pages else time.monotonic() - self._last_used
+
+    def _used(self) -> None:
+        self._last_used = time.monotonic()
+
+    def _static(self, path: Path) -> Callable[[Request], Any]:
+        async def send(request: Request) -> Response:
+            self._used()
+            return Response(path.read_bytes(), media_type=_KINDS[path.suffix])
+
+        return send
+
+    async def _enter(self, request: Request) -> Response:
+        if not self._own.fits(request.query_params.get("token", "")):
+            return PlainTextResponse("open the address that cvtimg explore printed", 403)
+        self._used()
+        answer = RedirectResponse("/", 303)
+        answer.set_cookie(self._own.cookie, self._own.token, httponly=True, samesite="strict")
+        return answer
+
+    async def _about(self, request: Request) -> Response:
+        given = [path.name for path in self._paths]
+        return JSONResponse({"tabs": [tab.described() for tab in TABS.values()], "given": given})
+
+    async def _open_picture(self, request: Request) -> Response:
+        return await self._sent(request, lambda name, content: self.room.open_sent(name, content).described())
+
+    async def _open_palette(self, request: Request) -> Response:
+        return await self._sent(request, self.room.open_palette)
+
+    async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
+        """Take a file that a page sends, up to the limit."""
+        self._used()
+        too_large = PlainTextResponse(f"the file has over {MOST_BYTES} bytes", 413)
+        announced = request.headers.get("content-length", "0")
+        if not announced.isdigit() or int(announced) > MOST_BYTES:
+            return too_large
+        content = bytearray()
+        async for part in request.stream():
+            content += part
+            if len(content) > MOST_BYTES:
+                return too_large
+        return await _answered(lambda: use(request.query_params.get("name", "picture"), bytes(content)))
+
+    async def _open_given(self, request: Request) -> Response:
+        number = request.path_params["number"]
+        if number >= len(self._paths):
+            return PlainTextResponse("there is no such picture", 404)
+        return await _answered(lambda: self.room.open_file(self._paths[number]).described())
+
+    async def _curve(self, request: Request) -> Response:
+        key, space = request.path_params["picture"], request.path_params["space"]
+
+        def measured() -> dict[str, Any]:
+            if space not in SPACES:
+                raise UnfitRequestError("there is no such color space")
+            name: SpaceName = space
+            curve = self.room.shelf.picture(key).curve(name, wait=True)
+            if curve is None:
+                raise UnfitRequestError("the energy curve cannot be computed")
+            psnr = None if curve.psnr is None else [round(float(value), 2) for value in curve.psnr if value < 1e3]
+            floor = curve.scale.floor(curve.energies) or 1.0
+            heights = [(float(energy) + floor) / (float(curve.energies[0]) + floor) for energy in curve.energies]
+            return {"heights": heights, "elbow": int(curve.elbow()), "psnr": psnr}
+
+        return await _answered(measured)
+
+    async def _file(self, request: Request) -> Response:
+        outcome = self.room.result(request.path_params["result"])
+        if outcome is None:
+            return PlainTextResponse("this result is gone; change a setting to make it again", 404)
+        try:
+            named = await run_in_threadpool(outcome.file, request.path_params["output"])
+        except (OSError, ValueError) as error:
+            return PlainTextResponse(str(error), 422)
+        if named is None:
+            return PlainTextResponse("there is no such file", 404)
+        name, content = named
+        sent = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
+        return Response(content, media_type="application/octet-stream", headers=sent)
+
+    async def _live(self, socket: WebSocket) -> None:
+        self._n_pages += 1
+        try:
+            await Lanes(socket, self.room).run()
+        finally:
+            self._n_pages -= 1
+            self._used()
+
+
+async def _answered(make: Callable[[], dict[str, Any]]) -> Response:
+    """Return what a function makes as JSON, or the reason why it cannot."""
+    try:
+        made = await run_in_threadpool(make)
+    except UnfitRequestError as error:
+        return PlainTextResponse(str(error), 422)
+    return Response(json.dumps(made, allow_nan=False), media_type="application/json")

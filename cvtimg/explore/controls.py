@@ -1,0 +1,266 @@
+"""Controls of the page: what a person can choose, and how the command line and Python say it.
+
+A tab declares its controls once. The page draws them from `Control.described`, the server checks what it receives by
+`Control.parse`, and the command that the page shows consists of `Control.words`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from cvtimg.labels.formats.numbers import shortest
+
+__all__ = [
+    "Choice",
+    "Colors",
+    "Control",
+    "Files",
+    "Number",
+    "Settings",
+    "Switch",
+    "UnfitRequestError",
+    "active",
+    "parse_settings",
+    "words_of",
+]
+
+#: Values of the controls of a tab by name, checked.
+Settings: TypeAlias = Mapping[str, Any]
+
+
+class UnfitRequestError(Exception):
+    """A request that cannot be answered; the message tells the person why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """A control of a tab.
+
+    Attributes
+    ----------
+    name : str
+        Its name in settings.
+    label : str
+        Its name on the page.
+    default : object
+        Value that is in effect if nothing is chosen.
+    flag : str
+        Option of the command that says its value; none where the tab says it in another way.
+    keyword : str
+        Argument of the Python function that takes its value; none where the tab says it in another way.
+    when : dict
+        Shown, and in effect, only while other controls have one of these values.
+    about : str
+        Explanation shown below the control.
+    """
+
+    name: str
+    label: str
+    default: Any
+    flag: str = ""
+    keyword: str = ""
+    when: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    about: str = ""
+
+    def parse(self, value: Any) -> Any:
+        """Check a value that the page sent."""
+        raise NotImplementedError
+
+    def words(self, value: Any) -> list[str]:
+        """Return the words of the command line for a value; none for the default."""
+        return [] if not self.flag or value == self.default else [self.flag, str(value)]
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {
+            "kind": type(self).__name__.lower(),
+            "name": self.name,
+            "label": self.label,
+            "default": self.default,
+            "when": {name: list(values) for name, values in self.when.items()},
+            "about": self.about,
+        }
+
+    def refuse(self, value: Any, allowed: str) -> UnfitRequestError:
+        """Return the error for a value that is not allowed."""
+        return UnfitRequestError(f"{self.label}: {str(value)[:40]!r} must be {allowed}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number(Control):
+    """A number: a slider for the usual range, and a field for all that is allowed.
+
+    Attributes
+    ----------
+    low, high : float
+        The range allowed.
+    slider : (float, float)
+        The usual range; by default all that is allowed.
+    step : float
+        Distance of values on the slider; 1 for whole numbers.
+    log : bool
+        Whether the slider is logarithmic.
+    auto : bool
+        Whether "auto" is allowed.
+    unit : str
+        Shown after the number; on the command line, `suffix` follows it.
+    always : bool
+        Whether the command needs the option even for the default.
+    """
+
+    low: float
+    high: float
+    slider: tuple[float, float] | None = None
+    step: float = 1
+    log: bool = False
+    auto: bool = False
+    unit: str = ""
+    suffix: str = ""
+    always: bool = False
+
+    def parse(self, value: Any) -> Any:
+        """Check a number; whole numbers come as int."""
+        if self.auto and value == "auto":
+            return value
+        allowed = f"{'auto or ' if self.auto else ''}a number in {self.low:g}..{self.high:g}"
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self.refuse(value, allowed)
+        if not self.low <= value <= self.high:
+            raise self.refuse(value, allowed)
+        if self.step == 1 and value != int(value):
+            raise self.refuse(value, f"a whole number in {self.low:g}..{self.high:g}")
+        return int(value) if self.step == 1 else float(value)
+
+    def words(self, value: Any) -> list[str]:
+        """Return the words of the command line."""
+        if not self.flag or (value == self.default and not self.always):
+            return []
+        return [self.flag, value if value == "auto" else f"{shortest(value)}{self.suffix}"]
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        low, high = self.slider or (self.low, self.high)
+        more = {"low": self.low, "high": self.high, "from": low, "to": high, "step": self.step, "log": self.log}
+        return {**Control.described(self), **more, "auto": self.auto, "unit": self.unit}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice(Control):
+    """One of a few values; `choices` has each with its label."""
+
+    choices: Mapping[str, str]
+
+    def parse(self, value: Any) -> Any:
+        """Check that a value is one of the choices."""
+        if not isinstance(value, str) or value not in self.choices:
+            raise self.refuse(value, f"one of {', '.join(self.choices)}")
+        return value
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {**Control.described(self), "choices": list(self.choices.items())}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch(Control):
+    """On or off."""
+
+    default: bool = False
+
+    def parse(self, value: Any) -> bool:
+        """Check that a value is true or false."""
+        if not isinstance(value, bool):
+            raise self.refuse(value, "true or false")
+        return value
+
+    def words(self, value: Any) -> list[str]:
+        """Return the option if it is on."""
+        return [self.flag] if self.flag and value else []
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Colors(Control):
+    """Colors as #rrggbb, each once; the option is repeated for each."""
+
+    default: tuple[str, ...] = ()
+    most: int = 64
+
+    def parse(self, value: Any) -> tuple[str, ...]:
+        """Check a list of colors."""
+        listed = value if isinstance(value, list) else [value]
+        for color in listed:
+            if not isinstance(color, str) or len(color) != 7 or color[0] != "#" or not _is_hexadecimal(color[1:]):
+                raise self.refuse(color, "a color as #rrggbb")
+        if len(listed) > self.most:
+            raise self.refuse(len(listed), f"at most {self.most} colors")
+        return tuple(dict.fromkeys(color.lower() for color in listed))
+
+    def words(self, value: Any) -> list[str]:
+        """Repeat the option for each color."""
+        return [word for color in value for word in (self.flag, color)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Files(Control):
+    """Files that the page has sent before, by the keys that the server gave them.
+
+    Attributes
+    ----------
+    of : {"palettes", "pictures"}
+        What they are.
+    most : int
+        How many can be chosen.
+    """
+
+    default: tuple[str, ...] = ()
+    of: str = "pictures"
+    most: int = 1
+
+    def parse(self, value: Any) -> tuple[str, ...]:
+        """Check a list of keys; whether such files are open is known elsewhere."""
+        if not isinstance(value, list) or not all(isinstance(key, str) and len(key) <= 64 for key in value):
+            raise self.refuse(value, "a list of open files")
+        if len(value) > self.most:
+            raise self.refuse(len(value), f"at most {self.most} files")
+        return tuple(value)
+
+    def words(self, value: Any) -> list[str]:
+        """Return nothing: the names of files are known elsewhere."""
+        return []
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {**Control.described(self), "of": self.of, "most": self.most}
+
+
+def _is_hexadecimal(text: str) -> bool:
+    return set(text) <= set("0123456789abcdefABCDEF")
+
+
+def parse_settings(controls: Iterable[Control], given: Any) -> Settings:
+    """Check settings that the page sent: all controls get a value."""
+    if not isinstance(given, dict):
+        raise UnfitRequestError("settings must be an object")
+    known = {control.name: control for control in controls}
+    for name in given:
+        if name not in known:
+            raise UnfitRequestError(f"there is no setting {str(name)[:40]!r}")
+    return {name: control.parse(given[name]) if name in given else control.default for name, control in known.items()}
+
+
+def active(controls: Iterable[Control], settings: Settings) -> list[Control]:
+    """Return the controls that are in effect: all that theirs depends on has the value it must have."""
+    known = {control.name: control for control in controls}
+
+    def counts(control: Control) -> bool:
+        return all(settings[name] in values and counts(known[name]) for name, values in control.when.items())
+
+    return [control for control in known.values() if counts(control)]
+
+
+def words_of(controls: Iterable[Control], settings: Settings) -> list[str]:
+    """Return the words of the command line for the controls that are in effect."""
+    return [word for control in active(controls, settings) for word in control.words(settings[control.name])]

@@ -1,0 +1,199 @@
+"""Pictures that are open on the page, and what is computed of each once."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import energy_curve, read_image
+from cvtimg._shared.choices import SpaceName
+from cvtimg.colors import ColorSamples, color_samples
+from cvtimg.colors.places import without_idle_alpha
+from cvtimg.elbow.curves import EnergyCurve
+from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.layers import Pixels, Window
+from cvtimg.pictures import image_info
+from cvtimg.pictures.known import not_missing
+from cvtimg.pictures.showing import natural_limits, shown
+
+__all__ = ["MOST_PIXELS", "Picture"]
+
+#: Largest picture; its header is checked before pixels are decoded.
+MOST_PIXELS = 1 << 27
+#: Length of the energy curve, and pixels of the picture in a small size, which searches for drafts use.
+N_CURVE = 64
+SMALL = 1 << 18
+#: Samples of windows that are kept.
+_KEPT = 4
+
+
+class Picture:
+    """A picture that is open on the page.
+
+    Attributes
+    ----------
+    key : str
+        Its name in requests.
+    name : str
+        Its name in commands.
+    path : Path
+        The file.
+    array : (H, W) or (H, W, C) array
+        As `read_image` returns it.
+    """
+
+    def __init__(self, key: str, name: str, path: Path) -> None:
+        self.key, self.name, self.path = key, name, path
+        self.header = header = image_info(path)
+        if header.frames > 1:
+            kind = "an animation" if header.format in ("GIF", "PNG", "WEBP", "AVIF") else "a file"
+            said = f"{name} is {kind} of {header.frames} images; the page shows single images"
+            raise UnfitRequestError(f"{said}. Use the command line for all of them, or save one")
+        if (n_pixels := header.width * header.height) > MOST_PIXELS:
+            raise UnfitRequestError(f"{name} has {n_pixels} pixels; the page takes up to {MOST_PIXELS}")
+        self.array = read_image(path)
+        self.n_bytes = path.stat().st_size
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[Any, Any] = OrderedDict()
+        self._curves: dict[str, threading.Event] = {}
+        self._found: dict[str, EnergyCurve] = {}
+        self._closed = False
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.array.shape[0], self.array.shape[1]
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without folder and suffix."""
+        return Path(self.name).stem
+
+    @cached_property
+    def has_alpha(self) -> bool:
+        """Whether the last channel is transparency, and some pixels are not opaque."""
+        return self.header.has_alpha and self.plain.shape[2:] == (4,)
+
+    @cached_property
+    def plain(self) -> NDArray[Any]:
+        """The array, without transparency where all pixels are opaque."""
+        declared = self.header.has_alpha and self.array.shape[2:] == (4,)
+        return without_idle_alpha(self.array) if declared else self.array
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_] | None:
+        """(H, W) pixels that have a value; None for all."""
+        known = not_missing(self.array, self.header.nodata, has_alpha=self.has_alpha)
+        return None if known.all() else known
+
+    @cached_property
+    def n_distinct(self) -> int:
+        """Number of distinct colors."""
+        return self.samples.n_colors
+
+    @cached_property
+    def samples(self) -> ColorSamples:
+        """Colors of all pixels."""
+        return self._samples_in(self.whole(MOST_PIXELS))
+
+    @cached_property
+    def small_samples(self) -> ColorSamples:
+        """Colors of the picture in a small size."""
+        return self._samples_in(self.whole(SMALL))
+
+    def whole(self, most: int) -> Window:
+        """Return the window of the whole picture with at most so many pixels."""
+        return Window.of(None, self.size, most)
+
+    def samples_in(self, window: Window) -> ColorSamples:
+        """Colors of a window; those of the last ones are kept."""
+        if window == self.whole(MOST_PIXELS):
+            return self.samples
+        samples: ColorSamples = self.kept(window, lambda: self._samples_in(window))
+        return samples
+
+    def _samples_in(self, window: Window) -> ColorSamples:
+        mask = None if self.known is None else window.of_array(self.known)
+        if mask is not None and not mask.any():
+            raise UnfitRequestError("nothing to see here: all pixels of this part are left out")
+        return color_samples(window.of_array(self.plain), alpha=self.has_alpha, mask=mask)
+
+    def kept(self, key: Any, make: Callable[[], Any]) -> Any:
+        """Return something made before, or make it; only the last few are kept."""
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        made = make()
+        with self._lock:
+            self._kept[key] = made
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+        return made
+
+    def curve(self, space: SpaceName, *, wait: bool) -> EnergyCurve | None:
+        """Return the energy curve; without `wait`, None until it is there. It is computed in the background."""
+        with self._lock:
+            first = space not in self._curves
+            ready = self._curves.setdefault(space, threading.Event())
+        if first:
+            threading.Thread(target=self._measure, args=(space, ready), daemon=True).start()
+        if wait:
+            ready.wait()
+        return self._found.get(space)
+
+    def _measure(self, space: SpaceName, ready: threading.Event) -> None:
+        try:
+            with suppress(Exception):  # who waits for the curve is told that there is none
+                self._found[space] = energy_curve(
+                    self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed
+                )
+        finally:
+            ready.set()
+
+    def close(self) -> None:
+        """End what is computed in the background."""
+        self._closed = True
+        for ready in list(self._curves.values()):
+            ready.wait()
+
+    @cached_property
+    def _limits(self) -> tuple[float, float]:
+        bands = self._bands(self.plain)
+        return natural_limits(bands if self.known is None else bands[self.known])
+
+    def _bands(self, pixels: NDArray[Any]) -> NDArray[Any]:
+        bands = pixels.reshape(*self._shape_of(pixels), -1)
+        return bands if self.has_alpha or bands.shape[-1] <= 3 else bands[..., :3]
+
+    def _shape_of(self, pixels: NDArray[Any]) -> tuple[int, ...]:
+        return pixels.shape if self.plain.ndim == 2 else pixels.shape[:-1]
+
+    def seen(self, window: Window) -> Pixels:
+        """Return the picture as it is shown."""
+        pixels = shown(self._bands(window.of_array(self.plain)), self._limits)
+        return Pixels(pixels)
+
+    def colors_seen(self, colors: NDArray[Any], *, alpha: bool) -> NDArray[np.uint8]:
+        """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
+        bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
+        if bands.shape[1] == 2:  # gray and alpha
+            bands = bands[:, [0, 0, 0, 1]]
+        rows = shown(np.ascontiguousarray(bands), self._limits)
+        rgba = np.full((len(rows), 4), 255, np.uint8)
+        rgba[:, : rows.shape[1]] = rows
+        return rgba
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page tells of the picture."""
+        height, width = self.size
+        about = {"id": self.key, "name": self.name, "width": width, "height": height, "bytes": self.n_bytes}
+        return {**about, "distinct": self.n_distinct, "exact": self.array.dtype == np.uint8}

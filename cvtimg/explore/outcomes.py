@@ -1,0 +1,138 @@
+"""Results of a tab: what the page shows of them, and the files that it offers."""
+
+from __future__ import annotations
+
+import shlex
+import tempfile
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cvtimg.explore.layers import Layer, Window
+
+__all__ = ["Outcome", "Output", "Recipe", "written_as"]
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A file that a result can be saved as.
+
+    Attributes
+    ----------
+    label : str
+        Its name on the page.
+    option : str
+        Option of the command that names it.
+    pattern : str
+        Name of the file, with ``{}`` for the name of the picture without suffix.
+    write : callable
+        Writes a result, given the result and a path.
+    python : str
+        Lines of Python that do the same; ``{}`` stands for the name of the file, in quotes.
+    """
+
+    label: str
+    option: str
+    pattern: str
+    write: Callable[[Any, Path], None]
+    python: str
+
+    @property
+    def key(self) -> str:
+        """The name of the output in addresses: option and suffix."""
+        return f"{self.option.strip('-')}{Path(self.pattern).suffix}"
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """The command and the lines of Python that give the same file as the page.
+
+    Attributes
+    ----------
+    words : sequence of str
+        Command line up to its options, without the names of the outputs.
+    python : str
+        Lines of Python up to the result.
+    before : str
+        Command to be run before, if any.
+    for_many : bool
+        Whether the command takes a folder, too.
+    """
+
+    words: Sequence[str]
+    python: str
+    before: str = ""
+    for_many: bool = True
+
+    def shown(self, output: Output, stem: str) -> dict[str, str]:
+        """Return what the page shows for a file."""
+        name = output.pattern.format(stem)
+        command = shlex.join([*self.words, output.option, safe_name(name)])
+        python = f"{self.python}\n{output.python.format(quoted(name))}"
+        shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
+        if self.for_many and output.option == "-o":
+            shown["folder"] = shlex.join([*self.words[:2], "FOLDER", *self.words[3:], "--out-dir", "OUT"])
+        return shown
+
+
+def safe_name(name: str) -> str:
+    """Return the name of a file as the command line takes it: not for an option, nor for a list of names."""
+    return f"./{name}" if name.startswith(("-", "@")) else name
+
+
+def quoted(name: str) -> str:
+    """Write a name in Python."""
+    import json
+
+    return json.dumps(name, ensure_ascii=False)
+
+
+@dataclass(slots=True, eq=False)
+class Outcome:
+    """What settings make of a picture.
+
+    Attributes
+    ----------
+    value : object
+        The result of the function; None for a draft, which gives no files.
+    layer : Layer
+        What is seen of it.
+    facts : dict
+        Numbers that the page shows.
+    outputs : sequence of Output
+        The files that it can be saved as, the main one first.
+    stem : str
+        Name of the picture without suffix.
+    drawn : Window, optional
+        The part of the picture that the layer shows; by default all of it.
+    """
+
+    value: Any
+    layer: Layer
+    facts: Mapping[str, Any]
+    outputs: Sequence[Output] = ()
+    stem: str = ""
+    drawn: Window | None = None
+    _files: dict[str, bytes] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def file(self, key: str) -> tuple[str, bytes] | None:
+        """Return name and content of an output, or None if there is no such output; made once."""
+        output = next((one for one in self.outputs if one.key == key), None)
+        if output is None:
+            return None
+        name = output.pattern.format(self.stem)
+        with self._lock:
+            if key not in self._files:
+                self._files[key] = written_as(name, lambda path: output.write(self.value, path))
+            return name, self._files[key]
+
+
+def written_as(name: str, write: Callable[[Path], None]) -> bytes:
+    """Return the bytes that `write` writes to a file of this name."""
+    with tempfile.TemporaryDirectory(prefix="cvtimg-explore-") as folder:
+        path = Path(folder, name)
+        write(path)
+        return path.read_bytes()

@@ -1,0 +1,138 @@
+"""What is open on a server: pictures, palettes and results, within limits."""
+
+from __future__ import annotations
+
+import secrets
+import tempfile
+import threading
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import read_palette
+from cvtimg._shared.messages import one_line
+from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import Outcome
+from cvtimg.explore.tabs.base import Shelf
+
+__all__ = ["MOST_BYTES", "Room"]
+
+#: Largest file that is taken.
+MOST_BYTES = 1 << 28
+_MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
+#: Pixels of all pictures together; a picture takes about 12 bytes for each.
+_MOST_PIXELS = 1 << 28
+#: Longest name that is kept.
+_LONGEST_NAME = 120
+
+T = TypeVar("T")
+
+
+class Room:
+    """Pictures, palettes and results by key; the oldest go when there are too many.
+
+    Files that a page sends lie in a folder of their own under names that the server makes up.
+    """
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="cvtimg-explore-")
+        self._pictures: OrderedDict[str, Picture] = OrderedDict()
+        self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
+        self._results: OrderedDict[str, Outcome] = OrderedDict()
+        self._lock = threading.Lock()
+        self.shelf = Shelf(self._pictures, self._palettes)
+
+    def close(self) -> None:
+        """End what is computed in the background, and remove the files that were sent."""
+        for picture in self._pictures.values():
+            picture.close()
+        self._folder.cleanup()
+
+    def open_file(self, path: Path) -> Picture:
+        """Open a picture of the command line."""
+        return self._add(str(path), path)
+
+    def open_sent(self, name: str, content: bytes) -> Picture:
+        """Open a picture that a page sent."""
+        path = self._stored(name, content)
+        try:
+            picture = self._add(_plain(name), path)
+        except Exception:
+            path.unlink()
+            raise
+        return picture
+
+    def _add(self, name: str, path: Path) -> Picture:
+        try:
+            picture = Picture(secrets.token_hex(8), name, path)
+            picture.described()  # counts the colors
+        except (OSError, ValueError, MemoryError) as error:
+            raise UnfitRequestError(f"{name}: {_reason(path, error)}") from error
+        picture.curve("rgb", wait=False)
+        with self._lock:
+            self._pictures[picture.key] = picture
+            while len(self._pictures) > 1 and not self._fits():
+                _, old = self._pictures.popitem(last=False)
+                if old.path.parent == Path(self._folder.name):
+                    old.path.unlink(missing_ok=True)
+        return picture
+
+    def _fits(self) -> bool:
+        total = sum(one.size[0] * one.size[1] for one in self._pictures.values())
+        return len(self._pictures) <= _MOST_PICTURES and total <= _MOST_PIXELS
+
+    def open_palette(self, name: str, content: bytes) -> dict[str, Any]:
+        """Open a palette that a page sent; return its key, name and colors."""
+        path = self._stored(name, content)
+        try:
+            colors = read_palette(path)
+        except (OSError, ValueError) as error:
+            raise UnfitRequestError(f"{_plain(name)}: {_reason(path, error)}") from error
+        finally:
+            path.unlink()
+        if len(colors) > 1 << 12:
+            raise UnfitRequestError(f"{_plain(name)} has {len(colors)} colors; a palette has up to {1 << 12}")
+        key = secrets.token_hex(8)
+        self._keep(self._palettes, key, (_plain(name), colors), _MOST_PALETTES)
+        return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
+
+    def keep_result(self, outcome: Outcome) -> str:
+        """Keep a result for its files; return its key."""
+        key = secrets.token_hex(8)
+        self._keep(self._results, key, outcome, _MOST_RESULTS)
+        return key
+
+    def result(self, key: str) -> Outcome | None:
+        """Return a result, or None if it is gone."""
+        return self._results.get(key)
+
+    def _keep(self, kept: OrderedDict[str, T], key: str, value: T, most: int) -> None:
+        with self._lock:
+            kept[key] = value
+            while len(kept) > most:
+                kept.popitem(last=False)
+
+    def _stored(self, name: str, content: bytes) -> Path:
+        suffix = Path(_plain(name)).suffix.lower()
+        known = suffix if suffix[1:].isalnum() and len(suffix) <= 9 else ""
+        path = Path(self._folder.name, secrets.token_hex(8) + known)
+        path.write_bytes(content)
+        return path
+
+
+def _plain(name: str) -> str:
+    """Return the name of a file without folders, and without characters that cannot be seen."""
+    last = name.replace("\\", "/").rpartition("/")[2]
+    seen = "".join(letter for letter in last if letter.isprintable()).strip(". ")
+    return seen[-_LONGEST_NAME:] or "picture"
+
+
+def _reason(path: Path, error: Exception) -> str:
+    """Return why a file cannot be used, without the name that it has here."""
+    if isinstance(error, MemoryError):
+        return "needs more memory than there is"
+    return one_line(error).replace(f"{path}: ", "").replace(str(path), "the file")

@@ -1,0 +1,102 @@
+"""Serve the page until nobody uses it any more."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import socket
+import webbrowser
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cvtimg._shared.messages import one_line
+from cvtimg.explore.guard import ENTRANCE, Pass
+
+__all__ = ["serve"]
+
+#: Minutes without a page after which the server ends.
+IDLE_MINUTES = 15.0
+_PATIENCE = 5.0  # seconds between looks at the clock
+
+
+def serve(
+    paths: Sequence[Path] = (),
+    *,
+    port: int = 0,
+    browser: bool = True,
+    idle_minutes: float = IDLE_MINUTES,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve the page on this machine, 127.0.0.1, until it is interrupted or nobody uses it any more.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Pictures to open.
+    port : int
+        Port of the server; 0 takes a free one.
+    browser : bool
+        Open the page in the browser.
+    idle_minutes : float
+        End after so many minutes without an open page.
+    say : callable
+        Told the address, which contains the token that lets a page in.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If ``cvtimg[explore]`` is not installed.
+    OSError
+        If the port is taken.
+    """
+    import uvicorn
+
+    from cvtimg.explore.app import Server
+
+    listener = _bound(port)
+    own = Pass(listener.getsockname()[1], secrets.token_urlsafe(24))
+    server = Server(own, paths)
+    address = f"http://{own.hosts[0]}{ENTRANCE}?token={own.token}"
+
+    async def run() -> None:
+        config = uvicorn.Config(
+            server.app,
+            log_level="error",
+            ws="websockets-sansio",
+            ws_per_message_deflate=False,
+            ws_max_size=1 << 20,
+            lifespan="off",
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        running = uvicorn.Server(config)
+        watch = asyncio.create_task(_end_when_idle(running, server, idle_minutes * 60))
+        say(address)
+        if browser:
+            webbrowser.open(address)
+        await running.serve(sockets=[listener])
+        watch.cancel()
+
+    try:
+        asyncio.run(run())
+    finally:
+        server.room.close()
+
+
+async def _end_when_idle(running: object, server: object, seconds: float) -> None:
+    while server.idle_seconds < seconds:  # type: ignore[attr-defined]
+        await asyncio.sleep(min(_PATIENCE, max(seconds / 4, 0.05)))
+    running.should_exit = True  # type: ignore[attr-defined]
+
+
+def _bound(port: int) -> socket.socket:
+    """Return a socket bound on this machine alone."""
+    listener = socket.socket()
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+        listener.listen()  # who reads the address may come at once
+    except OSError as error:
+        listener.close()
+        raise OSError(f"port {port}: {one_line(error)}") from error
+    return listener

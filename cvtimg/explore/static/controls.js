@@ -1,0 +1,146 @@
+// Controls, drawn as the server declares them.
+
+export const element = (name, properties = {}, ...children) => {
+	const made = Object.assign(document.createElement(name), properties);
+	made.append(...children);
+	return made;
+};
+
+const counts = (control, all, settings) =>
+	Object.entries(control.when).every(([name, values]) => values.includes(settings[name]) && counts(all.find(c => c.name === name), all, settings));
+
+export const inEffect = (controls, settings) => controls.filter(control => counts(control, controls, settings));
+
+export const defaults = controls => Object.fromEntries(controls.map(control => [control.name, control.default]));
+
+// changed(name, value, live): live while a slider moves
+export class Controls {
+	constructor(form, changed, openPalette) {
+		this.form = form;
+		this.changed = changed;
+		this.openPalette = openPalette;
+		form.addEventListener("submit", event => event.preventDefault());
+	}
+
+	// palettes: [{id, name}], pictures: [{id, name}]
+	draw(controls, settings, files) {
+		const shown = inEffect(controls, settings), key = JSON.stringify([shown.map(control => control.name), files]);
+		if (this.key !== key || this.controls !== controls) {
+			const focused = this.form.contains(document.activeElement) ? document.activeElement.id : "";
+			this.form.replaceChildren(...shown.map(control => this.made(control, files)));
+			if (focused) document.getElementById(focused)?.focus();
+		}
+		this.key = key;
+		this.controls = controls;
+		for (const control of shown) this.set[control.name](settings[control.name]);
+	}
+
+	set = {};
+
+	made(control, files) {
+		const id = `c-${control.name}`, field = element("div", {className: control.kind === "number" ? "field" : "field wrap"});
+		const row = element("div", {className: "control"}, element("label", {htmlFor: id, textContent: control.label}), field);
+		if (control.about) {
+			row.append(element("div", {className: "note", id: `${id}-note`, textContent: control.about}));
+		}
+		field.append(...this[control.kind](control, id, files));
+		const main = field.querySelector(`#${id}`);
+		if (control.about && main) main.setAttribute("aria-describedby", `${id}-note`);
+		return row;
+	}
+
+	choice(control, id) {
+		const select = element("select", {id}, ...control.choices.map(([value, label]) => new Option(label, value)));
+		select.onchange = () => this.changed(control.name, select.value, false);
+		this.set[control.name] = value => { select.value = value; };
+		return [select];
+	}
+
+	switch(control, id) {
+		const box = element("input", {id, type: "checkbox"});
+		box.onchange = () => this.changed(control.name, box.checked, false);
+		this.set[control.name] = value => { box.checked = value; };
+		return [box];
+	}
+
+	number(control, id) {
+		const {from, to, step, log} = control, places = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
+		const toSlider = value => log ? Math.round(1000 * Math.log(value / from) / Math.log(to / from)) : value;
+		const rounded = value => Number((Math.round(value / step) * step).toFixed(places));
+		const fromSlider = value => log ? rounded(from * (to / from) ** (value / 1000)) : rounded(Number(value));
+		const slider = element("input", {id, type: "range", min: log ? 0 : from, max: log ? 1000 : to, step: log ? 1 : step});
+		const typed = element("input", {type: "number", min: control.low, max: control.high, step: "any", ariaLabel: `${control.label}, typed`});
+		const parts = [slider, typed];
+		slider.oninput = () => this.changed(control.name, fromSlider(slider.value), true);
+		slider.onchange = () => this.changed(control.name, fromSlider(slider.value), false);
+		if (log) { // a key moves to the next number, however near it is
+			slider.onkeydown = event => {
+				const by = {ArrowLeft: -step, ArrowDown: -step, ArrowRight: step, ArrowUp: step}[event.key];
+				if (!by) return;
+				event.preventDefault();
+				const now = Number(typed.value) || control.default;
+				this.changed(control.name, Math.min(control.high, Math.max(control.low, rounded(now + by))), true);
+			};
+			slider.onkeyup = event => { if (event.key.startsWith("Arrow")) this.changed(control.name, Number(typed.value), false); };
+		}
+		typed.onchange = () => {
+			const value = rounded(Number(typed.value));
+			if (typed.value === "" || !Number.isFinite(value)) return this.set[control.name](this.last?.[control.name] ?? control.default);
+			this.changed(control.name, Math.min(control.high, Math.max(control.low, value)), false);
+		};
+		if (control.unit) parts.push(element("span", {textContent: control.unit}));
+		let auto = null;
+		if (control.auto) {
+			auto = element("input", {type: "checkbox", ariaLabel: `${control.label}: auto`});
+			auto.onchange = () => this.changed(control.name, auto.checked ? "auto" : fromSlider(slider.value), false);
+			parts.push(element("label", {}, auto, "auto"));
+		}
+		this.set[control.name] = value => {
+			const isAuto = value === "auto";
+			if (auto) auto.checked = isAuto;
+			slider.disabled = typed.disabled = isAuto;
+			if (isAuto) { typed.value = ""; return; }
+			const place = toSlider(Math.max(value, log ? from / 1e3 : value));
+			if (!log || fromSlider(slider.value) !== value) slider.value = place;
+			slider.ariaValueText = `${value}${control.unit ? " " + control.unit : ""}`;
+			typed.value = value;
+		};
+		return parts;
+	}
+
+	colors(control, id) {
+		const list = element("span", {className: "field wrap"});
+		const chooser = element("input", {id, type: "color", value: "#ffffff"});
+		const add = element("button", {type: "button", textContent: "Lock this color"});
+		let now = [];
+		add.onclick = () => this.changed(control.name, [...new Set([...now, chooser.value])], false);
+		this.set[control.name] = value => {
+			now = value;
+			list.replaceChildren(...value.map(color => {
+				const chip = element("button", {type: "button", className: "chip", title: "Unlock", ariaLabel: `Unlock ${color}`}, element("i"), `${color} ×`);
+				chip.firstChild.style.background = color;
+				chip.onclick = () => this.changed(control.name, now.filter(one => one !== color), false);
+				return chip;
+			}));
+		};
+		return [chooser, add, list];
+	}
+
+	files(control, id, files) {
+		if (control.of === "palettes") {
+			const select = element("select", {id}, new Option(files.palettes.length ? "choose…" : "none open", ""), ...files.palettes.map(one => new Option(one.name, one.id)));
+			const file = element("input", {type: "file", ariaLabel: "Open a palette file"});
+			file.onchange = () => { if (file.files[0]) this.openPalette(file.files[0]); file.value = ""; };
+			select.onchange = () => this.changed(control.name, select.value ? [select.value] : [], false);
+			this.set[control.name] = value => { select.value = value[0] ?? ""; };
+			return [select, element("label", {className: "button"}, "Open a palette…", file)];
+		}
+		const boxes = files.pictures.map((one, index) => {
+			const box = element("input", {type: "checkbox", value: one.id, ...(index ? {} : {id})});
+			box.onchange = () => this.changed(control.name, boxes.filter(b => b.checked).map(b => b.value), false);
+			return box;
+		});
+		this.set[control.name] = value => { for (const box of boxes) box.checked = value.includes(box.value); };
+		return boxes.map((box, index) => element("label", {}, box, files.pictures[index].name));
+	}
+}

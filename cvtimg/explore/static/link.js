@@ -1,0 +1,58 @@
+// The socket to the server: requests carry numbers, and replies to requests that are no longer wanted are dropped.
+// Three lanes: "draft" while a control moves, "exact" when it rests, "before" for the picture itself.
+
+export class Link {
+	constructor(receive, lost) {
+		this.receive = receive;
+		this.lost = lost;
+		this.seq = 0;
+		this.newest = 0; // number of the newest draft or result asked for
+		this.sent = new Map();
+		this.socket = new WebSocket(`ws://${location.host}/live`);
+		this.socket.binaryType = "arraybuffer";
+		this.ready = new Promise(done => { this.socket.onopen = done; });
+		this.socket.onmessage = event => this.take(event.data);
+		this.socket.onclose = () => this.lost();
+	}
+
+	async ask(lane, request, about = {}) {
+		const seq = ++this.seq;
+		if (lane !== "before") this.newest = seq;
+		this.sent.set(seq, {lane, request, ...about});
+		for (const old of this.sent.keys()) if (old < seq - 300) this.sent.delete(old);
+		if (this.socket.readyState !== WebSocket.OPEN) await this.ready;
+		this.socket.send(JSON.stringify({seq, lane, ...request}));
+		return seq;
+	}
+
+	take(data) {
+		const reply = typeof data === "string" ? JSON.parse(data) : unpacked(data);
+		const asked = this.sent.get(reply.seq);
+		if (!asked) { if (reply.error) this.receive(reply, {}); return; }
+		// A result is wanted only for the settings that are shown; of drafts the newest so far.
+		if (asked.lane === "exact" && reply.seq !== this.newest) return;
+		if (asked.lane === "draft" && reply.seq < (this.lastShown || 0)) return;
+		if (asked.lane !== "before" && !reply.error) this.lastShown = reply.seq;
+		this.receive(reply, asked);
+	}
+}
+
+// u32 number | u32 length | JSON | palette (RGBA), indices; or pixels (RGBA); or SVG
+function unpacked(buffer) {
+	const view = new DataView(buffer), seq = view.getUint32(0, true), length = view.getUint32(4, true);
+	const reply = {seq, ...JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)))};
+	const start = 8 + length;
+	if (reply.kind === "indexed") {
+		reply.palette = new Uint32Array(buffer, start, reply.colors);
+		const Kind = {1: Uint8Array, 2: Uint16Array, 4: Uint32Array}[reply.size];
+		reply.indices = new Kind(buffer, start + 4 * reply.colors, reply.width * reply.height);
+	} else if (reply.kind === "pixels") reply.pixels = new Uint8ClampedArray(buffer, start);
+	else if (reply.kind === "svg") reply.svg = new Blob([new Uint8Array(buffer, start)], {type: "image/svg+xml"});
+	return reply;
+}
+
+export async function send(address, body) {
+	const answer = await fetch(address, {method: "POST", body});
+	if (!answer.ok) throw new Error(await answer.text());
+	return answer.json();
+}

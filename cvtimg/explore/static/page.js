@@ -1,0 +1,419 @@
+// The page: what is open, what is chosen, and what is shown of it.
+
+import {Controls, defaults, element} from "/controls.js";
+import {Curve} from "/curve.js";
+import {Link, send} from "/link.js";
+import {Shades, hex} from "/shades.js";
+import {Viewer} from "/viewer.js";
+
+const $ = id => document.getElementById(id);
+const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
+const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
+
+const state = {tabs: [], tab: "colors", settings: {}, picture: null, pictures: [], palettes: [], spot: -1};
+let past = [], future = [], last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, frame = 0;
+
+const viewer = new Viewer({moved, picked});
+const controls = new Controls($("controls"), change, file => openPalette(file));
+const shades = new Shades(index => { state.spot = index; repaint(); drawShades(); }, toggleLock);
+const curve = new Curve($("curve"), (k, live) => change("k", k, live, {aim: "k"}));
+const link = new Link(receive, () => problem("The server has ended. Start it again and open the new address."));
+const tab = () => state.tabs.find(one => one.name === state.tab);
+const settings = () => state.settings[state.tab];
+
+// Choosing
+
+function change(name, value, live, more = {}) {
+	const now = performance.now();
+	if (!change.live) remember();
+	change.live = live;
+	state.settings[state.tab] = {...settings(), ...more, [name]: value};
+	if (name !== "seen") state.spot = shades.spot = -1;
+	if (name === "space" && state.tab === "colors") measure();
+	drawControls();
+	want(now, live ? REST : AT_ONCE);
+}
+
+function remember() {
+	const now = JSON.stringify({tab: state.tab, settings: state.settings});
+	if (past.at(-1) === now) return;
+	past.push(now);
+	if (past.length > 100) past.shift();
+	future = [];
+	$("undo").disabled = false;
+	$("redo").disabled = true;
+}
+
+function travel(from, to) {
+	if (!from.length) return;
+	to.push(JSON.stringify({tab: state.tab, settings: state.settings}));
+	const then = JSON.parse(from.pop()), moved = then.tab !== state.tab;
+	state.settings = then.settings;
+	$("undo").disabled = !past.length;
+	$("redo").disabled = !future.length;
+	if (moved) showTab(then.tab); else { drawControls(); want(performance.now(), AT_ONCE); }
+}
+
+function toggleLock(color) {
+	if (!("locked" in settings())) return;
+	const locked = settings().locked;
+	const aim = settings().aim === "palette" ? {aim: "k"} : {};
+	change("locked", locked.includes(color) ? locked.filter(one => one !== color) : [...locked, color], false, aim);
+}
+
+// Asking
+
+const asked = () => ({picture: state.picture.id, tab: state.tab, settings: settings(), view: viewer.visible()});
+
+function want(t0 = performance.now(), rest = AT_ONCE) {
+	if (!state.picture) return;
+	clearTimeout(timer);
+	result = "";
+	$("download").ariaDisabled = "true";
+	$("download").removeAttribute("href");
+	want.t0 ??= t0;
+	want.rest = rest;
+	if (!frame) frame = requestAnimationFrame(() => { // at most one draft a frame
+		frame = 0;
+		link.ask("draft", asked(), {t0: want.t0, tab: state.tab});
+		want.t0 = null;
+		timer = setTimeout(wantExact, want.rest, t0);
+	});
+}
+
+function wantExact(t0) {
+	clearTimeout(timer);
+	started = performance.now();
+	working();
+	link.ask("exact", asked(), {t0: t0 ?? started, tab: state.tab});
+}
+
+function working() {
+	clearInterval(working.timer);
+	working.timer = setInterval(() => {
+		if (!started) return clearInterval(working.timer);
+		const seconds = (performance.now() - started) / 1000;
+		if (seconds > .6) $("facts").textContent = `working… ${seconds.toFixed(1)} s`;
+	}, 200);
+}
+
+function moved() { // finer pixels of what is now in sight
+	clearTimeout(moved.timer);
+	moved.timer = setTimeout(() => {
+		if (!state.picture || !before) return;
+		if (before.window[4] > 1) link.ask("before", {picture: state.picture.id, view: viewer.visible()}, {main: true});
+		if (last?.window?.[4] > 1 && result) wantExact();
+	}, 150);
+}
+
+function receive(reply, about) {
+	if (reply.error !== undefined) {
+		if (reply.error) { problem(reply.error); if (about.lane === "exact") { started = 0; facts(); } }
+		return;
+	}
+	if (about.lane === "before") return receivePicture(reply, about);
+	if (about.tab !== state.tab) return;
+	if (reply.bytes !== undefined) { started = 0; facts(reply.bytes); return; }
+	problem("");
+	recipes(reply.recipes);
+	if (reply.none) return;
+	last = reply;
+	result = about.lane === "exact" ? reply.result : "";
+	$("stage").classList.toggle("old", about.lane === "draft");
+	const drawn = repaint();
+	drawShades();
+	if (result) { started = 0; offer(); }
+	facts();
+	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
+		const painted = new MessageChannel();
+		painted.port1.onmessage = () => document.dispatchEvent(new CustomEvent("shown", {detail: {lane: about.lane, seq: reply.seq, ms: performance.now() - about.t0, k: reply.facts.k, settings: about.request.settings}}));
+		painted.port2.postMessage(0);
+	}));
+}
+
+function receivePicture(reply, about) {
+	if (about.main && reply.picture === state.picture?.id) {
+		before = reply;
+		if (about.resolve) about.resolve();
+		if ($("against").value === "original") showLeft();
+		if (last && !viewer.right.under.hidden) repaint();
+	} else if (!about.main) { other = reply; if ($("against").value === reply.picture) showLeft(); }
+}
+
+// Showing
+
+function look() {
+	const fill = $("fill").value;
+	return last?.facts.labels ? {spot: state.spot, fill: fill !== "lines" || state.spot >= 0, lines: fill !== "fill"} : {spot: state.spot};
+}
+
+function repaint() {
+	if (!last) return;
+	const drawn = viewer.right.show(last, state.picture, look(), before);
+	$("rightname").textContent = tab().title + (kept && $("against").value === "A" ? " (B)" : "");
+	return drawn;
+}
+
+function showLeft() {
+	const against = $("against").value, size = state.picture;
+	if (against === "A" && kept) { viewer.left.show(kept.last, size, kept.look, before); $("leftname").textContent = `A: ${kept.name}`; }
+	else if (against !== "original" && other?.picture === against) { viewer.left.show(stretched(other, size), size); $("leftname").textContent = state.pictures.find(one => one.id === against)?.name; }
+	else if (before) { viewer.left.show(before, size); $("leftname").textContent = "Original"; }
+}
+
+// Another picture is shown in the size of this one.
+function stretched(reply, size) {
+	const step = size.width / reply.width;
+	return {...reply, window: [0, 0, size.width, size.height, step]};
+}
+
+function drawControls() {
+	const files = {palettes: state.palettes.map(({id, name}) => ({id, name})), pictures: sameSize().map(({id, name}) => ({id, name}))};
+	controls.draw(tab().controls, settings(), files);
+	if (state.tab === "colors") curve.mark(settings().aim === "k" || !last ? settings().k : last.facts.k);
+}
+
+const sameSize = () => state.pictures.filter(one => !state.picture || (one.width === state.picture.width && one.height === state.picture.height));
+
+function drawShades() {
+	const has = last?.kind === "indexed" && (state.tab === "colors" || state.tab === "segments");
+	$("shades").hidden = !has;
+	if (has) shades.draw(last, settings().locked ?? []);
+	if (state.tab === "colors" && last) curve.mark(last.facts.k);
+}
+
+function facts(bytes) {
+	if (!state.picture || !last) return;
+	const {width, height, distinct} = state.picture, f = last.facts, parts = [`${width} × ${height}`];
+	const draft = result ? "" : "≈ ";
+	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
+	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segments`);
+	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
+	$("note").textContent = f.about ?? "";
+	if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}`);
+	$("facts").textContent = parts.join(" · ");
+}
+
+const size = bytes => bytes < 1e6 ? `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+
+function problem(text) { $("problem").textContent = text; $("problem").hidden = !text; }
+
+function recipes(list) {
+	const select = $("output"), chosen = recipes.tab === state.tab ? select.value : "";
+	recipes.tab = state.tab;
+	recipes.list = list;
+	if ([...select.options].map(one => one.value).join() !== list.map(one => one.key).join()) {
+		select.replaceChildren(...list.map(one => new Option(one.label, one.key)));
+	}
+	select.value = list.some(one => one.key === chosen) ? chosen : list[0].key;
+	$("recipe").hidden = false;
+	showRecipe();
+}
+
+function showRecipe() {
+	const one = recipes.list.find(recipe => recipe.key === $("output").value);
+	for (const name of ["command", "python", "folder"]) $(name).textContent = one[name] ?? "";
+	$("many").hidden = !one.folder;
+	if (result) offer();
+}
+
+function offer() {
+	const one = recipes.list.find(recipe => recipe.key === $("output").value);
+	$("download").href = `/file/${result}/${one.key}`;
+	$("download").download = one.file;
+	$("download").ariaDisabled = "false";
+}
+
+function showTab(name) {
+	state.tab = name;
+	state.spot = shades.spot = -1;
+	last = null;
+	result = "";
+	for (const button of $("tabs").children) {
+		const on = button.dataset.tab === name;
+		button.ariaSelected = on;
+		button.tabIndex = on ? 0 : -1;
+	}
+	$("panel").setAttribute("aria-labelledby", `tab-${name}`);
+	$("about").textContent = tab().about;
+	$("energy").hidden = name !== "colors" || !state.picture;
+	$("shades").hidden = $("recipe").hidden = true;
+	$("note").textContent = "";
+	problem("");
+	if (name === "restore" && !settings().versions.length) state.settings.restore = {...settings(), versions: sameSize().map(one => one.id)};
+	if (viewer.picking && name !== "colors") pick(false);
+	drawControls();
+	viewer.right.clear();
+	want();
+}
+
+// Opening
+
+async function open(files) {
+	for (const file of files) {
+		if (PALETTE.test(file.name)) { await openPalette(file); continue; }
+		$("facts").textContent = `reading ${file.name}…`;
+		try { added(await send(`/picture?name=${encodeURIComponent(file.name || "pasted.png")}`, file)); } catch (error) { problem(error.message); facts(); }
+	}
+}
+
+async function openPalette(file) {
+	try {
+		const palette = await send(`/palette?name=${encodeURIComponent(file.name)}`, file);
+		state.palettes.push(palette);
+		if (state.tab !== "colors") showTab("colors");
+		change("palette", [palette.id], false, {aim: "palette"});
+	} catch (error) { problem(error.message); }
+}
+
+function added(picture) {
+	state.pictures.push(picture);
+	const restoring = state.tab === "restore";
+	if (restoring && sameSize().includes(picture)) state.settings.restore = {...settings(), versions: [...settings().versions, picture.id]};
+	$("pictures").append(new Option(picture.name, picture.id));
+	$("pictures").hidden = false;
+	$("against").append(new Option(picture.name, picture.id));
+	if (!restoring || !state.picture) show(picture); else { drawControls(); want(); }
+}
+
+function show(picture) {
+	const resized = !state.picture || picture.width !== state.picture.width || picture.height !== state.picture.height;
+	state.picture = picture;
+	$("pictures").value = picture.id;
+	viewer.size = picture;
+	viewer.left.clear();
+	viewer.right.clear();
+	$("stage").classList.remove("empty");
+	last = before = other = kept = null;
+	$("against").querySelector("[value=A]")?.remove();
+	$("against").value = "original";
+	$("swap").disabled = true;
+	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
+	if (resized) viewer.fit(); else viewer.place();
+	link.ask("before", {picture: picture.id, view: viewer.visible()}, {main: true});
+	showTab(state.tab);
+	measure();
+}
+
+async function measure() {
+	const {id} = state.picture, space = state.settings.colors.space;
+	curve.set(null);
+	const answer = await fetch(`/curve/${id}/${space}`);
+	if (state.picture.id !== id || state.settings.colors.space !== space) return;
+	if (answer.ok) { curve.set(await answer.json()); drawControls(); document.dispatchEvent(new CustomEvent("curve")); }
+}
+
+// A and B
+
+function keepA() {
+	if (!last || !result) return;
+	kept = {last, look: look(), result, tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
+	if (!$("against").querySelector("[value=A]")) $("against").options[0].after(new Option("A", "A"));
+	$("against").value = "A";
+	$("swap").disabled = false;
+	showLeft();
+	repaint();
+}
+
+function swapA() {
+	if (!kept || !last) return;
+	const then = kept;
+	remember();
+	kept = {last, look: look(), tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
+	state.settings = JSON.parse(then.settings);
+	showTab(then.tab);
+	showLeft();
+}
+
+// Colors picked in the picture
+
+function pick(on) {
+	viewer.picking = on;
+	$("pick").ariaPressed = on;
+	if (on) $("stage").focus();
+}
+
+async function picked({x, y}) {
+	const has = () => before.window[4] === 1 && x >= before.window[0] && x < before.window[2] && y >= before.window[1] && y < before.window[3];
+	if (!has()) await new Promise(resolve => link.ask("before", {picture: state.picture.id, view: [x, y, x + 1, y + 1]}, {main: true, resolve}));
+	if (!has()) return;
+	const [left, top] = before.window, at = 4 * ((y - top) * before.width + x - left), p = before.pixels;
+	toggleLock(hex(p[at] | p[at + 1] << 8 | p[at + 2] << 16));
+}
+
+// Listening
+
+$("open").onchange = event => { open([...event.target.files]); event.target.value = ""; };
+$("pictures").onchange = event => show(state.pictures.find(one => one.id === event.target.value));
+$("against").onchange = event => {
+	const id = event.target.value;
+	if (id !== "original" && id !== "A") link.ask("before", {picture: id, view: null});
+	showLeft();
+	repaint();
+};
+$("undo").onclick = () => travel(past, future);
+$("redo").onclick = () => travel(future, past);
+$("keep").onclick = keepA;
+$("swap").onclick = swapA;
+$("pick").onclick = () => pick(!viewer.picking);
+$("fill").onchange = repaint;
+$("output").onchange = showRecipe;
+$("help").onclick = () => $("keys").showModal();
+for (const button of document.querySelectorAll("[data-copy]")) {
+	button.onclick = async () => { await navigator.clipboard.writeText($(button.dataset.copy).textContent); button.textContent = "Copied"; };
+	button.onblur = () => { button.textContent = "Copy"; };
+}
+addEventListener("dragover", event => { event.preventDefault(); $("stage").classList.add("over"); });
+addEventListener("dragleave", () => $("stage").classList.remove("over"));
+addEventListener("drop", event => { event.preventDefault(); $("stage").classList.remove("over"); open([...event.dataTransfer.files]); });
+addEventListener("paste", event => { const files = [...event.clipboardData.files]; if (files.length) open(files); });
+
+const KEYS = {
+	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
+	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => state.tab === "colors" && pick(!viewer.picking),
+	v: () => { const modes = ["divider", "beside", "result"]; viewer.mode = modes[(modes.indexOf(viewer.mode) + 1) % 3]; },
+	"?": () => $("keys").showModal(), Escape: () => pick(false),
+};
+addEventListener("keydown", event => {
+	const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+	if (event.ctrlKey || event.metaKey) {
+		const act = {z: () => event.shiftKey ? travel(future, past) : travel(past, future), y: () => travel(future, past), o: () => $("open").click(), s: () => result && $("download").click()}[key];
+		if (!act || (key === "z" && event.target.matches("input[type=number]"))) return;
+		event.preventDefault();
+		return act();
+	}
+	if (event.altKey || $("keys").open || event.target.matches("input:not([type=range], [type=checkbox]), select, textarea")) return;
+	if (key === "b" && state.picture && !viewer.peek) { viewer.peek = true; viewer.place(); return; }
+	if (KEYS[key] && state.picture || key === "?") { event.preventDefault(); KEYS[key](); }
+});
+addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && viewer.peek) { viewer.peek = false; viewer.place(); } });
+
+async function start() {
+	const about = await (await fetch("/about")).json();
+	state.tabs = about.tabs;
+	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
+	for (const one of about.tabs) {
+		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);
+		button.dataset.tab = one.name;
+		button.setAttribute("aria-controls", "panel");
+		button.onclick = () => { remember(); showTab(one.name); };
+		$("tabs").append(button);
+	}
+	$("tabs").addEventListener("keydown", event => {
+		const by = {ArrowLeft: -1, ArrowRight: 1}[event.key], list = [...$("tabs").children];
+		if (!by) return;
+		event.preventDefault();
+		event.stopPropagation();
+		const next = list[(list.findIndex(one => one.dataset.tab === state.tab) + by + list.length) % list.length];
+		next.click();
+		next.focus();
+	});
+	showTab("colors");
+	for (let number = 0; number < about.given.length; number++) {
+		$("facts").textContent = `reading ${about.given[number]}…`;
+		try { added(await send(`/given/${number}`)); } catch (error) { problem(error.message); }
+	}
+	document.body.dataset.ready = "true";
+}
+
+start();

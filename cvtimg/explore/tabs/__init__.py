@@ -1,0 +1,16 @@
+"""Tabs of the page: each declares its controls, and makes a result of their settings."""
+
+from cvtimg.explore.tabs.base import Tab
+from cvtimg.explore.tabs.colors_tab import ColorsTab
+from cvtimg.explore.tabs.mesh_tab import MeshTab
+from cvtimg.explore.tabs.mosaic_tab import MosaicTab
+from cvtimg.explore.tabs.restore_tab import RestoreTab
+from cvtimg.explore.tabs.segments_tab import SegmentsTab
+from cvtimg.explore.tabs.stipple_tab import StippleTab
+
+__all__ = ["TABS"]
+
+#: All tabs by name, in the order of the page.
+TABS: dict[str, Tab] = {
+    tab.name: tab for tab in (ColorsTab(), SegmentsTab(), StippleTab(), MosaicTab(), RestoreTab(), MeshTab())
+}

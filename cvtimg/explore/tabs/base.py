@@ -1,0 +1,142 @@
+"""What a tab of the page is: its controls, and a function from settings to a result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.explore.controls import Control, Settings, UnfitRequestError, active, words_of
+from cvtimg.explore.layers import Window
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
+
+__all__ = ["SPACES", "Ask", "Shelf", "Tab", "choices", "reading"]
+
+#: Color spaces, with their labels.
+SPACES = {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}
+EFFORTS = {"fast": "fast", "balanced": "balanced", "best": "best"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shelf:
+    """What is open beside the picture itself: other pictures, and palettes by their names."""
+
+    pictures: Mapping[str, Picture]
+    palettes: Mapping[str, tuple[str, NDArray[np.uint8]]]
+
+    def picture(self, key: str) -> Picture:
+        """Return an open picture."""
+        if key not in self.pictures:
+            raise UnfitRequestError("this picture is no longer open; open it again")
+        return self.pictures[key]
+
+    def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
+        """Return the name and the colors of the palette that was chosen."""
+        if not keys:
+            raise UnfitRequestError("open a palette file first")
+        if keys[0] not in self.palettes:
+            raise UnfitRequestError("this palette is no longer open; open it again")
+        return self.palettes[keys[0]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ask:
+    """What a tab is asked for.
+
+    Attributes
+    ----------
+    picture : Picture
+        The picture that is shown.
+    settings : dict
+        Values of all controls of the tab.
+    shelf : Shelf
+        What else is open.
+    window : Window
+        The part that a draft has to show.
+    watch : callable
+        Called now and then with two numbers; it raises an exception when the result is not wanted any more.
+    """
+
+    picture: Picture
+    settings: Settings
+    shelf: Shelf
+    window: Window
+    watch: Callable[[int, float], bool]
+
+
+class Tab:
+    """A tab of the page.
+
+    Attributes
+    ----------
+    name, title, about : str
+        Its name in requests and on the page, and a line that says what it is for.
+    verb : str
+        The command.
+    controls : tuple of Control
+        What can be chosen.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    about: ClassVar[str]
+    verb: ClassVar[str]
+    controls: ClassVar[tuple[Control, ...]]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python that make the result."""
+        raise NotImplementedError
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the files that the result can be saved as, the main one first."""
+        raise NotImplementedError
+
+    def draft(self, ask: Ask) -> Outcome | None:
+        """Return what can be shown at once; None if nothing can."""
+        return None
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Return the result."""
+        raise NotImplementedError
+
+    def words(self, ask: Ask, *more: str) -> list[str]:
+        """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
+        return ["cvtimg", self.verb, safe_name(ask.picture.name), *more, *words_of(self.controls, ask.settings)]
+
+    def keywords(self, settings: Settings) -> dict[str, Any]:
+        """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
+        counted = [control for control in active(self.controls, settings) if control.keyword]
+        return {one.keyword: settings[one.name] for one in counted if settings[one.name] != one.default}
+
+    def in_effect(self, settings: Settings) -> set[str]:
+        """Return the names of the controls that are in effect."""
+        return {control.name for control in active(self.controls, settings)}
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the tab."""
+        about = {"name": self.name, "title": self.title, "about": self.about}
+        return {**about, "controls": [control.described() for control in self.controls]}
+
+
+def choices(*names: str, **labels: str) -> dict[str, str]:
+    """Return choices that are called as they are named, but for those with a label."""
+    return {name: labels.get(name.replace("-", "_"), name) for name in names}
+
+
+def reading(picture: Picture) -> str:
+    """Write in Python that the picture is read."""
+    return f"import cvtimg\n\nimage = cvtimg.read_image({quoted(picture.name)})"
+
+
+def saved(result: Any, path: Path) -> None:
+    """Save a result that can save itself."""
+    result.save(path)
+
+
+#: The lines of Python that do the same.
+SAVED = "result.save({})"

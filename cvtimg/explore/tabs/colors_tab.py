@@ -1,0 +1,311 @@
+"""Colors: the picture in the palette that represents it with the least error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg import find_palette, quantize, write_palette
+from cvtimg.colors import to_depth
+from cvtimg.colors.places import from_places
+from cvtimg.elbow.rules import TargetMissedError
+from cvtimg.explore.calls import Call, Named
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Settings
+from cvtimg.explore.layers import Indexed
+from cvtimg.explore.opened import N_CURVE, Picture
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
+from cvtimg.explore.tabs.base import EFFORTS, SAVED, SPACES, Ask, Tab, choices, reading, saved
+from cvtimg.pictures import encode_image
+from cvtimg.quantization import DITHERS, Quantized, map_to_palette
+from cvtimg.quantization.dithering import STRENGTH
+from cvtimg.quantization.own_palettes import own_palette
+
+#: Formats of palettes that are offered, with their labels.
+_PALETTES = {
+    ".gpl": "Palette for GIMP, Inkscape, Krita",
+    ".css": "Palette as CSS variables",
+    ".ase": "Palette for Adobe (.ase)",
+    ".json": "Palette as JSON, with shares",
+    ".hex": "Palette as a list (.hex)",
+}
+_SEARCHED = ("k", "auto", "psnr", "max_bytes")
+_KILO = 1000
+_SIZE = """
+def size(result):
+    pixels, palette = result.content
+    return len(cvtimg.pictures.encode_image("{}", pixels, palette=palette))
+
+"""
+
+
+class ColorsTab(Tab):
+    """Quantization."""
+
+    name = "colors"
+    title = "Colors"
+    about = "Reduce the picture to few colors, with the least error."
+    verb = "quantize"
+    controls: ClassVar[tuple[Control, ...]] = (
+        Choice(
+            name="aim",
+            label="Choose by",
+            default="k",
+            choices={
+                "k": "number of colors",
+                "auto": "elbow of the energy",
+                "psnr": "quality",
+                "max_bytes": "size of the file",
+                "palette": "given palette",
+            },
+        ),
+        Number(
+            name="k",
+            label="Colors",
+            default=16,
+            low=1,
+            high=65536,
+            slider=(2, 256),
+            log=True,
+            when={"aim": ["k"]},
+        ),
+        Number(
+            name="psnr",
+            label="Quality at least",
+            default=35.0,
+            low=0,
+            high=100,
+            slider=(20, 50),
+            step=0.5,
+            unit="dB",
+            flag="--psnr",
+            keyword="psnr",
+            always=True,
+            when={"aim": ["psnr"]},
+        ),
+        Number(
+            name="max_bytes",
+            label="File at most",
+            default=100,
+            low=1,
+            high=10**6,
+            slider=(4, 4000),
+            log=True,
+            unit="kB",
+            suffix="kB",
+            flag="--max-bytes",
+            always=True,
+            when={"aim": ["max_bytes"]},
+        ),
+        Files(
+            name="palette",
+            label="Palette file",
+            of="palettes",
+            when={"aim": ["palette"]},
+            about="A .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
+        ),
+        Choice(
+            name="space",
+            label="Color space",
+            default="rgb",
+            choices=SPACES,
+            flag="--space",
+            keyword="space",
+            about="Where distances between colors are measured.",
+        ),
+        Choice(name="dither", label="Dither", default="none", choices=choices("none", *DITHERS), flag="--dither"),
+        Number(
+            name="strength",
+            label="Dither strength",
+            default=STRENGTH,
+            low=0,
+            high=1,
+            step=0.05,
+            when={"dither": list(DITHERS)},
+        ),
+        Colors(
+            name="locked",
+            label="Locked colors",
+            flag="--lock",
+            when={"aim": list(_SEARCHED)},
+            about="Kept in the palette as they are. Pick them in the picture, or lock colors of the palette.",
+        ),
+        Choice(
+            name="effort",
+            label="Effort",
+            default="balanced",
+            choices=EFFORTS,
+            flag="--effort",
+            keyword="effort",
+            when={"aim": list(_SEARCHED)},
+        ),
+    )
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the picture, as PNG where that holds its samples, and its palette in several formats."""
+        suffix = _suffix(ask.picture)
+        image = Output(f"Picture, {suffix[1:].upper()}", "-o", "{}-quantized" + suffix, saved, SAVED)
+        return [image, *(_palette_output(end, label) for end, label in _PALETTES.items())]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python."""
+        settings, picture = ask.settings, ask.picture
+        call = self._call(ask)
+        known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
+        size = _SIZE.format(_suffix(picture)) if settings["aim"] == "max_bytes" else ""
+        words = {"k": ["-k", str(settings["k"])], "auto": ["-k", "auto"]}.get(settings["aim"], [])
+        if settings["aim"] == "palette":
+            words = ["--palette", ask.shelf.palette(settings["palette"])[0]]
+        if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
+            words += ["--dither-strength", f"{settings['strength']:g}"]
+        start = reading(picture) + known.format(picture.header.nodata)
+        return Recipe(self.words(ask, *words), f"{start}\n{size}result = {call.text()}")
+
+    def _call(self, ask: Ask) -> Call:
+        settings, picture = ask.settings, ask.picture
+        keywords = self._mapping(settings)
+        if picture.header.nodata is not None and picture.known is not None:
+            keywords["mask"] = Named("known", picture.known)
+        dtype = picture.array.dtype
+        if settings["aim"] == "palette":
+            name, colors = ask.shelf.palette(settings["palette"])
+            text = f"cvtimg.read_palette({quoted(name)})"
+            if dtype != np.uint8:
+                text = f"cvtimg.colors.to_depth({text}, image.dtype)"
+            return Call("quantize", (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
+        if settings["locked"]:
+            keywords["locked"] = to_depth(_rgb(settings["locked"]), dtype)
+        if settings["effort"] != "balanced":
+            keywords["effort"] = settings["effort"]
+        if settings["aim"] == "psnr":
+            return Call("quantize", (), {"psnr": settings["psnr"], **keywords})
+        if settings["aim"] == "max_bytes":
+            size = Named("size", partial(_file_size, suffix=_suffix(picture)))
+            return Call("quantization.quantize_to_size", (settings["max_bytes"] * _KILO, size), keywords)
+        n_colors = settings["k"] if settings["aim"] == "k" else "auto"
+        if not settings["locked"] and (own := _own(picture, n_colors)) is not None:
+            keywords.pop("effort", None)
+            text = f"cvtimg.read_palette({quoted(picture.name)})"
+            return Call("quantize", (), {"palette": Named(text, own), **keywords})
+        return Call("quantize", (n_colors,), keywords)
+
+    def _mapping(self, settings: Settings) -> dict[str, Any]:
+        """Return how pixels get their colors."""
+        keywords = {} if settings["space"] == "rgb" else {"space": settings["space"]}
+        if settings["dither"] != "none":
+            keywords["dither"] = settings["dither"]
+            if settings["strength"] != _usual_strength(settings):
+                keywords["dither_strength"] = settings["strength"]
+        return keywords
+
+    def draft(self, ask: Ask) -> Outcome | None:
+        """Map the window to a palette that is at hand, or quickly found."""
+        settings, picture = ask.settings, ask.picture
+        palette = self._quick_palette(ask)
+        if palette is None:
+            return None
+        dither = None if settings["dither"] == "none" else settings["dither"]
+        result = map_to_palette(
+            picture.samples_in(ask.window),
+            palette,
+            space=settings["space"],
+            dither=dither,
+            dither_strength=settings["strength"] if dither else 1.0,
+        )
+        return replace(self._outcome(picture, result), drawn=ask.window)
+
+    def _quick_palette(self, ask: Ask) -> NDArray[Any] | None:
+        """Return a palette near the one that the exact result will have; None if none is found quickly."""
+        settings, picture = ask.settings, ask.picture
+        if settings["aim"] == "palette":
+            return to_depth(ask.shelf.palette(settings["palette"])[1], picture.array.dtype)
+        curve = None if picture.has_alpha else picture.curve(settings["space"], wait=False)
+        number = settings["k"]
+        if settings["aim"] != "k":
+            if curve is None or settings["aim"] == "max_bytes":
+                return None
+            try:
+                number = curve.elbow() if settings["aim"] == "auto" else curve.elbow("psnr", settings["psnr"])
+            except (TargetMissedError, ValueError):  # more colors than the curve has; or a space without PSNR
+                return None
+        if curve is not None and not settings["locked"] and number <= N_CURVE:
+            found = from_places(
+                curve.generators[min(number, curve.n_max) - 1], settings["space"], picture.array.dtype, False
+            )
+            colors = np.unique(found, axis=0)
+            return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
+        locked = to_depth(_rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
+        samples = picture.small_samples
+        return find_palette(samples, number, space=settings["space"], locked=locked, effort="fast").colors
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Quantize the picture."""
+        call = self._call(ask)
+        watch = {} if "palette" in call.keywords else {"callback": ask.watch}
+        return self._outcome(ask.picture, call.run(ask.picture.array, **watch), self.outputs(ask))
+
+    def _outcome(self, picture: Picture, result: Quantized, outputs: Sequence[Output] = ()) -> Outcome:
+        colors = picture.colors_seen(result.palette, alpha=result.alpha)
+        indices = result.indices
+        counts = np.bincount(indices.ravel(), minlength=len(colors))
+        if result.inside is not None:
+            indices = np.where(result.inside, indices, len(colors)).astype(np.uint32)
+            counts[0] -= np.count_nonzero(~result.inside)
+            colors = np.append(colors, np.zeros((1, 4), np.uint8), axis=0)
+        facts = {
+            "k": len(result.palette),
+            "psnr": result.psnr if math.isfinite(result.psnr) else None,
+            "counts": counts.tolist(),
+        }
+        return Outcome(result, Indexed(indices, colors), facts, outputs, picture.stem)
+
+
+_KNOWN = """
+known = (image.reshape(*image.shape[:2], -1) != {}).any(axis=2)"""
+
+
+def _suffix(picture: Picture) -> str:
+    """Return the suffix of a format that holds the samples of a picture."""
+    shape, dtype = picture.array.shape, picture.array.dtype
+    deep = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
+    return ".png" if deep else ".npy"
+
+
+def _file_size(result: Quantized, suffix: str) -> int:
+    pixels, palette = result.content
+    return len(encode_image(suffix, pixels, palette=palette))
+
+
+def _usual_strength(settings: Settings) -> float:
+    return 1.0 if settings["aim"] == "palette" else STRENGTH
+
+
+def _own(picture: Picture, n_colors: Any) -> NDArray[Any] | None:
+    """Return the palette of the file if the picture is reproduced exactly: the command then keeps it."""
+    if picture.header.mode != "P" or n_colors == "auto" or picture.n_distinct > n_colors:
+        return None
+    same = picture.kept("same", lambda: quantize(picture.array, picture.n_distinct))
+    return own_palette(picture.path, same, n_colors)
+
+
+def _rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
+    return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
+
+
+def _palette_output(suffix: str, label: str) -> Output:
+    lines = (
+        "import numpy\n\nn_pixels = numpy.bincount(result.indices.ravel(), minlength=len(result.palette))\n"
+        "cvtimg.write_palette({}, result.palette, density=n_pixels)"
+    )
+    return Output(label, "--save-palette", "{}-palette" + suffix, _save_palette, lines)
+
+
+def _save_palette(result: Quantized, path: Path) -> None:
+    n_pixels = np.bincount(result.indices.ravel(), minlength=len(result.palette))
+    write_palette(path, result.palette, density=n_pixels)

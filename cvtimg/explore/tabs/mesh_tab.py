@@ -1,0 +1,188 @@
+"""Mesh: triangles for the segments of the picture, or for a mask."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.artwork.svg import numbers
+from cvtimg.explore.calls import Call
+from cvtimg.explore.controls import Choice, Control, Number, Settings
+from cvtimg.explore.layers import Drawing
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
+from cvtimg.explore.tabs.base import EFFORTS, SAVED, Ask, Tab, reading, saved
+from cvtimg.labels import read_labels
+from cvtimg.meshes import Mesh, measure_triangles
+
+_FILES = {".vtu": "VTK (.vtu)", ".msh": "Gmsh (.msh)", ".obj": "Wavefront (.obj)", ".stl": "STL (.stl)"}
+
+
+class MeshTab(Tab):
+    """Meshes."""
+
+    name = "mesh"
+    title = "Mesh"
+    about = "Divide the segments of the picture, or a mask, into triangles for computations."
+    verb = "mesh"
+    controls: ClassVar[tuple[Control, ...]] = (
+        Choice(
+            name="of",
+            label="Mesh",
+            default="segments",
+            choices={"segments": "its segments", "picture": "mask or labels"},
+        ),
+        Number(name="k", label="Segments", default=3, low=1, high=255, slider=(2, 16), when={"of": ["segments"]}),
+        Number(
+            name="least",
+            label="Least size",
+            default=500,
+            low=0,
+            high=2**31 - 1,
+            slider=(0, 5000),
+            unit="px",
+            when={"of": ["segments"]},
+        ),
+        Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
+        Number(
+            name="n",
+            label="Vertices",
+            default=2000,
+            low=3,
+            high=10**6,
+            slider=(100, 20_000),
+            log=True,
+            flag="-n",
+            keyword="n",
+            always=True,
+            when={"by": ["n"]},
+        ),
+        Number(
+            name="edge_length",
+            label="Edge length",
+            default=10.0,
+            low=0.1,
+            high=10_000,
+            slider=(2, 100),
+            step=0.5,
+            unit="px",
+            flag="--edge-length",
+            keyword="edge_length",
+            always=True,
+            when={"by": ["edge"]},
+        ),
+        Number(
+            name="grade",
+            label="Growth",
+            default=0.2,
+            low=0.01,
+            high=10,
+            slider=(0.05, 1),
+            step=0.05,
+            flag="--grade",
+            keyword="grade",
+            about="How fast triangles grow away from borders.",
+        ),
+        Number(
+            name="min_size",
+            label="Least edge",
+            default=0.0,
+            low=0,
+            high=1000,
+            slider=(0, 20),
+            step=0.5,
+            unit="px",
+            flag="--min-size",
+            keyword="min_size",
+        ),
+        Choice(name="effort", label="Effort", default="balanced", choices=EFFORTS, flag="--effort", keyword="effort"),
+    )
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the formats of meshes."""
+        return [Output(label, "-o", f"{{}}-mesh{suffix}", saved, SAVED) for suffix, label in _FILES.items()]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python."""
+        call = self._call(ask)
+        if ask.settings["of"] == "picture":
+            lines = f"import cvtimg\n\nlabels = cvtimg.labels.read_labels({quoted(ask.picture.name)})"
+            image = "labels > 0" if _is_mask(ask) else "labels"
+            return Recipe(self.words(ask), f"{lines}\nresult = {call.text(image)}")
+        name, settings = f"{ask.picture.stem}-labels.png", ask.settings
+        least = ["--min-size", str(settings["least"])] if settings["least"] else []
+        divide = ["cvtimg", "segment", safe_name(ask.picture.name), "-k", str(settings["k"]), *least]
+        words = self.words(ask)
+        words[2] = safe_name(name)
+        lines = f"{reading(ask.picture)}\nlabels = {_segments(settings).text()}.labels"
+        return Recipe(
+            words, f"{lines}\nresult = {call.text('labels')}", shlex.join([*divide, "-o", safe_name(name)]), False
+        )
+
+    def _call(self, ask: Ask) -> Call:
+        keywords = self.keywords(ask.settings)
+        for name in ("n", "edge_length"):  # one of them is needed
+            if name in self.in_effect(ask.settings):
+                keywords[name] = ask.settings[name]
+        return Call("mesh_region" if _is_mask(ask) else "mesh_labels", (), keywords)
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Mesh the segments or the mask."""
+        labels = self._labels(ask)
+        result: Mesh = self._call(ask).run(labels)
+        each = measure_triangles(result.points, result.triangles)
+        least, mean = float(each.least_angles.min()), float(each.qualities.mean())
+        facts: dict[str, Any] = {"k": len(result.points), "noun": "vertices"}
+        facts["about"] = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
+        drawing = Drawing(_drawn(result, ask.picture.size), over=True)
+        return Outcome(result, drawing, facts, self.outputs(ask), ask.picture.stem)
+
+    def _labels(self, ask: Ask) -> NDArray[Any]:
+        if ask.settings["of"] == "segments":
+            labels: NDArray[Any] = _segments(ask.settings).run(ask.picture.array).labels
+            return labels
+        labels = _stored_labels(ask.picture)
+        return labels > 0 if _is_mask(ask) else labels
+
+
+def _stored_labels(picture: Picture) -> NDArray[np.int32]:
+    labels: NDArray[np.int32] = picture.kept("labels", lambda: read_labels(picture.path))
+    return labels
+
+
+def _is_mask(ask: Ask) -> bool:
+    """Whether the picture is a mask, black and one more value, as the command sees it."""
+    if ask.settings["of"] == "segments":
+        return False
+    values = np.unique(_stored_labels(ask.picture))
+    return len(values) <= 2 and bool(values[0] == 0)
+
+
+def _segments(settings: Settings) -> Call:
+    keywords = {"min_size": settings["least"]} if settings["least"] else {}
+    return Call("segment", (settings["k"],), keywords)
+
+
+def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:
+    """Draw the edges of all triangles, and those of borders bold."""
+    sides = np.sort(np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
+    thickness = max(float(np.sqrt(size[0] * size[1] / max(len(mesh.points), 1))) / 30, 0.1)
+    height, width = size
+    fine, bold = (_lines(mesh, edges) for edges in (np.unique(sides, axis=0), mesh.edges))
+    look = 'fill="none" stroke-linecap="round"'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
+        f'<g {look}><path d="{fine}" stroke="#fff" stroke-opacity=".75" stroke-width="{2.4 * thickness:.3f}"/>'
+        f'<path d="{fine}" stroke="#124" stroke-width="{thickness:.3f}"/>'
+        f'<path d="{bold}" stroke="#d61" stroke-width="{3 * thickness:.3f}"/></g></svg>'
+    ).encode()
+
+
+def _lines(mesh: Mesh, edges: Any) -> str:
+    ends = mesh.points[edges].reshape(-1, 4)
+    rows = zip(*(numbers(ends[:, column], 2) for column in range(4)), strict=True)
+    return "".join(f"M{a} {b}L{c} {d}" for a, b, c, d in rows)

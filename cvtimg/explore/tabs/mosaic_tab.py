@@ -1,0 +1,125 @@
+"""Mosaic: the picture as convex tiles of one color each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+from cvtimg.artwork import Mosaic
+from cvtimg.explore.calls import Call, literal
+from cvtimg.explore.controls import Choice, Control, Number, Settings
+from cvtimg.explore.layers import Drawing, Window
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
+from cvtimg.explore.tabs.base import EFFORTS, SPACES, Ask, Tab, reading
+
+#: Pixels of a draft.
+_DRAFT = 1 << 16
+
+
+class MosaicTab(Tab):
+    """Mosaics."""
+
+    name = "mosaic"
+    title = "Mosaic"
+    about = "Compose the picture of tiles of one color each, whose borders follow its edges."
+    verb = "mosaic"
+    controls: ClassVar[tuple[Control, ...]] = (
+        Number(
+            name="n_cells",
+            label="Tiles",
+            default=1000,
+            low=1,
+            high=10**6,
+            slider=(50, 20_000),
+            log=True,
+            flag="-n",
+            always=True,
+        ),
+        Choice(
+            name="shape",
+            label="Shape",
+            default="cells",
+            choices={"cells": "Voronoi cells", "triangles": "triangles"},
+            flag="--shape",
+            keyword="shape",
+        ),
+        Choice(name="limit", label="Colors", default="all", choices={"all": "one for each tile", "few": "only a few"}),
+        Number(
+            name="palette",
+            label="Colors in all",
+            default=8,
+            low=1,
+            high=65536,
+            slider=(2, 64),
+            log=True,
+            when={"limit": ["few"]},
+        ),
+        Number(
+            name="outline",
+            label="Outlines",
+            default=0.0,
+            low=0,
+            high=1000,
+            slider=(0, 5),
+            step=0.1,
+            unit="px",
+            flag="--outline",
+        ),
+        Choice(name="space", label="Color space", default="rgb", choices=SPACES, flag="--space", keyword="space"),
+        Choice(name="effort", label="Effort", default="balanced", choices=EFFORTS, flag="--effort", keyword="effort"),
+    )
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the drawing, pixels, and polygons."""
+        outline = ask.settings["outline"]
+        more = f", outline={literal(outline)}" if outline else ""
+        write, lines = partial(_save, outline=outline), f"result.save({{}}{more})"
+        plain = partial(_save, outline=0.0), "result.save({})"
+        return [
+            Output("Drawing, SVG", "-o", "{}-mosaic.svg", write, lines),
+            Output("Pixels, PNG", "-o", "{}-mosaic.png", write, lines),
+            *([] if outline else [Output("Polygons, GeoJSON", "-o", "{}-mosaic.geojson", *plain)]),
+        ]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python."""
+        words = ["-k", str(ask.settings["palette"])] if ask.settings["limit"] == "few" else []
+        text = self._call(ask.settings).text()
+        return Recipe(self.words(ask, *words), f"{reading(ask.picture)}\nresult = {text}")
+
+    def _call(self, settings: Settings) -> Call:
+        keywords = self.keywords(settings)
+        if settings["limit"] == "few":
+            keywords["palette"] = settings["palette"]
+        return Call("mosaic", (settings["n_cells"],), keywords)
+
+    def draft(self, ask: Ask) -> Outcome | None:
+        """Compose the picture in a small size."""
+        window = ask.picture.whole(_DRAFT)
+        settings = {**ask.settings, "effort": "fast", "outline": ask.settings["outline"] / window.step}
+        settings["n_cells"] = min(settings["n_cells"], _DRAFT // 64)
+        return self._outcome(ask, settings, window)
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Compose the picture."""
+        return self._outcome(ask, ask.settings, ask.picture.whole(1 << 62), self.outputs(ask))
+
+    def _outcome(self, ask: Ask, settings: Settings, window: Window, outputs: Sequence[Output] = ()) -> Outcome:
+        image = ask.picture.array[window.rows, window.columns]  # an array of a file with alpha says so
+        result: Mosaic = self._call(settings).run(image, **_heard(ask))
+        svg = written_as("drawing.svg", lambda path: result.save(path, outline=settings["outline"]))
+        facts: dict[str, Any] = {"k": len(result.colors), "noun": "tiles"}
+        return Outcome(result, Drawing(svg), facts, outputs, ask.picture.stem)
+
+
+def _heard(ask: Ask) -> dict[str, Any]:
+    def listen(step: int, energy: float) -> None:
+        ask.watch(step, energy)
+
+    return {"callback": listen}
+
+
+def _save(result: Mosaic, path: Path, outline: float) -> None:
+    result.save(path, outline=outline)

@@ -1,0 +1,223 @@
+"""Restore: one picture from several noisy or incomplete versions of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cvtimg.explore.calls import Call
+from cvtimg.explore.controls import Choice, Control, Files, Number, Settings, Switch, UnfitRequestError, words_of
+from cvtimg.explore.layers import Layer, Pixels
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
+from cvtimg.explore.tabs.base import EFFORTS, SAVED, SPACES, Ask, Tab, saved
+from cvtimg.labels import write_labels
+from cvtimg.restoration import Restoration
+from cvtimg.segmentation import Averaging
+
+_FLAT = {"detail": [False]}
+
+
+class RestoreTab(Tab):
+    """Restoration."""
+
+    name = "restore"
+    title = "Restore"
+    about = "Restore one picture from several noisy or incomplete versions of it. Open or drop all versions."
+    verb = "restore"
+    controls: ClassVar[tuple[Control, ...]] = (
+        Files(
+            name="versions",
+            label="Versions",
+            of="pictures",
+            most=32,
+            about="All of one size. Transparent pixels are missing.",
+        ),
+        Switch(
+            name="detail",
+            label="Detail",
+            flag="--detail",
+            keyword="detail",
+            about="Restore texture too, for photographs.",
+        ),
+        Number(
+            name="k",
+            label="Segments",
+            default="auto",
+            low=1,
+            high=65535,
+            slider=(2, 64),
+            log=True,
+            auto=True,
+            flag="-k",
+        ),
+        Switch(name="align", label="Align versions", flag="--align", keyword="align"),
+        Switch(
+            name="channels",
+            label="Versions are channels",
+            flag="--channels",
+            keyword="channels",
+            about="They share segments but not colors; the first is restored.",
+        ),
+        Choice(
+            name="hidden",
+            label="Disagreement",
+            default="outliers",
+            choices={
+                "outliers": "leave out outliers",
+                "background": "leave out background",
+                "none": "use all",
+            },
+            flag="--hidden",
+            keyword="hidden",
+        ),
+        Choice(
+            name="renormalize",
+            label="Contrast",
+            default="range",
+            choices={
+                "range": "as in the versions",
+                "median": "median of a segment",
+                "none": "keep",
+            },
+            flag="--renormalize",
+            keyword="renormalize",
+            when=_FLAT,
+        ),
+        Switch(name="has_nodata", label="Missing value"),
+        Number(
+            name="nodata",
+            label="Value",
+            default=0.0,
+            low=-1e9,
+            high=1e9,
+            slider=(0, 255),
+            step=0.5,
+            flag="--nodata",
+            keyword="nodata",
+            always=True,
+            when={"has_nodata": [True]},
+        ),
+        Choice(
+            name="averaging",
+            label="Averaging",
+            default="none",
+            choices={"none": "none", "before": "of the versions, before", "after": "of the segments, after"},
+            flag="--averaging",
+            when=_FLAT,
+        ),
+        Number(
+            name="radius",
+            label="Radius",
+            default=2.0,
+            low=0.5,
+            high=1000,
+            slider=(0.5, 20),
+            step=0.5,
+            unit="px",
+            flag="--radius",
+            when={"averaging": ["before", "after"], **_FLAT},
+        ),
+        Number(
+            name="edge_weight",
+            label="Edge weight",
+            default="auto",
+            low=0,
+            high=10**6,
+            slider=(0, 200),
+            step=0.5,
+            auto=True,
+            flag="--edge-weight",
+            keyword="edge_weight",
+            when=_FLAT,
+        ),
+        Choice(
+            name="space",
+            label="Color space",
+            default="rgb",
+            choices=SPACES,
+            flag="--space",
+            keyword="space",
+            when=_FLAT,
+        ),
+        Choice(
+            name="effort",
+            label="Effort",
+            default="balanced",
+            choices=EFFORTS,
+            flag="--effort",
+            keyword="effort",
+            when=_FLAT,
+        ),
+        Choice(
+            name="seen",
+            label="Show",
+            default="result",
+            choices={
+                "result": "restored picture",
+                "coverage": "versions known",
+                "left_out": "versions left out",
+            },
+        ),
+    )
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the restored picture and its segments."""
+        labels = "cvtimg.labels.write_labels({}, result.labels)"
+        files = [Output("Restored picture, PNG", "-o", "{}-restored.png", saved, SAVED)]
+        if ask.settings["detail"]:
+            return files
+        return [*files, Output("Segments, NumPy", "--labels", "{}-labels.npy", _save_labels, labels)]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python."""
+        versions = _versions(ask)
+        names = ", ".join(quoted(picture.name) for picture in versions)
+        lines = f"import cvtimg\n\nimages = [cvtimg.read_image(name) for name in [{names}]]"
+        words = ["cvtimg", self.verb, *(safe_name(picture.name) for picture in versions)]
+        words += words_of(self.controls, ask.settings)
+        return Recipe(words, f"{lines}\nresult = {self._call(ask.settings).text('images')}", for_many=False)
+
+    def _call(self, settings: Settings) -> Call:
+        keywords = self.keywords(settings)
+        if "nodata" in self.in_effect(settings):
+            keywords["nodata"] = settings["nodata"]
+        if "averaging" in self.in_effect(settings) and settings["averaging"] != "none":
+            keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
+        return Call("restore", (settings["k"],), keywords)
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Restore the picture."""
+        versions = _versions(ask)
+        result: Restoration = self._call(ask.settings).run([picture.array for picture in versions])
+        noise = ", ".join(f"{value:.3g}" for value in result.noise)
+        weights = ", ".join(f"{value:.2f}" for value in result.weights)
+        noun = "kinds of patches" if ask.settings["detail"] else "segments"
+        facts: dict[str, Any] = {"k": len(result.colors), "noun": noun}
+        facts["about"] = f"noise {noise}; weights {weights}; {(result.coverage == 0).mean():.1%} known in no version"
+        return Outcome(result, _layer(ask, result, len(versions)), facts, self.outputs(ask), versions[0].stem)
+
+
+def _versions(ask: Ask) -> list[Picture]:
+    versions = [ask.shelf.picture(key) for key in ask.settings["versions"]] or [ask.picture]
+    sizes = {picture.size for picture in versions}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
+        raise UnfitRequestError(f"Versions must be of one size: {listed}")
+    return versions
+
+
+def _layer(ask: Ask, result: Restoration, n_versions: int) -> Layer:
+    if ask.settings["seen"] == "result":
+        bands = result.image.reshape(*result.labels.shape, -1)
+        rows = bands.reshape(-1, bands.shape[2])
+        seen = ask.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and ask.picture.header.has_alpha)
+        return Pixels(seen.reshape(*result.labels.shape, 4))
+    shares = getattr(result, ask.settings["seen"]) / n_versions
+    return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
+
+
+def _save_labels(result: Restoration, path: Any) -> None:
+    write_labels(path, result.labels)

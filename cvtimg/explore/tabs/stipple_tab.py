@@ -1,0 +1,198 @@
+"""Stipple: the tones of the picture as dots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+from cvtimg.artwork import Stipples
+from cvtimg.explore.calls import Call, literal
+from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch
+from cvtimg.explore.layers import Drawing
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
+from cvtimg.explore.tabs.base import Ask, Tab, reading
+
+#: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
+_DRAWN = {"width": 200.0, "marks": "disks", "pen_width": "auto", "order": "tour"}
+
+
+class StippleTab(Tab):
+    """Stippling."""
+
+    name = "stipple"
+    title = "Stipple"
+    about = "Reproduce the tones of the picture by dots, for pen plotters and print."
+    verb = "stipple"
+    controls: ClassVar[tuple[Control, ...]] = (
+        Number(
+            name="n_dots",
+            label="Dots",
+            default=5000,
+            low=1,
+            high=10**6,
+            slider=(100, 100_000),
+            log=True,
+            flag="-n",
+            always=True,
+        ),
+        Choice(
+            name="dots",
+            label="Sizes",
+            default="equal",
+            choices={"equal": "equal", "equal-mass": "equal ink", "sized": "by tone"},
+            flag="--dots",
+            keyword="dots",
+        ),
+        Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
+        Number(
+            name="least",
+            label="Least radius",
+            default=0.5,
+            low=0.01,
+            high=1000,
+            slider=(0.1, 10),
+            step=0.1,
+            unit="px",
+            when={"dots": ["sized"], "limited": [True]},
+        ),
+        Number(
+            name="greatest",
+            label="Greatest radius",
+            default=4.0,
+            low=0.01,
+            high=1000,
+            slider=(0.1, 20),
+            step=0.1,
+            unit="px",
+            when={"dots": ["sized"], "limited": [True]},
+        ),
+        Number(
+            name="max_ink",
+            label="Ink in black",
+            default=0.9,
+            low=0.01,
+            high=1,
+            step=0.01,
+            flag="--max-ink",
+            keyword="max_ink",
+            about="Share of the paper that black covers.",
+        ),
+        Number(
+            name="white_cutoff",
+            label="White up to",
+            default=0.0,
+            low=0,
+            high=1,
+            step=0.01,
+            flag="--white-cutoff",
+            keyword="white_cutoff",
+        ),
+        Choice(
+            name="layers",
+            label="Pens",
+            default="one",
+            choices={"one": "one", "cmyk": "CMYK", "colors": "picture's colors"},
+        ),
+        Number(
+            name="pens", label="Pens in all", default=4, low=1, high=64, slider=(2, 16), when={"layers": ["colors"]}
+        ),
+        Switch(
+            name="invert",
+            label="Light on dark",
+            flag="--invert",
+            keyword="invert",
+            when={"layers": ["one"]},
+        ),
+        Choice(
+            name="marks",
+            label="Marks",
+            default="disks",
+            choices={"disks": "filled disks", "circles": "circles", "points": "points", "lines": "short lines"},
+            flag="--marks",
+        ),
+        Number(
+            name="width",
+            label="Drawing width",
+            default=200.0,
+            low=1,
+            high=10_000,
+            slider=(50, 1000),
+            step=0.5,
+            unit="mm",
+            suffix="mm",
+            flag="--width",
+        ),
+        Number(
+            name="pen_width",
+            label="Pen width",
+            default="auto",
+            low=0.01,
+            high=100,
+            slider=(0.05, 2),
+            step=0.05,
+            auto=True,
+            unit="mm",
+            suffix="mm",
+        ),
+        Choice(
+            name="order",
+            label="Order of dots",
+            default="tour",
+            choices={"tour": "short tour", "none": "none"},
+            flag="--order",
+        ),
+    )
+
+    def outputs(self, ask: Ask) -> Sequence[Output]:
+        """Return the drawing for plotters, pixels, and tables."""
+        drawing = _drawing(ask.settings)
+        more = "".join(f", {name}={literal(value)}" for name, value in drawing.items())
+        write, lines = partial(_save, drawing=drawing), f"result.save({{}}{more})"
+        kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV", ".npy": "Dots, NumPy"}
+        return [Output(label, "-o", f"{{}}-stippled{suffix}", write, lines) for suffix, label in kinds.items()]
+
+    def recipe(self, ask: Ask) -> Recipe:
+        """Return the command and the lines of Python."""
+        settings, call = ask.settings, _call(self, ask.settings)
+        words = []
+        if "least" in self.in_effect(settings):
+            words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
+        if settings["layers"] != "one":
+            words += ["--layers", "cmyk" if settings["layers"] == "cmyk" else str(settings["pens"])]
+        if settings["pen_width"] != "auto":
+            words += ["--pen-width", f"{settings['pen_width']:g}mm"]
+        return Recipe(self.words(ask, *words), f"{reading(ask.picture)}\nresult = {call.text()}")
+
+    def exact(self, ask: Ask) -> Outcome:
+        """Place the dots."""
+        result: Stipples = _call(self, ask.settings).run(ask.picture.array)
+        outputs = self.outputs(ask)
+        svg = written_as("drawing.svg", lambda path: outputs[0].write(result, path))
+        facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
+        if len(result):
+            scale = ask.settings["width"] / ask.picture.size[1]
+            facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
+        return Outcome(result, Drawing(svg), facts, outputs, ask.picture.stem)
+
+
+def _call(tab: StippleTab, settings: Settings) -> Call:
+    keywords = tab.keywords(settings)
+    if "least" in tab.in_effect(settings):
+        keywords["radius_range"] = (settings["least"], settings["greatest"])
+    if settings["layers"] != "one":
+        keywords["layers"] = "cmyk" if settings["layers"] == "cmyk" else settings["pens"]
+    return Call("stipple", (settings["n_dots"],), keywords)
+
+
+def _drawing(settings: Settings) -> dict[str, Any]:
+    """Return the options of `Stipples.save` that are not the default."""
+    changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual}
+    if changed.pop("order", "tour") == "none":
+        changed["tour"] = False
+    return changed
+
+
+def _save(result: Stipples, path: Path, drawing: dict[str, Any]) -> None:
+    result.save(path, **drawing)

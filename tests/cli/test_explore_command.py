@@ -1,0 +1,77 @@
+"""``cvtimg explore`` as a program: the address that it prints, whom it serves, and how it ends."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cvtimg.cli.app import main
+
+pytest.importorskip("starlette")
+
+SAMPLE = Path(__file__).parent.parent.parent / "sample_images" / "drawing.png"
+
+
+@pytest.fixture
+def program() -> Iterator[subprocess.Popen[str]]:
+    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", str(SAMPLE)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as started:
+        yield started
+        started.kill()
+
+
+def test_the_address_is_printed_on_one_line_and_lets_in(program: subprocess.Popen[str]) -> None:
+    assert program.stdout is not None
+    line = program.stdout.readline()
+    found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)(/enter\?token=[\w-]{32,})\n", line)
+    assert found, line
+    connection = http.client.HTTPConnection("127.0.0.1", int(found[1]), timeout=20)
+    connection.request("GET", "/")
+    refused = connection.getresponse()
+    assert (refused.status, refused.read()) == (403, b"open the address that cvtimg explore printed")
+    connection.request("GET", found[2])
+    entered = connection.getresponse()
+    entered.read()
+    cookie = entered.headers["set-cookie"].partition(";")[0]
+    connection.request("GET", "/about", headers={"cookie": cookie})
+    assert b"drawing.png" in connection.getresponse().read()
+    connection.close()
+    program.send_signal(signal.SIGINT)
+    _, errors = program.communicate(timeout=20)
+    assert (program.returncode, errors) == (130, "cvtimg: interrupted\n")
+
+
+def test_a_server_that_nobody_uses_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    from cvtimg.explore import serve
+
+    serve(browser=False, idle_minutes=0.001)
+    assert capsys.readouterr().out.startswith("http://127.0.0.1:")
+
+
+def test_a_port_that_is_taken_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    import socket
+
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        assert main(["explore", "--no-browser", "--port", str(port)]) == 1
+    assert capsys.readouterr().err == f"cvtimg: port {port}: address already in use\n"
+
+
+@pytest.mark.parametrize("port", ["-1", "65536", "x"])
+def test_ports_out_of_range_are_refused(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explore", "--no-browser", "--port", port]) == 2
+    assert "0..65535" in capsys.readouterr().err
+
+
+def test_pictures_that_are_not_there_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explore", "--no-browser", str(tmp_path / "none.png")]) == 1
+    assert "none.png: no such file" in capsys.readouterr().err

@@ -1,0 +1,429 @@
+"""The server of the page without a browser: who is let in, what is taken, and what is answered."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+import cvtimg
+
+pytest.importorskip("starlette")
+
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from cvtimg.explore import TABS, room
+from cvtimg.explore.app import Server, static_files
+from cvtimg.explore.guard import Pass
+
+OWN = Pass(8123, "right")
+HOST = "http://127.0.0.1:8123"
+ORIGIN = {"origin": HOST}
+LIVE = "ws://127.0.0.1:8123/live"
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    made = Server(OWN)
+    yield made
+    made.room.close()
+
+
+@pytest.fixture
+def stranger(server: Server) -> TestClient:
+    return TestClient(server.app, base_url=HOST, follow_redirects=False)
+
+
+@pytest.fixture
+def page(stranger: TestClient) -> TestClient:
+    assert stranger.get("/enter?token=right").status_code == 303
+    return stranger
+
+
+def png(pixels: Any) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+class Reply(NamedTuple):
+    number: int
+    about: dict[str, Any]
+    content: bytes
+
+    @property
+    def indices(self) -> NDArray[Any]:
+        start = 4 * self.about["colors"]
+        kind = f"<u{self.about['size']}"
+        return np.frombuffer(self.content, kind, offset=start).reshape(self.about["height"], self.about["width"])
+
+    @property
+    def colors(self) -> NDArray[np.uint8]:
+        return np.frombuffer(self.content, np.uint8, 4 * self.about["colors"]).reshape(-1, 4)
+
+    @property
+    def seen(self) -> NDArray[np.uint8]:
+        return self.colors[self.indices][..., :3]
+
+
+def ask(page: TestClient, picture: str, tab: str = "colors", lane: str = "exact", **more: Any) -> Reply:
+    """Ask for a result by a socket of its own."""
+    settings = more.pop("settings", {})
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
+        message = socket.receive()
+    if message.get("text"):
+        return Reply(7, json.loads(message["text"]), b"")
+    number, length = struct.unpack_from("<II", message["bytes"])
+    about = json.loads(message["bytes"][8 : 8 + length])
+    return Reply(number, about, message["bytes"][8 + length :])
+
+
+def opened(page: TestClient, content: bytes, name: str = "a.png") -> dict[str, Any]:
+    answer = page.post("/picture", params={"name": name}, content=content)
+    assert answer.status_code == 200, answer.text
+    about: dict[str, Any] = answer.json()
+    return about
+
+
+# Who is let in
+
+
+def test_only_the_token_gives_the_cookie_that_opens_the_page(stranger: TestClient) -> None:
+    assert stranger.get("/").status_code == 403
+    assert stranger.get("/enter?token=wrong").status_code == 403
+    assert stranger.get("/enter").status_code == 403
+    assert stranger.get("/").status_code == 403
+    answer = stranger.get("/enter?token=right")
+    cookie = answer.headers["set-cookie"].lower()
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+    assert stranger.get("/").status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/about", "/page.js", "/curve/x/rgb", "/file/x/o.png", "/nowhere"])
+def test_without_the_cookie_nothing_is_told(path: str, stranger: TestClient) -> None:
+    assert stranger.get(path).status_code == 403
+    assert stranger.get(path, headers={"cookie": "cvtimg_8123=wrong"}).status_code == 403
+    assert stranger.get(path, headers={"cookie": "cvtimg_8123=\xe9\x00;;=".encode("latin-1")}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"host": "evil.example:8123"}, 421),
+        ({"host": "127.0.0.1:80"}, 421),
+        ({"host": "127.0.0.1:8123.evil.example"}, 421),
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"origin": "https://127.0.0.1:8123"}, 403),
+        ({"origin": "http://127.0.0.1:8124"}, 403),
+        ({"sec-fetch-site": "cross-site"}, 403),
+        ({"sec-fetch-site": "same-site"}, 403),
+    ],
+    ids=str,
+)
+def test_requests_of_other_pages_and_under_other_names_are_refused(
+    headers: dict[str, str], status: int, page: TestClient
+) -> None:
+    assert page.get("/", headers=headers).status_code == status
+    assert page.post("/picture", content=b"x", headers=headers).status_code == status
+    assert page.get("/enter?token=right", headers=headers).status_code == status
+    with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE, headers={**ORIGIN, **headers}):
+        pass
+
+
+def test_a_socket_needs_an_origin_and_the_cookie(server: Server, page: TestClient) -> None:
+    with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE):
+        pass
+    other = TestClient(server.app, base_url=HOST)
+    with pytest.raises(WebSocketDisconnect), other.websocket_connect(LIVE, headers=ORIGIN):
+        pass
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        socket.send_text("?")
+        assert "not understood" in socket.receive_text()
+
+
+@pytest.mark.parametrize("path", ["/", "/enter?token=wrong", "/enter?token=right", "/nowhere", "/curve/x/rgb"])
+def test_every_answer_says_what_pages_may_do(path: str, page: TestClient) -> None:
+    headers = page.get(path).headers
+    policy = dict(part.split(" ", 1) for part in headers["content-security-policy"].split("; "))
+    assert policy["default-src"] == policy["base-uri"] == policy["frame-ancestors"] == "'none'"
+    assert "unsafe" not in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "no-referrer"
+    assert headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/static/page.js", "/page.js/x", "/app.py", "/file/../x"],
+)
+def test_no_path_leads_out_of_the_page(path: str, page: TestClient) -> None:
+    assert page.get(path).status_code == 404
+
+
+def test_the_page_is_small_and_names_nothing_outside() -> None:
+    files = {address: path.read_text() for address, path in static_files().items()}
+    assert sum(map(len, files.values())) <= 60_000
+    for text in files.values():
+        outside = text.replace("http://www.w3.org/2000/svg", "")
+        assert "http" not in outside
+        assert "//cdn" not in outside
+
+
+# What is taken
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"hello", "unknown image format"),
+        (png(np.random.default_rng(0).integers(0, 256, (30, 30)))[:400], "truncated or damaged"),
+        (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "unknown image format"),
+    ],
+    ids=["empty", "text", "cut", "svg"],
+)
+def test_a_hostile_file_gets_a_message_and_the_page_goes_on(content: bytes, message: str, page: TestClient) -> None:
+    answer = page.post("/picture", params={"name": "a.png"}, content=content)
+    assert answer.status_code == 422
+    assert message in answer.text
+    assert answer.text.startswith("a.png: ")
+    assert "/" not in answer.text
+    assert opened(page, png(np.zeros((4, 5))))["width"] == 5
+
+
+def test_a_file_that_claims_too_many_pixels_is_refused_by_its_header(page: TestClient) -> None:
+    content = bytearray(png(np.zeros((4, 5))))
+    content[16:24] = struct.pack(">II", 20_000, 8_000)
+    content[29:33] = struct.pack(">I", __import__("zlib").crc32(bytes(content[12:29])))
+    answer = page.post("/picture", params={"name": "a.png"}, content=bytes(content))
+    assert answer.status_code == 422
+    assert "160000000 pixels" in answer.text
+
+
+def test_files_over_the_limit_are_refused_announced_or_not(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg.explore.app.MOST_BYTES", 1000)
+    assert page.post("/picture", content=bytes(1001)).status_code == 413
+    assert page.post("/picture", content=(bytes(400) for _ in range(3))).status_code == 413
+    assert page.post("/picture", content=bytes(999), headers={"content-length": "x"}).status_code in (400, 413)
+    assert page.post("/palette", content=bytes(1001)).status_code == 413
+
+
+@pytest.mark.parametrize("name", ["../../a.png", "..\\a.png", "/etc/a.png", "a.png/", "\x00\x1b[31ma.png", "." * 300])
+def test_names_of_files_that_are_sent_lead_nowhere(name: str, page: TestClient, server: Server) -> None:
+    about = opened(page, png(np.zeros((4, 5))), name)
+    assert not set(about["name"]) & set("/\\\x00\x1b")
+    path = server.room.shelf.picture(about["id"]).path
+    assert path.parent == Path(server.room._folder.name)
+
+
+def test_animations_are_refused_with_what_to_do(page: TestClient) -> None:
+    frames = [Image.new("L", (4, 4), level) for level in (0, 90)]
+    buffer = io.BytesIO()
+    frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:])
+    answer = page.post("/picture", params={"name": "film.gif"}, content=buffer.getvalue())
+    assert answer.status_code == 422
+    assert "animation of 2 images" in answer.text
+
+
+def test_the_oldest_picture_goes_and_its_file_with_it(
+    page: TestClient, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "_MOST_PICTURES", 2)
+    first = opened(page, png(np.zeros((4, 5))))["id"]
+    path = server.room.shelf.picture(first).path
+    kept = [opened(page, png(np.zeros((4, 5))))["id"] for _ in range(2)]
+    assert not path.exists()
+    assert "no longer open" in ask(page, first).about["error"]
+    assert ask(page, kept[0]).about["facts"]["k"] == 1
+
+
+# What is answered
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "",
+        "[]",
+        "{}",
+        "{" * 5000,
+        "9" * 70_000,
+        '{"seq": -1, "lane": "draft"}',
+        '{"seq": 1, "lane": "other"}',
+        '{"seq": true, "lane": []}',
+        '{"seq": 1e999, "lane": "draft"}',
+    ],
+    ids=lambda text: text[:20],
+)
+def test_requests_that_make_no_sense_get_a_message(request_: str, page: TestClient) -> None:
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        socket.send_text(request_)
+        assert json.loads(socket.receive_text())["error"] == "this request is not understood"
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"picture": "../x"}, "no longer open"),
+        ({"tab": "other"}, "no such tab"),
+        ({"settings": []}, "settings must be an object"),
+        ({"settings": {"j": 1}}, "no setting 'j'"),
+        ({"settings": {"k": "x"}}, "Colors: 'x' must be a number in 1..65536"),
+        ({"settings": {"k": 2.5}}, "whole number"),
+        ({"settings": {"k": True}}, "must be a number"),
+        ({"settings": {"space": "cmyk"}}, "must be one of rgb, oklab, lab, linear"),
+        ({"settings": {"locked": ["red; rm"]}}, "a color as #rrggbb"),
+        ({"settings": {"aim": "palette"}}, "open a palette file first"),
+        ({"settings": {"aim": "palette", "palette": ["x"]}}, "no longer open"),
+        ({"view": [1, 2]}, "view must be four numbers"),
+        ({"view": [1, 2, "x", None]}, "view must be four numbers"),
+    ],
+    ids=str,
+)
+def test_values_that_are_not_allowed_get_a_message(changed: dict[str, Any], message: str, page: TestClient) -> None:
+    picture = opened(page, png(np.random.default_rng(0).integers(0, 256, (1200, 1200, 3))))["id"]
+    reply = ask(page, **{"picture": picture, "lane": "draft", "view": None, **changed})
+    assert message in reply.about["error"]
+
+
+def test_a_result_is_what_the_function_returns(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    reply = ask(page, picture, settings={"k": 6, "dither": "blue-noise"})
+    wanted = cvtimg.quantize(photograph, 6, dither="blue-noise")
+    assert np.array_equal(reply.seen, wanted.image)
+    assert reply.about["facts"]["psnr"] == wanted.psnr
+    assert reply.about["facts"]["counts"] == np.bincount(wanted.indices.ravel()).tolist()
+
+
+def test_a_draft_is_near_the_result(page: TestClient, server: Server, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    server.room.shelf.picture(picture).curve("rgb", wait=True)
+    draft, exact = (ask(page, picture, lane=lane, settings={"k": 9}) for lane in ("draft", "exact"))
+    assert len(draft.colors) == len(exact.colors) == 9
+    assert abs(draft.about["facts"]["psnr"] - exact.about["facts"]["psnr"]) < 0.3
+
+
+def test_locked_colors_are_in_drafts_too(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    draft = ask(page, picture, lane="draft", settings={"k": 5, "locked": ["#00ff7f"]})
+    assert [0, 255, 127, 255] in draft.colors.tolist()
+
+
+def test_the_picture_itself_is_sent_as_it_is(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    reply = ask(page, picture, lane="before")
+    pixels = np.frombuffer(reply.content, np.uint8).reshape(256, 256, 4)
+    assert np.array_equal(pixels[..., :3], photograph)
+
+
+def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg.explore.lanes.EXACT_PIXELS", 10_000)
+    pixels = np.arange(400 * 300, dtype=np.uint32).view(np.uint8).reshape(300, 400, 4)[..., :3]
+    picture = opened(page, png(pixels))["id"]
+    whole = ask(page, picture, lane="before").about["window"]
+    assert whole == [0, 0, 400, 300, 4]
+    reply = ask(page, picture, lane="before", view=[100, 100, 160.5, 150])
+    left, top, right, bottom, step = reply.about["window"]
+    assert left <= 100
+    assert right >= 160
+    assert top <= 100
+    assert bottom >= 150
+    assert step == 1
+    assert (right - left) * (bottom - top) <= 10_200
+    cut = np.frombuffer(reply.content, np.uint8).reshape(bottom - top, right - left, 4)[..., :3]
+    assert np.array_equal(cut, pixels[top:bottom, left:right])
+
+
+def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        socket.send_json({"seq": 3, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": 4}})
+        first = socket.receive_bytes()
+        second = json.loads(socket.receive_text())
+    key = json.loads(first[8 : 8 + struct.unpack_from("<I", first, 4)[0]])["result"]
+    answer = page.get(f"/file/{key}/o.png")
+    assert second["bytes"] == len(answer.content)
+    assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
+    assert page.get(f"/file/{key}/o.exe").status_code == 404
+    assert page.get("/file/other/o.png").status_code == 404
+
+
+def test_the_curve_is_that_of_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    curve = page.get(f"/curve/{picture}/rgb").json()
+    wanted = cvtimg.energy_curve(photograph, 64)
+    assert curve["elbow"] == wanted.elbow()
+    assert len(curve["heights"]) == 64
+    assert curve["heights"][0] == 1
+    assert sorted(curve["heights"], reverse=True) == curve["heights"]
+    assert page.get(f"/curve/{picture}/cmyk").status_code == 422
+    assert page.get("/curve/other/rgb").status_code == 422
+
+
+def test_palettes_are_opened_and_used(page: TestClient, photograph: NDArray[Any]) -> None:
+    picture = opened(page, png(photograph))["id"]
+    palette = page.post("/palette", params={"name": "two.hex"}, content=b"ff0000\n00ff00\n").json()
+    assert palette["colors"] == ["#ff0000", "#00ff00"]
+    reply = ask(page, picture, settings={"aim": "palette", "palette": [palette["id"]]})
+    assert reply.colors.tolist() == [[255, 0, 0, 255], [0, 255, 0, 255]]
+    assert page.post("/palette", params={"name": "a.ase"}, content=b"no").status_code == 422
+
+
+def test_several_pages_are_answered_each_by_itself(page: TestClient, photograph: NDArray[Any]) -> None:
+    first, second = (opened(page, png(part))["id"] for part in (photograph[:128], photograph[128:]))
+    with (
+        page.websocket_connect(LIVE, headers=ORIGIN) as one,
+        page.websocket_connect(LIVE, headers=ORIGIN) as other,
+    ):
+        for socket, picture, k in ((one, first, 3), (other, second, 5)):
+            socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": k}})
+        replies = [socket.receive_bytes() for socket in (one, other)]
+    found = [json.loads(reply[8 : 8 + struct.unpack_from("<I", reply, 4)[0]])["facts"]["k"] for reply in replies]
+    assert found == [3, 5]
+
+
+def test_of_many_requests_the_last_is_answered_and_others_are_left_out(
+    page: TestClient, photograph: NDArray[Any]
+) -> None:
+    picture = opened(page, png(photograph))["id"]
+    answered = []
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        for number in range(60):
+            asked = {"seq": number, "lane": "draft", "picture": picture, "tab": "colors", "settings": {"k": 2 + number}}
+            socket.send_json(asked)
+        while not answered or answered[-1] != 59:
+            answered.append(struct.unpack_from("<I", socket.receive_bytes())[0])
+    assert answered == sorted(answered)
+    assert len(answered) < 60
+
+
+def test_a_server_is_idle_when_its_last_page_has_gone(page: TestClient, server: Server) -> None:
+    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        socket.send_text("?")
+        socket.receive_text()
+        assert server.idle_seconds == 0
+    assert server.idle_seconds > 0
+
+
+def test_all_tabs_are_described(page: TestClient) -> None:
+    about = page.get("/about").json()
+    assert [tab["name"] for tab in about["tabs"]] == list(TABS)
+    for tab in about["tabs"]:
+        names = [control["name"] for control in tab["controls"]]
+        assert len(set(names)) == len(names)
+        for control in tab["controls"]:
+            assert control["label"]
+            assert set(control["when"]) <= set(names)
