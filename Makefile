@@ -10,7 +10,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
-.PHONY: install demo test lint docs man bench clean
+.PHONY: install demo test lint docs man napari bench clean
 
 install: $(VENV)/installed
 
@@ -59,6 +59,11 @@ docs: $(VENV)/extra-docs
 # A manual page per command.
 man: $(VENV)/installed
 	$(BIN)/python docs/_extensions/command_line.py build/man
+
+# The tests of the plugin for napari, which is large.
+napari: $(VENV)/installed
+	$(BIN)/pip install --quiet --editable "plugins/cvtimg-napari[plot,test]"
+	QT_QPA_PLATFORM=offscreen $(BIN)/pytest plugins/cvtimg-napari
 
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py

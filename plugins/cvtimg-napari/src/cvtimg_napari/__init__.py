@@ -1,0 +1,1 @@
+"""Widgets for napari that call cvtimg."""
