@@ -42,5 +42,11 @@ def filter_groups(
     last: int,
 ) -> None: ...
 def join_patches(
-    patches: _Floats, group_of: NDArray[np.int32], trust: _Floats, image: _Floats, first: int, last: int
+    patches: _Floats,
+    group_of: NDArray[np.int32],
+    trust: _Floats,
+    sums: _Floats,
+    weights: _Floats,
+    first: int,
+    last: int,
 ) -> None: ...

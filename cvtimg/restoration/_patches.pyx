@@ -126,28 +126,28 @@ def join_patches(
     const float[:, ::1] patches,     # IN (N, P)
     const int32_t[:, ::1] group_of,  # IN (H, W): group of the patch around each pixel
     const float[:, ::1] trust,       # IN (G, 25): weight of each pixel of the patches of a group
-    float[:, :, ::1] image,          # OUT (H, W, C)
-    Py_ssize_t first,                # IN
+    float[:, :, ::1] sums,           # OUT (H + 4, W + 4, C)
+    float[:, ::1] weights,           # OUT (H + 4, W + 4)
+    Py_ssize_t first,                # IN: rows of the sums
     Py_ssize_t last,                 # IN
 ):
-    """Let each pixel be the weighted mean of what the patches that contain it say."""
-    cdef Py_ssize_t height = image.shape[0], width = image.shape[1], n_bands = image.shape[2]
+    """Sum what the patches that contain a pixel say, weighted, and their weights."""
+    cdef Py_ssize_t height = group_of.shape[0], width = group_of.shape[1], n_bands = sums.shape[2]
     cdef Py_ssize_t y, x, i, j, place, c
     cdef float weight, total
     cdef const float *patch
     with nogil:
         for y in range(first, last):
-            for x in range(width):
+            for x in range(width + SIDE - 1):
                 total = 0
                 for c in range(n_bands):
-                    image[y, x, c] = 0
-                for i in range(max(y - REACH, 0), min(y + REACH + 1, height)):
-                    for j in range(max(x - REACH, 0), min(x + REACH + 1, width)):
-                        place = (y - i + REACH) * SIDE + x - j + REACH
+                    sums[y, x, c] = 0
+                for i in range(max(y - SIDE + 1, 0), min(y + 1, height)):
+                    for j in range(max(x - SIDE + 1, 0), min(x + 1, width)):
+                        place = (y - i) * SIDE + x - j
                         weight = trust[group_of[i, j], place]
                         patch = &patches[i * width + j, place * n_bands]
                         total += weight
                         for c in range(n_bands):
-                            image[y, x, c] += weight * patch[c]
-                for c in range(n_bands):
-                    image[y, x, c] /= total
+                            sums[y, x, c] += weight * patch[c]
+                weights[y, x] = total

@@ -6,16 +6,15 @@ covariances from the noisy patches; later ones from the estimate, as an oracle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, starmap
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg.restoration.clipping import Clipped, clipped_ends
-from cvtimg.restoration.filters import Noisy, filtered
+from cvtimg.restoration.filters import Block, Noisy, filtered
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
 from cvtimg.restoration.suspicion import Suspicion, first_estimate
 from cvtimg.restoration.versions import Floats, Versions, fuse
@@ -26,8 +25,8 @@ _PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150,
 _FIRST_BLUR = 0.7
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
-#: Longest side of a tile, and how far tiles reach into each other, in pixels.
-_TILE, _OVERLAP = 400, 8
+#: Longest side, in pixels, of the blocks in which patches are grouped.
+_BLOCK = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,43 +106,28 @@ def restore_detail(
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Detailed:
-    """Group patches and filter each group, tile by tile; where tiles reach into each other they are blended."""
+    """Group the patches of each block, and filter the groups of all blocks."""
     height, width = (side - 2 * REACH for side in noisy.precision.shape)
-    total = np.zeros((height, width, noisy.values.shape[2]), np.float32)
-    weight = np.zeros((height, width, 1), np.float32)
-    labels, energy = np.empty((height, width), np.int32), 0.0
-    near = _PLACE * np.sqrt(1 / noisy.precision[noisy.precision > 0].mean(dtype=np.float64))
-    for rows, row_ramp in _tiles(height):
-        for columns, column_ramp in _tiles(width):
-            part = noisy.part(rows, columns)
-            features = kinds.features(axes.looks(part.estimate))
+    labels, energy, blocks = np.empty((height, width), np.int32), 0.0, []
+    near = np.float32(_PLACE * np.sqrt(noisy.usual_variance))
+    for rows in _parts(height):
+        for columns in _parts(width):
+            seen = noisy.estimate[rows.start : rows.stop + 2 * REACH, columns.start : columns.stop + 2 * REACH]
+            features = kinds.features(axes.looks(seen))
             own, apart = kinds.label(features)
-            shape = len(row_ramp), len(column_ramp)
-            places = near * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=2).reshape(-1, 2)
+            places = near * np.mgrid[rows, columns].reshape(2, -1).T
             groups = group_patches(np.concatenate([features, places], axis=1, dtype=np.float32), own, largest)
-            ramp = (row_ramp[:, None] * column_ramp)[:, :, None]
-            for bands in axes.slices:
-                total[rows, columns, bands] += ramp * filtered(part.bands(bands), groups, from_estimate)
-            weight[rows, columns] += ramp
-            labels[rows, columns] = own.reshape(shape)
-            energy += float(ramp.ravel() @ apart)
-    total /= weight
-    return Detailed(total, labels, energy)
+            blocks.append(Block(rows, columns, groups))
+            labels[rows, columns] = own.reshape(labels[rows, columns].shape)
+            energy += float(apart.sum(dtype=np.float64))
+    images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in axes.slices]
+    return Detailed(np.concatenate(images, axis=2), labels, energy)
 
 
-def _tiles(side: int) -> Iterator[tuple[slice, Floats]]:
-    """Yield the slices of equal parts of a side, each reaching into the next, and weights that sum to 1 over them."""
-    n_tiles = -(-side // _TILE)
-    cuts = [side * number // n_tiles for number in range(n_tiles + 1)]
-    rise = (np.arange(2 * _OVERLAP, dtype=np.float32) + 0.5) / (2 * _OVERLAP)
-    for low, high in pairwise(cuts):
-        first, last = max(low - _OVERLAP, 0), min(high + _OVERLAP, side)
-        ramp = np.ones(last - first, np.float32)
-        if low > 0:
-            ramp[: 2 * _OVERLAP] = rise
-        if high < side:
-            ramp[-2 * _OVERLAP :] = rise[::-1]
-        yield slice(first, last), ramp
+def _parts(side: int) -> list[slice]:
+    """Cut a side into equal parts."""
+    n_parts = -(-side // _BLOCK)
+    return list(starmap(slice, pairwise(side * number // n_parts for number in range(n_parts + 1))))
 
 
 def _unclipped(

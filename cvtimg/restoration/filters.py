@@ -7,6 +7,7 @@ each direction is signal. P. Chatterjee and P. Milanfar, IEEE Trans. Image Proce
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,9 +56,15 @@ class Noisy:
     estimate: Floats
     precision: Floats
 
-    def part(self, rows: slice, columns: slice) -> Noisy:
-        """Return a part with its own border."""
-        here = slice(rows.start, rows.stop + 2 * REACH), slice(columns.start, columns.stop + 2 * REACH)
+    @property
+    def usual_variance(self) -> float:
+        """Variance of the noise at the mean precision of known pixels."""
+        n_known = np.count_nonzero(self.precision)
+        return n_known / max(float(self.precision.sum(dtype=np.float64)), 1e-30)
+
+    def part(self, block: Block) -> Noisy:
+        """Return a block with its own border."""
+        here = _with_border(block)
         return Noisy(*(np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)))
 
     def bands(self, chosen: slice) -> Noisy:
@@ -66,51 +73,99 @@ class Noisy:
         return Noisy(values, estimate, self.precision)
 
 
-def filtered(noisy: Noisy, groups: Groups, from_estimate: bool) -> Floats:
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """A part of an image, as rows and columns, and groups of the patches around its pixels."""
+
+    rows: slice
+    columns: slice
+    groups: Groups
+
+
+def filtered(noisy: Noisy, blocks: Sequence[Block], from_estimate: bool) -> Floats:
     """(H, W, C) image, from patches filtered by group.
+
+    Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are of.
 
     Parameters
     ----------
     noisy : Noisy
-    groups : Groups
-        Groups of patches.
+    blocks : sequence of Block
+        The parts of the image, which do not overlap.
     from_estimate : bool
         Whether covariances are those of patches of the estimate, or those of the noisy patches less the noise.
     """
-    variances = _variances(noisy.precision, groups)
-    filters = _Filters.of(noisy, groups, variances, from_estimate)
-    height, width = (side - 2 * REACH for side in noisy.precision.shape)
-    group_of = groups.of_pixels().reshape(height, width)
-    # Weighted by the inverse of the variance that the filters leave, relative to that of all.
-    trust = (np.median(variances) / variances[:, None] / (filters.left() + _LEFT_ANYWAY)).astype(np.float32)
-    estimate, inner = noisy.estimate, noisy.estimate[REACH:-REACH, REACH:-REACH]
+    estimate = noisy.estimate
+    usual = noisy.usual_variance
+    # The filters of a large image are made again for each round: together they would fill the memory.
+    kept = [_Filtering.of(noisy.part(block), block, from_estimate, usual) for block in blocks[: len(blocks) == 1]]
     for _ in range(_ROUNDS):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
         change = noisy.precision[:, :, None] * (noisy.values - estimate)
-        patches = filters.applied(estimate, change, groups, variances)
-        inner = np.empty((height, width, estimate.shape[2]), np.float32)
-
-        def join(first: int, last: int, patches: Floats = patches, inner: Floats = inner) -> None:
-            _patches.join_patches(patches, group_of, trust, inner, first, last)
-
-        in_parts(join, height, work=patches.size)
+        total = np.zeros_like(estimate)
+        weight = np.zeros_like(noisy.precision)
+        for block in blocks:
+            filtering = kept[0] if kept else _Filtering.of(noisy.part(block), block, from_estimate, usual)
+            filtering.add(estimate, change, total, weight)
+        inner = slice(REACH, -REACH)
+        joined = total[inner, inner] / weight[inner, inner, None]
         estimate = estimate.copy()
-        estimate[REACH:-REACH, REACH:-REACH] = inner
-    return inner
+        estimate[inner, inner] = joined
+    return joined
 
 
-def _variances(precision: Floats, groups: Groups) -> _Doubles:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Filtering:
+    """A block with its filters, the variances of the noise in its groups, and the (G, 25) weight of their pixels."""
+
+    block: Block
+    filters: _Filters
+    variances: _Doubles
+    trust: Floats
+
+    @classmethod
+    def of(cls, part: Noisy, block: Block, from_estimate: bool, usual: float) -> _Filtering:
+        """Make the filters of a block from its part of an image."""
+        variances = _variances(part.precision, block.groups, usual)
+        filters = _Filters.of(part, block.groups, variances, from_estimate)
+        # Weighted by the inverse of the variance that the filters leave, relative to that of all.
+        trust = usual / variances[:, None] / (filters.left() + _LEFT_ANYWAY)
+        return cls(block, filters, variances, trust.astype(np.float32))
+
+    def add(self, estimate: Floats, change: Floats, total: Floats, weight: Floats) -> None:
+        """Add filtered patches, weighted, and their weights to images with a border."""
+        here = _with_border(self.block)
+        groups, shape = self.block.groups, (self.block.rows, self.block.columns)
+        height, width = (side.stop - side.start for side in shape)
+        own_estimate, own_change = np.ascontiguousarray(estimate[here]), np.ascontiguousarray(change[here])
+        patches = self.filters.applied(own_estimate, own_change, groups, self.variances)
+        group_of = groups.of_pixels().reshape(height, width)
+        sums, weights = np.empty_like(own_estimate), np.empty(own_estimate.shape[:2], np.float32)
+
+        def join(first: int, last: int) -> None:
+            _patches.join_patches(patches, group_of, self.trust, sums, weights, first, last)
+
+        in_parts(join, len(sums), work=patches.size)
+        total[here] += sums
+        weight[here] += weights
+
+
+def _with_border(block: Block) -> tuple[slice, slice]:
+    """Return where a block and its border lie in an image with a border."""
+    rows, columns = block.rows, block.columns
+    return slice(rows.start, rows.stop + 2 * REACH), slice(columns.start, columns.stop + 2 * REACH)
+
+
+def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     """(G,) variance of the noise in the patches of each group: that of the mean precision of known pixels."""
     from scipy.ndimage import maximum_filter, uniform_filter
 
     def around(image: Floats) -> Floats:
         return image[REACH:-REACH, REACH:-REACH].ravel()
 
-    known = (precision > 0).astype(np.float32)
-    n_known = groups.sums(around(uniform_filter(known, SIDE)))
+    n_known = groups.sums(around(uniform_filter((precision > 0).astype(np.float32), SIDE)))
     total = groups.sums(around(uniform_filter(precision, SIDE)))
-    usual = known.sum(dtype=np.float64) / max(precision.sum(dtype=np.float64), 1e-30)
     best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
     limited: _Doubles = np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))

@@ -75,14 +75,17 @@ def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
     assert not clipped_ends(level, level, 8, 255)[0]
 
 
-def test_tiles_leave_no_seams(clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_in_which_patches_are_grouped_leave_no_seams(
+    clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
+) -> None:
     image = noisy(clean, 0.1)
     whole = restored([image])
-    monkeypatch.setattr(detail, "_TILE", 48)
-    tiled = restored([image])
-    assert psnr(tiled, clean) > psnr(whole, clean) - 0.6  # these tiles are tiny
-    # Across the border of two tiles the image steps no more than it does elsewhere.
-    errors = tiled - clean
+    monkeypatch.setattr(detail, "_BLOCK", 48)
+    in_blocks = restored([image])
+    assert (in_blocks != whole).any()
+    assert psnr(in_blocks, clean) > psnr(whole, clean) - 1.5  # these blocks are tiny
+    # Across the border of two blocks the errors step no more than elsewhere.
+    errors = in_blocks - clean
     steps = np.abs(np.diff(errors, axis=1)).mean(axis=(0, 2))
     borders = [round(128 * number / 3) - 1 for number in (1, 2)]
     assert steps[borders].max() < 1.6 * np.median(steps)

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg._shared import threads
-from cvtimg.restoration.filters import Noisy, filtered
+from cvtimg.restoration.filters import Block, Noisy, filtered
 from cvtimg.restoration.patches import Groups, group_patches, windows, with_border
 
 
@@ -40,7 +40,7 @@ def as_written(noisy: Noisy, groups: Groups) -> NDArray[np.float64]:
             of_oracle = np.stack([noisy.estimate[y : y + 5, x : x + 5].ravel() for y, x in places]).astype(np.float64)
             mean = of_oracle.mean(axis=0)
             size = len(mean)
-            covariance = 1.2 * np.cov(of_oracle.T, bias=True) + 1e-4 * variance * np.eye(size)
+            covariance = 1.1 * np.cov(of_oracle.T, bias=True) + 1e-4 * variance * np.eye(size)
             matrix = covariance @ np.linalg.inv(covariance + variance * np.eye(size))
             left = np.diag(matrix).reshape(25, n_bands).mean(axis=1).reshape(5, 5, 1)
             for y, x in places:
@@ -52,12 +52,34 @@ def as_written(noisy: Noisy, groups: Groups) -> NDArray[np.float64]:
     return estimate[2:-2, 2:-2]
 
 
+def whole(height: int, width: int, groups: Groups) -> list[Block]:
+    return [Block(slice(0, height), slice(0, width), groups)]
+
+
 @pytest.mark.parametrize("n_bands", [1, 3, 4])
 def test_the_image_is_that_of_patches_filtered_by_the_formulas(n_bands: int) -> None:
     noisy = noisy_image((11, 13, n_bands))
     order = np.random.default_rng(1).permutation(11 * 13).astype(np.int32)
     groups = Groups(order, np.array([0, 50, 81, 143]))
-    np.testing.assert_allclose(filtered(noisy, groups, from_estimate=True), as_written(noisy, groups), atol=2e-4)
+    found = filtered(noisy, whole(11, 13, groups), from_estimate=True)
+    np.testing.assert_allclose(found, as_written(noisy, groups), atol=2e-4)
+
+
+def test_blocks_leave_no_seams_because_a_pixel_is_the_mean_of_the_patches_of_all_blocks() -> None:
+    noisy = noisy_image()
+    rng = np.random.default_rng(2)
+    blocks, order, sizes = [], [], []
+    for rows in (slice(0, 5), slice(5, 11)):
+        for columns in (slice(0, 6), slice(6, 13)):
+            places = np.mgrid[rows, columns].reshape(2, -1)
+            own = rng.permutation(places.shape[1]).astype(np.int32)
+            blocks.append(Block(rows, columns, Groups(own, np.array([0, 14, len(own)]))))
+            order.append((places[0] * 13 + places[1])[own])
+            sizes += [14, len(own) - 14]
+    together = Groups(np.concatenate(order).astype(np.int32), np.cumsum([0, *sizes]))
+    found = filtered(noisy, blocks, from_estimate=True)
+    np.testing.assert_allclose(found, as_written(noisy, together), atol=2e-4)
+    np.testing.assert_allclose(found, filtered(noisy, whole(11, 13, together), from_estimate=True), atol=1e-5)
 
 
 def test_groups_are_no_larger_than_allowed_and_hold_each_patch_once() -> None:
@@ -91,5 +113,5 @@ def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     for n in (1, 3):
         monkeypatch.setattr(threads, "n_threads", lambda n=n: n)
         groups = group_patches(features, np.zeros(2000, np.int32), 40)
-        found.append(filtered(noisy, groups, from_estimate=False))
+        found.append(filtered(noisy, whole(40, 50, groups), from_estimate=False))
     assert found[0].tobytes() == found[1].tobytes()
