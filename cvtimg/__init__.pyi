@@ -21,6 +21,7 @@ from . import (
     segmentation,
     sphere,
     supports,
+    surfaces,
     tables,
 )
 from .artwork.mosaics import mosaic
@@ -48,6 +49,7 @@ from .segmentation.hierarchy.building import segment_hierarchy
 from .segmentation.segments import segment
 from .sphere.grids import sphere_grid
 from .supports.radii import support_radii
+from .surfaces.placing import surface_points
 from .tables.estimator import CVT
 
 __version__: str
@@ -101,6 +103,8 @@ __all__ = [
     "superpixels",
     "support_radii",
     "supports",
+    "surface_points",
+    "surfaces",
     "tables",
     "tessellate",
     "write_image",

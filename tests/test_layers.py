@@ -21,7 +21,7 @@ LAYERS: list[set[str]] = [
     {"elbow", "palettes", "regions"},
     {"quantization", "segmentation", "bases", "placement"},
     {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
-    {"supports"},
+    {"supports", "surfaces"},
     {"explore"},
     {"cli"},
     {"__main__"},

@@ -1,0 +1,5 @@
+"""Points on surfaces that are generators of centroidal Voronoi tessellations, and triangles between them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,293 @@
+/* Flips, collapses of edges, cells and nearest faces of triangulated surfaces, as half-edges that all have twins. */
+#ifndef CVTIMG_SURFACE_GEOMETRY_H
+#define CVTIMG_SURFACE_GEOMETRY_H
+
+#include "../sphere/flips.h"
+
+/* More edges at one vertex are not collapsed or flipped. */
+#define MOST_AROUND 64
+/* Cotangents of opposite angles add up to less than this if an edge is surely to be flipped. */
+#define SURELY -1e-9
+/* Triangles must not face away from the surface by more than the angle with this cosine. */
+#define LEAST_COSINE 0.3
+
+static inline int32_t turn_left(const struct globe *mesh, int32_t e) { return mesh->twins[last_edge(e)]; }
+
+/* Cotangent of the angle at `apex`, opposite to the edge a b. */
+static inline double cotangent(const double *apex, const double *a, const double *b)
+{
+    double u[3], v[3], normal[3];
+
+    subtract3(u, a, apex);
+    subtract3(v, b, apex);
+    cross3(normal, u, v);
+    return dot3(u, v) / sqrt(dot3(normal, normal) + 1e-300);
+}
+
+/* List the half-edges out of the origin of e; return how many, or MOST_AROUND + 1 if there are more than that. */
+static int half_edges_around(const struct globe *mesh, int32_t e, int32_t *around)
+{
+    int n = 0;
+    int32_t first = e;
+
+    do {
+        if (n == MOST_AROUND)
+            return MOST_AROUND + 1;
+        around[n++] = e;
+        e = turn_left(mesh, e);
+    } while (e != first);
+    return n;
+}
+
+static inline int32_t end_of(const struct globe *mesh, int32_t e) { return mesh->vertices[next_edge(e)]; }
+
+static int is_joined(const struct globe *mesh, int32_t e, int32_t vertex)
+{
+    int32_t around[MOST_AROUND];
+    int n = half_edges_around(mesh, e, around);
+
+    if (n > MOST_AROUND)
+        return 1;
+    for (int i = 0; i < n; i++)
+        if (end_of(mesh, around[i]) == vertex)
+            return 1;
+    return 0;
+}
+
+static inline void normal_of(double *normal, const double *a, const double *b, const double *c)
+{
+    double u[3], v[3];
+
+    subtract3(u, b, a);
+    subtract3(v, c, a);
+    cross3(normal, u, v);
+}
+
+/* Whether the triangle of three vertices faces where the surface does at them, up to an angle with this cosine. */
+static int faces_outward(const double *points, const double *normals, const int32_t *corners, double cosine)
+{
+    double normal[3], outward[3] = {0, 0, 0};
+
+    normal_of(normal, points + 3 * (ptrdiff_t)corners[0], points + 3 * (ptrdiff_t)corners[1],
+              points + 3 * (ptrdiff_t)corners[2]);
+    for (int k = 0; k < 3; k++)
+        for (int axis = 0; axis < 3; axis++)
+            outward[axis] += normals[3 * (ptrdiff_t)corners[k] + axis];
+    double dot = dot3(normal, outward);
+    return dot > 0 && dot * dot >= cosine * cosine * dot3(normal, normal) * dot3(outward, outward);
+}
+
+/* Whether the angles opposite to an edge add up to more than 180 degrees, and the other diagonal is free and folds
+ * nothing. */
+static int should_turn(const struct globe *mesh, const double *normals, int32_t e)
+{
+    int32_t f = mesh->twins[e], e2 = last_edge(e), f2 = last_edge(f);
+    int32_t a = mesh->vertices[e], b = mesh->vertices[f], c = mesh->vertices[e2], d = mesh->vertices[f2];
+    const double *at_a = origin_of(mesh, e), *at_b = origin_of(mesh, f);
+
+    if (cotangent(origin_of(mesh, e2), at_a, at_b) + cotangent(origin_of(mesh, f2), at_a, at_b) >= SURELY)
+        return 0;
+    const int32_t first[3] = {d, b, c}, second[3] = {a, d, c};
+    return c != d && faces_outward(mesh->points, normals, first, LEAST_COSINE) &&
+           faces_outward(mesh->points, normals, second, LEAST_COSINE) && !is_joined(mesh, e2, d);
+}
+
+static ptrdiff_t flip_surface(struct globe *mesh, const double *normals, int32_t n_edges, ptrdiff_t most,
+                              int32_t *stack, uint8_t *waiting)
+{
+    ptrdiff_t n_flips = 0;
+    int32_t depth = 0;
+
+    for (int32_t e = 0; e < n_edges; e++)
+        waiting[e] = 0;
+    for (int32_t start = 0; start < n_edges; start++) {
+        if (mesh->twins[start] < start || mesh->vertices[start] < 0)
+            continue; /* tested from the other side, or removed */
+        stack[depth++] = start;
+        waiting[start] = 1;
+        while (depth) {
+            int32_t e = stack[--depth];
+            waiting[e] = 0;
+            if (n_flips >= most || !should_turn(mesh, normals, e))
+                continue;
+            int32_t f = mesh->twins[e];
+            flip_edge(mesh, e);
+            n_flips++;
+            int32_t outer[4] = {e, next_edge(e), f, next_edge(f)};
+            for (int i = 0; i < 4; i++)
+                if (!waiting[outer[i]]) {
+                    waiting[outer[i]] = 1;
+                    stack[depth++] = outer[i];
+                }
+        }
+    }
+    return n_flips;
+}
+
+/* Whether the triangles at the origin of e, but the two that vanish, face where the surface does and have no side longer
+ * than `most` if it moves to its end. */
+static int stays_sound(const struct globe *mesh, const double *normals, double most, int32_t e, const int32_t *around,
+                       int n)
+{
+    int32_t to = mesh->vertices[mesh->twins[e]];
+
+    for (int i = 0; i < n; i++) {
+        int32_t g = around[i];
+        if (squared_distance(origin_of(mesh, next_edge(g)), mesh->points + 3 * (ptrdiff_t)to) > most * most)
+            return 0;
+        if (g == e || turn_left(mesh, g) == e)
+            continue;
+        int32_t corners[3] = {to, mesh->vertices[next_edge(g)], mesh->vertices[last_edge(g)]};
+        if (!faces_outward(mesh->points, normals, corners, LEAST_COSINE))
+            return 0;
+    }
+    return 1;
+}
+
+/* Move the origin of e to its end and remove the two triangles at e, if the surface stays one without folds, and no new
+ * edge is longer than `most`. */
+static int collapse_edge(struct globe *mesh, const double *normals, double most, int32_t e)
+{
+    int32_t f = mesh->twins[e], around[MOST_AROUND], beyond[MOST_AROUND];
+    int n = half_edges_around(mesh, e, around), m = half_edges_around(mesh, f, beyond), common = 0;
+
+    if (n + m - 4 > MOST_AROUND || n + m - 4 < 3)
+        return 0;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < m; j++)
+            common += end_of(mesh, around[i]) == end_of(mesh, beyond[j]);
+    int apexes_have_more = half_edges_around(mesh, last_edge(e), beyond) > 3 &&
+                           half_edges_around(mesh, last_edge(f), beyond) > 3;
+    if (common != 2 || !apexes_have_more || !stays_sound(mesh, normals, most, e, around, n))
+        return 0;
+    int32_t kept = mesh->vertices[f];
+    for (int i = 0; i < n; i++)
+        mesh->vertices[around[i]] = kept;
+    join_twins(mesh, mesh->twins[next_edge(e)], mesh->twins[last_edge(e)]);
+    join_twins(mesh, mesh->twins[next_edge(f)], mesh->twins[last_edge(f)]);
+    for (int k = 0; k < 3; k++)
+        mesh->vertices[3 * (e / 3) + k] = mesh->vertices[3 * (f / 3) + k] = -1;
+    return 1;
+}
+
+/* Add mass and first moments of the cells of a triangle's corners, from corner to middles of sides to circumcenter, all
+ * in its plane. Parts have signs: those of an obtuse triangle are made up for by its neighbor. The density is linear
+ * from corners to middles to the circumcenter. */
+static void add_kites(const struct globe *mesh, const double *density, int32_t t, double *masses, double *pulls)
+{
+    const int32_t *v = mesh->vertices + 3 * (ptrdiff_t)t;
+    double squares[3], weights[3], center[3] = {0, 0, 0}, sum = 0, at_center = 0, normal[3], u[3], w[3];
+    const double *p[3];
+
+    for (int k = 0; k < 3; k++)
+        p[k] = mesh->points + 3 * (ptrdiff_t)v[k];
+    for (int k = 0; k < 3; k++)
+        squares[k] = squared_distance(p[(k + 1) % 3], p[(k + 2) % 3]);
+    for (int k = 0; k < 3; k++)
+        sum += weights[k] = squares[k] * (squares[(k + 1) % 3] + squares[(k + 2) % 3] - squares[k]);
+    subtract3(u, p[1], p[0]);
+    subtract3(w, p[2], p[0]);
+    cross3(normal, u, w);
+    double area = 0.5 * sqrt(dot3(normal, normal));
+    if (sum <= 0 || area <= 0)
+        return;
+    double least = INFINITY, largest = 0;
+    for (int k = 0; k < 3; k++) {
+        double here = density[v[k]], share = weights[k] / sum;
+        at_center += share * here;
+        least = fmin(least, here), largest = fmax(largest, here);
+        for (int i = 0; i < 3; i++)
+            center[i] += share * (p[k][i] - p[0][i]);
+    }
+    at_center = fmin(fmax(at_center, least), largest);
+    for (int k = 0; k < 3; k++) { /* side k, opposite to corner k: two halves, each with the circumcenter */
+        double part = weights[k] / sum * area / 2;
+        int ends[2] = {(k + 1) % 3, (k + 2) % 3};
+        double between = (density[v[ends[0]]] + density[v[ends[1]]]) / 2;
+        for (int h = 0; h < 2; h++) {
+            int32_t i = v[ends[h]];
+            double here = density[i], all = here + between + at_center;
+            masses[i] += part * all / 3;
+            for (int axis = 0; axis < 3; axis++) {
+                double middle = (p[ends[1 - h]][axis] - p[ends[h]][axis]) / 2;
+                double far = center[axis] + p[0][axis] - p[ends[h]][axis];
+                pulls[3 * (ptrdiff_t)i + axis] +=
+                    part / 12 * (all * (middle + far) + between * middle + at_center * far);
+            }
+        }
+    }
+}
+
+/* The point of a triangle nearest to p. Returns the side it is on (0 for that from corner 0 to 1, ...), 3 + k if it is
+ * corner k, or -1 if it is inside. C. Ericson, Real-Time Collision Detection (2005), section 5.1.5. */
+static int nearest_in_triangle(const double *p, const double *a, const double *b, const double *c, double *nearest)
+{
+    double ab[3], ac[3], ap[3], bp[3], cp[3];
+
+    subtract3(ab, b, a);
+    subtract3(ac, c, a);
+    subtract3(ap, p, a);
+    subtract3(bp, p, b);
+    subtract3(cp, p, c);
+    double d1 = dot3(ab, ap), d2 = dot3(ac, ap), d3 = dot3(ab, bp), d4 = dot3(ac, bp), d5 = dot3(ab, cp);
+    double d6 = dot3(ac, cp), along_b = 0, along_c = 0;
+    double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+    int where = -1;
+
+    if (d1 <= 0 && d2 <= 0)
+        where = 3;
+    else if (d3 >= 0 && d4 <= d3)
+        where = 4, along_b = 1;
+    else if (vc <= 0 && d1 >= 0 && d3 <= 0)
+        where = 0, along_b = d1 / (d1 - d3);
+    else if (d6 >= 0 && d5 <= d6)
+        where = 5, along_c = 1;
+    else if (vb <= 0 && d2 >= 0 && d6 <= 0)
+        where = 2, along_c = d2 / (d2 - d6);
+    else if (va <= 0 && d4 >= d3 && d5 >= d6)
+        where = 1, along_c = (d4 - d3) / (d4 - d3 + d5 - d6), along_b = 1 - along_c;
+    else
+        along_b = vb / (va + vb + vc), along_c = vc / (va + vb + vc);
+    for (int k = 0; k < 3; k++)
+        nearest[k] = a[k] + along_b * ab[k] + along_c * ac[k];
+    return where;
+}
+
+static double distance_to_face(const struct globe *mesh, int32_t t, const double *p, double *nearest, int *where)
+{
+    *where = nearest_in_triangle(p, origin_of(mesh, 3 * t), origin_of(mesh, 3 * t + 1), origin_of(mesh, 3 * t + 2),
+                                 nearest);
+    return squared_distance(p, nearest);
+}
+
+/* Walk from face to face while that brings the surface nearer to `place`, and move it there. Returns the last face. */
+static int32_t walk_to_nearest(const struct globe *mesh, int32_t t, double *place)
+{
+    double nearest[3], best[3], least;
+    int where;
+
+    least = distance_to_face(mesh, t, place, best, &where);
+    while (where >= 0) {
+        int32_t from = 3 * t + where % 3, around[MOST_AROUND], next = -1;
+        int n = where < 3 ? 1 : half_edges_around(mesh, from, around), next_where = -1;
+        if (where < 3)
+            around[0] = mesh->twins[from];
+        for (int i = 0; i < n && i < MOST_AROUND; i++) {
+            int side;
+            double distance = distance_to_face(mesh, around[i] / 3, place, nearest, &side);
+            if (distance < least * (1 - 1e-12)) {
+                least = distance, next = around[i] / 3, next_where = side;
+                for (int k = 0; k < 3; k++)
+                    best[k] = nearest[k];
+            }
+        }
+        if (next < 0)
+            break;
+        t = next, where = next_where;
+    }
+    for (int k = 0; k < 3; k++)
+        place[k] = best[k];
+    return t;
+}
+
+#endif

@@ -1,0 +1,144 @@
+"""Surfaces where a function is 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvtimg._shared.checks import check_finite, check_places, check_positive, check_returned, check_shape, check_that
+from cvtimg.regions import Box
+from cvtimg.surfaces.base import Points, Surface, Triangles
+from cvtimg.surfaces.halves import HalfEdges, divide_fans, find_twins, unit
+
+#: Steps to the surface at most; each brings about twice as many digits.
+_STEPS = 20
+#: By default, the longest side of the bounds has so many cubes.
+_CUBES = 64
+#: More cubes than this would fill the memory.
+_MOST_CUBES = 1 << 27
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
+class ImplicitSurface(Surface):
+    """Where a function is 0, within bounds.
+
+    Parameters
+    ----------
+    function : callable
+        From (N, 3) points to (N,) values: negative inside, positive outside, with a slope that vanishes nowhere on the
+        surface, as a signed distance has.
+    lower, upper : (3,) array
+        Corners of a box that holds the surface. Where the surface leaves the box it has a boundary.
+    gradient : callable, optional
+        From (N, 3) points to the (N, 3) gradients of the function; by default from differences.
+    spacing : float, optional
+        Side of the cubes in which the shape of the surface is found; details that are smaller are missed. By default
+        1/64 of the longest side of the box.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, or the function has one sign within the bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.surfaces import ImplicitSurface
+    >>> ball = ImplicitSurface(lambda p: (p**2).sum(axis=1) - 1, [-1.2] * 3, [1.2] * 3)
+    >>> ball.triangulation.is_closed, ball.triangulation.euler_characteristic
+    (True, 2)
+    """
+
+    function: Callable[[Points], Any]
+    box: Box
+    gradient: Callable[[Points], Any] | None
+    _triangulation: HalfEdges
+
+    def __init__(
+        self,
+        function: Callable[[Points], Any],
+        lower: ArrayLike,
+        upper: ArrayLike,
+        *,
+        gradient: Callable[[Points], Any] | None = None,
+        spacing: float | None = None,
+    ) -> None:
+        object.__setattr__(self, "function", function)
+        object.__setattr__(self, "box", Box(lower, upper))
+        check_shape("lower", self.box.bounds[0].shape, self.box.n_dims == 3, "(3,)")
+        object.__setattr__(self, "gradient", gradient)
+        step = float(self.box.sides.max()) / _CUBES if spacing is None else check_positive("spacing", spacing)
+        object.__setattr__(self, "_triangulation", self._triangulate(step))
+
+    def __repr__(self) -> str:
+        return f"<ImplicitSurface in {self.box!r}>"
+
+    @property
+    def triangulation(self) -> HalfEdges:
+        """Triangles in cubes, with vertices on the surface."""
+        return self._triangulation
+
+    def on_surface(self, places: Points) -> Points:
+        """Move places to the surface, along the slope of the function."""
+        moved = check_places("places", places, 3).copy()
+        size = float(np.linalg.norm(self.box.sides))
+        for _ in range(_STEPS):
+            values, slopes = self._values(moved), self._slopes(moved, self._step)
+            steep = np.einsum("ij,ij->i", slopes, slopes)
+            step = np.where(steep > 0, values / np.maximum(steep, 1e-300), 0)[:, None] * slopes
+            # No farther than a part of the box at a time: a slope may be next to nothing.
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            moved -= step * np.minimum(1, 0.1 * size / np.maximum(length, 1e-300))
+            if length.max(initial=0) < 1e-12 * size:
+                break
+        return self.box.project(moved)
+
+    def nearest(self, places: Points, faces: Triangles, fine: HalfEdges) -> tuple[Points, Points, Triangles]:
+        """Move places to the surface; which triangles of `fine` are near does not matter."""
+        found = self.on_surface(places)
+        return found, unit(self._slopes(found, self._step)), faces
+
+    @property
+    def _step(self) -> float:
+        """For differences."""
+        return 1e-6 * float(np.linalg.norm(self.box.sides))
+
+    def _triangulate(self, spacing: float) -> HalfEdges:
+        from skimage.measure import marching_cubes
+
+        lower, sides = self.box.bounds[0], self.box.sides
+        counts = np.maximum(np.ceil(sides / spacing).astype(int), 2)
+        check_that(f"spacing={spacing:g}", np.prod(counts + 1.0) < _MOST_CUBES, f"give fewer than {_MOST_CUBES} cubes")
+        axes = [low + np.linspace(0, side, n + 1) for low, side, n in zip(lower, sides, counts, strict=True)]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        values = self._values(nodes).reshape(counts + 1)
+        crosses = values.min() < 0 < values.max()
+        check_that("function", crosses, "be negative and positive within lower and upper: it has one sign")
+        options: dict[str, Any] = {"spacing": tuple(sides / counts), "allow_degenerate": False}
+        found: Any = marching_cubes(values, 0.0, **options)  # type: ignore[no-untyped-call]
+        vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
+        faces = np.ascontiguousarray(found[1], np.int32)
+        return HalfEdges(*divide_fans(vertices, faces, find_twins(faces, len(vertices))))
+
+    def _values(self, points: Points) -> Points:
+        values = np.asarray(self.function(points), np.float64)
+        check_returned("function", values, len(points))
+        check_finite("function", values)
+        return values
+
+    def _slopes(self, points: Points, step: float) -> Points:
+        if self.gradient is not None:
+            slopes = np.asarray(self.gradient(points), np.float64)
+            check_shape("gradient", slopes.shape, slopes.shape == points.shape, f"{points.shape}, as the points")
+            check_finite("gradient", slopes)
+            return slopes
+        slopes = np.empty_like(points)
+        for axis in range(3):
+            aside = np.zeros(3)
+            aside[axis] = step
+            slopes[:, axis] = (self._values(points + aside) - self._values(points - aside)) / (2 * step)
+        return slopes

@@ -1,0 +1,218 @@
+"""Place points on a surface: collapse edges of fine triangles, then move points and flip edges (Lloyd's method)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_at_least, check_at_most, check_choice, check_in_range, check_that, refuse_type
+from cvtimg._shared.choices import EffortName
+from cvtimg.regions import as_density
+from cvtimg.regions.densities import Density
+from cvtimg.surfaces import _surfaces
+from cvtimg.surfaces.base import Points, Surface, Triangles
+from cvtimg.surfaces.conversion import as_surface
+from cvtimg.surfaces.halves import HalfEdges
+from cvtimg.surfaces.result import SurfacePoints
+from cvtimg.surfaces.splitting import split_long_edges
+
+Values = NDArray[np.float64]
+
+#: Area of a regular hexagon whose neighbors are at distance 1.
+_HEXAGON = 0.75**0.5
+#: Edges of the fine triangles that points are taken from, by the distances of points.
+_FINE = 0.5
+#: Points may be so much farther from each other than where the density is largest.
+_SPARSEST = 30.0
+#: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
+_FIRST_PART, _GROWTH, _LAST_PART = 0.4, 1.1, 30.0
+#: Edges that this makes are no longer than this multiple of that part.
+_STRETCH = 1.5
+#: Points move by this multiple of the step to the center of mass, which takes fewer moves than 1, and at the end by 1.
+_BEYOND, _LAST_MOVES = 1.7, 5
+#: A step is at most this part of the size of a cell, so that triangles do not turn over.
+_LONGEST_STEP = 0.3
+#: The sizes of cells are measured again after so many moves.
+_REST = 10
+#: Points whose triangles would fold stay, and those around them if that folds others, at most so far around.
+_RETREATS = 4
+_MOST_POINTS = 1 << 24
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long points move: `moves` at most, or until the offset is at most `offset`."""
+
+    moves: int
+    offset: float
+
+
+#: The registry of efforts.
+EFFORTS: dict[str, Effort] = {
+    "fast": Effort(50, 0.01),
+    "balanced": Effort(150, 0.001),
+    "best": Effort(1000, 0.0001),
+}
+
+
+def surface_points(
+    surface: Any,
+    n: int,
+    *,
+    density: float | Callable[[Points], ArrayLike] | None = None,
+    effort: EffortName = "balanced",
+) -> SurfacePoints:
+    """Place points on a surface as generators of a centroidal Voronoi tessellation, and join them by triangles.
+
+    Parameters
+    ----------
+    surface : Surface, path, pair of arrays or mesh
+        What `cvtimg.surfaces.as_surface` takes: an implicit surface, the path of an STL, OBJ, PLY or OFF file, arrays
+        (vertices, faces), or a mesh of trimesh. It is closed.
+    n : int
+        Number of points.
+    density : callable or float, optional
+        From (N, 3) points to (N,) densities >= 0. Distances of points are about in proportion to density^(-1/4).
+    effort : {"fast", "balanced", "best"}
+        How long points are moved.
+
+    Returns
+    -------
+    SurfacePoints
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, the surface has a boundary, or it needs more triangles than `n` points make.
+
+    Notes
+    -----
+    Distances are those of space, not along the surface, and centers of mass are projected to it. Triangles are those of
+    the intrinsic Delaunay property: angles opposite to an edge add up to at most 180 degrees.
+
+    References
+    ----------
+    Q. Du, M. Gunzburger, L. Ju, Constrained centroidal Voronoi tessellations for surfaces, SIAM Journal on Scientific
+    Computing 24 (2003) 1488-1506, doi 10.1137/S1064827501391576.
+
+    Examples
+    --------
+    >>> from cvtimg import surface_points
+    >>> from cvtimg.surfaces import torus
+    >>> found = surface_points(torus(), 500)
+    >>> found, found.measures().euler_characteristic, found.measures().least_angle > 35
+    (SurfacePoints(500 points, 1000 triangles), 0, True)
+    """
+    shape = as_surface(surface)
+    n = check_at_least("n", n, 4, "the corners of a tetrahedron")
+    check_at_most("n", n, _MOST_POINTS, "points")
+    check_choice("effort", effort, EFFORTS)
+    if not (density is None or callable(density) or np.ndim(density) == 0):
+        refuse_type("density", type(density).__name__, "a number or a function of points")
+    check_that("surface", shape.triangulation.is_closed, "be closed: it has a boundary")
+    measure = as_density(density)
+    fine, sizes = _fine(shape, n, measure)
+    mesh, faces = _collapsed(fine, sizes, n)
+    offset, n_iter = _relax(shape, fine, mesh, faces, measure, EFFORTS[effort])
+    masses, _ = mesh.moments(measure(mesh.points))
+    return SurfacePoints(mesh.points, mesh.triangles, masses, _energy(fine, mesh.points, measure), offset, n_iter)
+
+
+def _fine(surface: Surface, n: int, density: Density) -> tuple[HalfEdges, Values]:
+    """Split triangles until edges are shorter than the distances of points; return those distances, too."""
+    base = surface.triangulation
+    top = float(density(base.points).max())
+    check_that("density", top > 0, "be > 0 somewhere on the surface")
+
+    def relative(points: Points) -> Values:
+        return np.minimum((np.maximum(density(points), 0) / top + _SPARSEST**-4) ** -0.25, _SPARSEST)
+
+    sparse = relative(base.points)
+    areas, _ = base.moments(sparse**-2.0)
+    distance = (max(areas.sum(), 0) / (_HEXAGON * n)) ** 0.5
+    # The density may vary within the triangles given: what they hold is measured again on finer ones.
+    for _ in range(2):
+        points, triangles = split_long_edges(
+            base.points, base.triangles, _limits(relative, _FINE * distance), surface.on_surface
+        )
+        fine = HalfEdges(points, triangles)
+        sparse = relative(fine.points)
+        areas, _ = fine.moments(sparse**-2.0)
+        wanted = (areas.sum() / (_HEXAGON * n)) ** 0.5
+        if wanted > 0.8 * distance:
+            break
+        distance = wanted
+    return fine, distance * sparse
+
+
+def _limits(relative: Density, distance: float) -> Density:
+    return lambda places: distance * relative(places)
+
+
+def _collapsed(fine: HalfEdges, sizes: Values, n: int) -> tuple[HalfEdges, Triangles]:
+    """Collapse the shortest edges until n vertices are left; return a triangle of `fine` at each, too."""
+    mesh = HalfEdges(fine.points, fine.triangles.copy(), fine.twins.copy())
+    n_left, part, normals = len(mesh.points), _FIRST_PART, fine.normals()
+    while n_left > n and part < _LAST_PART:
+        most = n_left - n
+        n_left -= _surfaces.collapse(mesh.points, normals, sizes, part, _STRETCH, most, mesh.triangles, mesh.twins)
+        mesh.flip(normals)
+        part *= _GROWTH
+    check_in_range("n", n, n_left == n, f"at least {n_left}: fewer points do not make triangles of this shape")
+    left = mesh.triangles[:, 0] >= 0
+    used, corners = np.unique(mesh.triangles[left], return_inverse=True)
+    triangle = np.empty(len(fine.points), np.int32)
+    triangle[fine.triangles.ravel()] = np.arange(fine.triangles.size, dtype=np.int32) // 3
+    return HalfEdges(fine.points[used], corners.reshape(-1, 3).astype(np.int32)), triangle[used]
+
+
+def _relax(
+    surface: Surface, fine: HalfEdges, mesh: HalfEdges, faces: Triangles, density: Density, effort: Effort
+) -> tuple[float, int]:
+    """Move points to the centers of mass of their cells, projected to the surface; return the offset and the moves."""
+    move, last = 0, effort.moves
+    points, normals, faces = surface.nearest(mesh.points, faces, fine)
+    mesh.points = points
+    while True:
+        mesh.flip(normals)
+        _, steps = mesh.moments(density(mesh.points))
+        if move % _REST == 0:
+            sizes = np.sqrt(np.bincount(mesh.triangles.ravel(), np.repeat(_areas(mesh), 3), len(mesh.points)) / 3)
+        lengths = np.linalg.norm(steps, axis=1)
+        factor = _BEYOND if move < last - _LAST_MOVES else 1.0
+        share = np.minimum(factor, _LONGEST_STEP * sizes / np.maximum(lengths, 1e-300))
+        there, directions, near = surface.nearest(mesh.points + share[:, None] * steps, faces, fine)
+        offset = float(np.sqrt(np.mean((np.linalg.norm(there - mesh.points, axis=1) / (share * sizes)) ** 2)))
+        if offset <= effort.offset:
+            last = min(last, move + _LAST_MOVES)
+        if move >= last:
+            return offset, move
+        for _ in range(_RETREATS):
+            back = mesh.folds(there, directions)
+            if not back.any():
+                break
+            there[back], directions[back], near[back] = mesh.points[back], normals[back], faces[back]
+        mesh.points, normals, faces = there, directions, near
+        move += 1
+
+
+def _areas(mesh: HalfEdges) -> Values:
+    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def _energy(fine: HalfEdges, points: Points, density: Density) -> float:
+    """Integrate by the middles of the edges of fine triangles, which is exact for squares within a cell."""
+    from scipy.spatial import KDTree
+
+    areas = _areas(fine)
+    tree, total = KDTree(points), 0.0
+    for k in range(3):
+        middles = (fine.points[fine.triangles[:, k]] + fine.points[fine.triangles[:, k - 1]]) / 2
+        distances, _ = tree.query(middles)
+        total += float((areas * density(middles) * distances**2).sum()) / 3
+    return total

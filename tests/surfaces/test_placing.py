@@ -1,0 +1,262 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, KDTree
+
+from cvtimg import surface_points
+from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, measure_surface, torus
+
+Points = NDArray[np.float64]
+
+
+def ball(p: Points) -> Points:
+    return np.linalg.norm(p, axis=1) - 1
+
+
+@pytest.fixture(scope="module")
+def on_torus() -> SurfacePoints:
+    return surface_points(torus(), 1000)
+
+
+def cube() -> tuple[Points, NDArray[np.int32]]:
+    """Twelve triangles: what computer-aided design gives."""
+    corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = ConvexHull(corners).simplices
+    inward = np.linalg.det(corners[faces] + 1e-3) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return corners, faces.astype(np.int32)
+
+
+def test_points_are_on_the_surface_and_triangles_have_its_shape(on_torus: SurfacePoints) -> None:
+    around = np.hypot(on_torus.points[:, 0], on_torus.points[:, 1])
+    assert np.allclose(np.hypot(around - 1, on_torus.points[:, 2]), 0.4, atol=1e-12)
+    measures = on_torus.measures()
+    assert measures.is_closed
+    assert measures.euler_characteristic == 0
+    assert len(on_torus.triangles) == 2000
+    assert on_torus.masses.sum() == pytest.approx(4 * np.pi**2 * 0.4, rel=0.01)
+
+
+def test_triangles_are_nearly_equilateral(on_torus: SurfacePoints) -> None:
+    measures = on_torus.measures()
+    assert measures.least_angle > 37
+    assert measures.mean_quality > 0.98
+    assert measures.n_obtuse < 20
+
+
+def test_points_are_centers_of_mass_of_their_cells(on_torus: SurfacePoints) -> None:
+    # An independent sum over samples of the surface, assigned to the nearest point.
+    turns = np.random.default_rng(0).random((1_000_000, 2)) * 2 * np.pi
+    radius = 1 + 0.4 * np.cos(turns[:, 1])
+    turns, radius = (x[np.random.default_rng(1).random(len(x)) * 1.4 < radius] for x in (turns, radius))
+    places = np.stack([radius * np.cos(turns[:, 0]), radius * np.sin(turns[:, 0]), 0.4 * np.sin(turns[:, 1])], axis=1)
+    distances, cell = KDTree(on_torus.points).query(places)
+    area = 4 * np.pi**2 * 0.4
+    assert on_torus.energy == pytest.approx((distances**2).mean() * area, rel=0.01)
+    counts = np.bincount(cell, minlength=1000)
+    centers = np.stack([np.bincount(cell, x, 1000) / counts for x in places.T], axis=1)
+    around = np.hypot(centers[:, 0], centers[:, 1])
+    middle = np.stack([centers[:, 0] / around, centers[:, 1] / around, np.zeros(1000)], axis=1)
+    outward = (centers - middle) / np.linalg.norm(centers - middle, axis=1, keepdims=True)
+    steps = middle + 0.4 * outward - on_torus.points
+    size = (area / 1000) ** 0.5
+    assert np.sqrt((steps**2).sum(axis=1).mean()) < 0.03 * size
+
+
+def test_no_opposite_angles_add_up_to_more_than_180_degrees(on_torus: SurfacePoints) -> None:
+    opposite: dict[frozenset[int], float] = {}
+    for triangle in on_torus.triangles.tolist():
+        for k in range(3):
+            apex, a, b = (on_torus.points[triangle[(k + step) % 3]] for step in range(3))
+            u, v = a - apex, b - apex
+            edge = frozenset({triangle[(k + 1) % 3], triangle[(k + 2) % 3]})
+            angle = np.arccos(u @ v / np.linalg.norm(u) / np.linalg.norm(v))
+            opposite[edge] = opposite.get(edge, 0) + angle
+    assert max(opposite.values()) <= np.pi + 1e-6
+
+
+def test_a_ball_gets_a_sphere() -> None:
+    found = surface_points(ImplicitSurface(ball, [-1.1] * 3, [1.1] * 3), 300)
+    assert np.allclose(np.linalg.norm(found.points, axis=1), 1, atol=1e-9)
+    assert found.measures().euler_characteristic == 2
+    # Regular hexagons of the same area would have this.
+    assert found.energy * 300 == pytest.approx(5 / (18 * 3**0.5) * (4 * np.pi) ** 2, rel=0.02)
+    normals = np.cross(*(found.points[found.triangles[:, k]] - found.points[found.triangles[:, 0]] for k in (1, 2)))
+    assert (np.einsum("ij,ij->i", normals, found.points[found.triangles[:, 0]]) > 0).all()
+
+
+def test_long_triangles_are_split_first() -> None:
+    corners, faces = cube()
+    found = surface_points((corners, faces), 500)
+    assert np.allclose(np.abs(found.points).max(axis=1), 1, atol=1e-9)
+    assert found.measures().euler_characteristic == 2
+    assert np.ptp(found.masses) < 0.6 * found.masses.mean()
+
+
+def test_dense_triangles_are_merged() -> None:
+    fine = surface_points(torus(), 4000)
+    found = surface_points((fine.points, fine.triangles), 150)
+    assert found.measures().euler_characteristic == 0
+    assert found.measures().least_angle > 25
+
+
+def test_distances_follow_the_density() -> None:
+    def density(p: Points) -> Points:
+        return np.exp(2 * p[:, 2])
+
+    found = surface_points(ImplicitSurface(ball, [-1.1] * 3, [1.1] * 3), 2000, density=density)
+    sides = found.points[found.triangles] - found.points[np.roll(found.triangles, 1, axis=1)]
+    lengths = np.linalg.norm(sides, axis=2).mean(axis=1)
+    height = found.points[found.triangles][:, :, 2].mean(axis=1)
+    assert np.corrcoef(np.log(lengths), height)[0, 1] < -0.95
+    slope = np.polyfit(height[np.abs(height) < 0.8], np.log(lengths[np.abs(height) < 0.8]), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.05)
+    assert found.measures().least_angle > 30
+
+
+def test_more_effort_gives_less_energy() -> None:
+    energies = [surface_points(torus(), 400, effort=effort).energy for effort in ("fast", "balanced", "best")]
+    assert energies[0] > energies[1] >= energies[2] * 0.999
+
+
+def test_all_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    from cvtimg._shared import threads
+
+    mesh = torus().triangulation
+    start = np.random.default_rng(0).integers(len(mesh.triangles), size=12_000).astype(np.int32)
+    places = mesh.points[mesh.triangles[start]].mean(axis=1) * 1.05
+    found = []
+    for n in ("1", "3"):
+        monkeypatch.setenv("CVTIMG_THREADS", n)
+        threads.n_threads.cache_clear()
+        threads._pool.cache_clear()
+        found.append(mesh.nearest(places, start)[0])
+    threads.n_threads.cache_clear()
+    threads._pool.cache_clear()
+    assert (found[0] == found[1]).all()
+
+
+def test_walks_end_at_the_nearest_points_of_a_mesh() -> None:
+    mesh = torus().triangulation
+    start = np.random.default_rng(0).integers(len(mesh.triangles), size=300).astype(np.int32)
+    places = mesh.points[mesh.triangles[start]].mean(axis=1) + np.random.default_rng(1).normal(size=(300, 3)) * 0.02
+    found, faces = mesh.nearest(places, start)
+    # By many points of every triangle.
+    shares = np.array([[i, j, 12 - i - j] for i in range(13) for j in range(13 - i)]) / 12
+    samples = np.einsum("sk,tki->tsi", shares, mesh.points[mesh.triangles]).reshape(-1, 3)
+    nearest, _ = KDTree(samples).query(places)
+    distance = np.linalg.norm(found - places, axis=1)
+    assert (distance <= nearest + 1e-12).mean() > 0.95  # a walk ends in the first hollow
+    assert np.allclose(distance, nearest, atol=5e-3)
+    a, b, c = (mesh.points[mesh.triangles[faces, k]] for k in range(3))
+    assert np.allclose(np.einsum("ij,ij->i", np.cross(b - a, c - a), found - a), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".obj", ".ply", ".stl", ".off"])
+def test_triangles_are_saved(on_torus: SurfacePoints, tmp_path: Path, suffix: str) -> None:
+    on_torus.save(tmp_path / f"a{suffix}")
+    found = meshio.read(tmp_path / f"a{suffix}")
+    places = found.points[found.cells_dict["triangle"]]
+    assert np.allclose(places, on_torus.points[on_torus.triangles], atol=1e-6)
+
+
+def test_surfaces_are_read_from_what_is_saved(on_torus: SurfacePoints, tmp_path: Path) -> None:
+    for suffix in (".obj", ".ply", ".stl"):
+        on_torus.save(tmp_path / f"a{suffix}")
+        found = surface_points(tmp_path / f"a{suffix}", 200)
+        assert found.measures().euler_characteristic == 0
+        assert found.measures().is_closed
+
+
+def test_inputs_are_unchanged_and_turned_surfaces_are_turned_back() -> None:
+    corners, faces = cube()
+    expected = surface_points((corners, faces), 100)
+    turned = faces[:, ::-1].copy()
+    before = corners.copy(), turned.copy()
+    found = surface_points((corners, turned), 100)
+    assert (corners == before[0]).all()
+    assert (turned == before[1]).all()
+    for each in (expected, found):
+        assert np.linalg.det(each.points[each.triangles]).sum() / 6 == pytest.approx(8, rel=0.2)  # corners are cut
+
+
+def test_parts_that_touch_in_a_vertex_are_divided() -> None:
+    corners, faces = cube()
+    both = np.concatenate([corners, corners + 2])
+    far = np.flatnonzero((corners == 1).all(axis=1))[0]  # where the cubes touch
+    second = np.where(faces + 8 == 8 + np.flatnonzero((corners == -1).all(axis=1))[0], far, faces + 8)
+    surface = TriangulatedSurface(both, np.concatenate([faces, second]))
+    assert surface.triangulation.euler_characteristic == 4
+    assert surface_points(surface, 200).measures().euler_characteristic == 4
+
+
+def test_what_is_no_surface_is_refused(tmp_path: Path) -> None:
+    corners, faces = cube()
+    cases = [
+        ((corners * np.nan, faces), "vertices must be finite"),
+        ((corners, faces + 1), r"faces in 1\.\.8 must be in 0\.\.7"),
+        ((corners, faces[1:]), "surface must be closed: it has a boundary"),
+        ((corners, np.concatenate([faces, faces[:1]])), "faces must go around in one direction"),
+        ((corners, np.concatenate([faces, [[0, 1, 1]]])), r"faces\[12\] must have an area > 0"),
+        ((corners, np.concatenate([faces[:1, ::-1], faces[1:]])), "faces must go around in one direction"),
+        (tmp_path / "a.xyz", r"suffix='\.xyz' must be one of"),
+    ]
+    for surface, message in cases:
+        with pytest.raises(ValueError, match=message):
+            surface_points(surface, 50)
+    with pytest.raises(TypeError, match="surface of type int must be a Surface, a path"):
+        surface_points(3, 50)
+    (tmp_path / "a.stl").write_bytes(b"solid nothing")
+    with pytest.raises(OSError, match=r"a\.stl"):
+        surface_points(tmp_path / "a.stl", 50)
+
+
+def test_counts_and_densities_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match="n=3 must be an integer >= 4"):
+        surface_points(cube(), 3)
+    with pytest.raises(ValueError, match=r"n=5 must be at least \d+"):
+        surface_points(torus(), 5)
+    with pytest.raises(ValueError, match="n must have at most"):
+        surface_points(cube(), 1 << 30)
+    with pytest.raises(ValueError, match=r"density at .* must be finite and >= 0"):
+        surface_points(cube(), 50, density=lambda p: p[:, 0] * np.nan)
+    with pytest.raises(ValueError, match="density must be > 0 somewhere"):
+        surface_points(cube(), 50, density=lambda p: 0 * p[:, 0])
+    with pytest.raises(TypeError, match="density of type list must be a number or a function"):
+        surface_points(cube(), 50, density=[1, 2])  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="effort='long' must be one of"):
+        surface_points(cube(), 50, effort="long")  # type: ignore[arg-type]
+
+
+def test_implicit_surfaces_without_a_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match="it has one sign"):
+        ImplicitSurface(lambda p: p[:, 0] ** 2 + 1, [-1] * 3, [1] * 3)
+    with pytest.raises(ValueError, match="function must be finite"):
+        ImplicitSurface(lambda p: p[:, 0] * np.nan, [-1] * 3, [1] * 3)
+    with pytest.raises(ValueError, match=r"minor=2\.0 must be less than major=1"):
+        torus(1, 2)
+    with pytest.raises(ValueError, match=r"gradient of shape \(.*\) must be"):
+        ImplicitSurface(ball, [-2] * 3, [2] * 3, gradient=lambda p: p[:, 0])
+
+
+def test_differences_replace_a_gradient() -> None:
+    places = np.random.default_rng(0).normal(size=(50, 3))
+    without = ImplicitSurface(ball, [-1.5] * 3, [1.5] * 3)
+    given = ImplicitSurface(ball, [-1.5] * 3, [1.5] * 3, gradient=lambda p: p / np.linalg.norm(p, axis=1)[:, None])
+    assert np.allclose(without.on_surface(places), given.on_surface(places), atol=1e-9)
+
+
+def test_measures_agree_with_a_hand_case() -> None:
+    octahedron = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = ConvexHull(octahedron).simplices
+    whole = measure_surface(octahedron, faces)
+    assert (whole.euler_characteristic, whole.is_closed, whole.n_obtuse) == (2, True, 0)
+    assert (whole.least_angle, whole.largest_angle, whole.mean_quality) == pytest.approx((60, 60, 1))
+    part = measure_surface(octahedron * [1, 1, 3], faces[1:])
+    assert (part.euler_characteristic, part.is_closed) == (1, False)
+    assert measure_surface(np.eye(3), [[0, 1, 2]]).least_angle == pytest.approx(60)
