@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 
 EffortName: TypeAlias = Literal["fast", "balanced", "best"]
+AutoEffortName: TypeAlias = Literal["auto", "fast", "balanced", "best"]
 MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"]
 InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
 SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import typer
 from typer import Option
 
+from cvtimg._shared.choices import AutoEffortName
 from cvtimg.batch import InputsFailedError, Missing, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
@@ -122,6 +123,9 @@ Channels = Annotated[
 Detail = Annotated[
     bool, Option("--detail", help="Restore texture too, patch by patch; for photographs, and to denoise a single one.")
 ]
+Effort = Annotated[
+    AutoEffortName, Option(help="How long to search for a better result; auto: with --detail, less for large images.")
+]
 Seed = Annotated[
     int,
     Option(
@@ -166,7 +170,7 @@ def restore(
     edge_weight: EdgeWeight = "auto",
     volume_power: options.VolumePower = 0,
     space: options.Space = "rgb",
-    effort: options.Effort = "balanced",
+    effort: Effort = "auto",
     seed: Seed = 0,
     labels: Labels = None,
     sheet: Sheet = None,

@@ -20,7 +20,9 @@ from cvtimg.restoration.suspicion import Suspicion, first_estimate
 from cvtimg.restoration.versions import Floats, Versions, fuse
 
 #: Largest number of patches in a group, pass by pass.
-_PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 100, 80, 60)}
+_PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
+#: Largest number of pixels for which these are affordable: a pass over a megapixel takes some seconds.
+_AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, "balanced"))
 #: Blur, in pixels, of the first estimate.
 _FIRST_BLUR = 0.7
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
@@ -45,6 +47,11 @@ class Detailed:
     image: Floats
     labels: NDArray[np.int32]
     energy: float
+
+
+def affordable_effort(n_pixels: int) -> EffortName:
+    """Choose an effort that restores images of any size within minutes."""
+    return next((effort for most, effort in _AFFORDABLE if n_pixels <= most), "fast")
 
 
 def restore_detail(
@@ -99,7 +106,7 @@ def restore_detail(
                 with_border(axes.along(estimate)),
                 with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
             )
-            kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, effort, rng)
+            kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
     return Detailed(estimate, done.labels, done.energy), kept

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.choices import EffortName
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
@@ -97,7 +96,7 @@ class Kinds:
     generators: NDArray[np.float64]
 
     @classmethod
-    def of(cls, bordered: Floats, n_generators: int, effort: EffortName, rng: np.random.Generator) -> Kinds:
+    def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator) -> Kinds:
         """Find kinds of patches from some patches of an image with a border of `REACH` pixels."""
         patches = windows(bordered)
         n_pixels = patches.shape[0] * patches.shape[1]
@@ -107,7 +106,7 @@ class Kinds:
         sample = sample - mean
         _, axes = np.linalg.eigh((sample.T @ sample).astype(np.float64))
         basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
-        generators = tessellate(sample @ basis, n_generators, effort=effort, rng=rng).generators
+        generators = tessellate(sample @ basis, n_generators, effort="fast", rng=rng).generators
         return cls(mean, basis, generators)
 
     def features(self, bordered: Floats) -> Floats:

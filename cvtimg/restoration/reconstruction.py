@@ -9,21 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_edge_weight, check_excluded, check_non_negative
-from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
+from cvtimg._shared.choices import AutoEffortName, AveragingName, SpaceName
 from cvtimg._shared.pixels import white_of
 from cvtimg.colors.spaces import to_space
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import align as align_versions
+from cvtimg.restoration.detail import affordable_effort
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
-from cvtimg.restoration.suspicion import Suspicion
+from cvtimg.restoration.suspicion import Suspicion, first_estimate
 from cvtimg.restoration.versions import (
     Versions,
     averaged_versions,
     disagreement,
+    fuse,
     stack_versions,
     trust_in,
     usual_noise,
@@ -53,7 +55,7 @@ def restore(
     volume_power: float = 0,
     renormalize: str | None = "range",
     detail: bool = False,
-    effort: EffortName = "balanced",
+    effort: AutoEffortName = "auto",
     rng: int | np.random.Generator = 0,
 ) -> Restoration:
     """Restore one image from several noisy and incomplete versions of it.
@@ -85,7 +87,8 @@ def restore(
         They may differ in bands and type, and the image is that of the first.
     hidden : {"outliers", "background", "none"} or None
         What to leave out where versions disagree by more than their noise. "outliers": what departs from the majority
-        of three or more, such as cosmic rays, dust, passers-by and parts painted over. "background": versions that
+        of three or more, such as cosmic rays, dust, passers-by and parts painted over; and if that happens, also where
+        fewer know a pixel, what is likelier to be such an addition than what is around it. "background": versions that
         show the background, the most frequent color, where another shows something else; the result is the union of
         what all versions show, whichever of them hide it. "none" or None: nothing.
     space : {"rgb", "linear", "lab", "oklab"}
@@ -107,9 +110,10 @@ def restore(
         For photographs: cells of patches of 5 x 5 pixels, cut into groups of patches that look alike, each with a
         filter that restores the detail its generator leaves out. Integer values are taken to be clipped at the
         ends of their type where they pile up there. Not available with averaging, edge weight or volume power.
-    effort : {"fast", "balanced", "best"}
+    effort : {"auto", "fast", "balanced", "best"}
         Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
-        in each of which groups are found anew: 2, 4 or 5.
+        in each of which groups are found anew: 2, 4 or 5. "auto" is "balanced"; with `detail`, it is "best" up to a
+        quarter of a megapixel and "fast" from four on, so that large images take minutes.
     rng : int or numpy.random.Generator
         Seed of the patches that are drawn for `detail`.
 
@@ -152,7 +156,7 @@ def restore(
     >>> bool((restore(versions, 2).image == bar).all())
     True
     """
-    check_choice("effort", effort, EFFORTS)
+    check_choice("effort", effort, ("auto", *EFFORTS))
     rule = check_choice("renormalize", renormalize or "none", RENORMALIZATIONS)
     hiding = check_choice("hidden", hidden or "none", HIDDEN)
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
@@ -163,7 +167,11 @@ def restore(
     trust = trust_in(given, weights, noise)
     placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))
     versions = placed if channels else HIDDEN[hiding](placed, usual_noise(placed, noise))
-    suspicion = Suspicion.of(placed, versions, usual_noise(placed, noise)) if hiding == "outliers" else None
+    suspicion = None
+    if hiding == "outliers" and not channels:
+        suspicion = Suspicion.of(placed, versions, usual_noise(placed, noise)) or None
+    if suspicion and not detail and placed.n_versions > 2:  # of two, neither has a majority: both count
+        versions = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
     data = averaged_versions(versions, average) if average and average.when == "before" else versions
     gain = average.noise_gain if average and data is not versions else 1.0
     variances = _variances(data, trust, noise, gain, channels)
@@ -182,9 +190,10 @@ def restore(
     )
     count = evidence.count(n_generators, detail)
     if detail:
-        found = evidence.patches(count, effort, min(variances), np.random.default_rng(rng))
+        affordable = affordable_effort(versions.coverage.size) if effort == "auto" else effort
+        found = evidence.patches(count, affordable, min(variances), np.random.default_rng(rng))
     else:
-        found = evidence.segments(count, rule, effort)
+        found = evidence.segments(count, rule, "balanced" if effort == "auto" else effort)
     return in_order(
         found,
         versions,

@@ -529,6 +529,7 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
     ("choices", "registry"),
     [
         (named.EffortName, cvtimg.engine.EFFORTS),
+        (named.AutoEffortName, ["auto", *cvtimg.engine.EFFORTS]),
         (named.MethodName, cvtimg.engine.METHODS),
         (named.InitName, cvtimg.engine.SEEDINGS),
         (named.SpaceName, SPACES),

@@ -47,6 +47,24 @@ def test_what_is_added_in_one_exposure_is_left_out(options: dict[str, Any]) -> N
     assert 0.03 < (result.left_out > 0).mean() < 0.12
 
 
+def test_spikes_are_left_out_of_flat_segments_where_holes_leave_no_majority() -> None:
+    clean, _ = card()
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
+    rng = np.random.default_rng(1)
+    spiked = [version.copy() for version in versions]
+    for version in spiked:
+        hit = rng.random(clean.shape[:2]) < 0.02
+        version[hit] = rng.integers(2, size=(np.count_nonzero(hit), 1))
+    plain = restore(versions, 4, masks=known)
+    found = restore(spiked, 4, masks=known)
+    assert psnr(found.image, clean) > psnr(plain.image, clean) - 3
+    assert psnr(restore(spiked, 4, masks=known, hidden="none").image, clean) < psnr(found.image, clean) - 5
+    alone = np.sum(known, axis=0) == 1
+    assert 0.005 < (found.left_out[alone] > 0).mean() < 0.05
+    # Without additions there is no evidence, and nothing is left out.
+    np.testing.assert_array_equal(plain.left_out, 0)
+
+
 def test_what_is_painted_over_in_one_of_three_versions_is_left_out() -> None:
     clean = read_image(SAMPLES / "drawing.png") / 255
     versions, _ = damage.damaged_versions(clean, 3, Damage(noise=0.15, occlusions=4), seed=2)

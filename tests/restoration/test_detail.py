@@ -91,6 +91,20 @@ def test_blocks_in_which_patches_are_grouped_leave_no_seams(
     assert steps[borders].max() < 1.6 * np.median(steps)
 
 
+def test_the_automatic_effort_is_less_for_larger_images(
+    clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = noisy(clean, 0.1)
+    n_pixels = image[:, :, 0].size
+    for limits, effort in (
+        (((n_pixels, "best"), (n_pixels + 1, "balanced")), "best"),
+        (((n_pixels - 1, "best"), (n_pixels, "balanced")), "balanced"),
+        (((n_pixels - 2, "best"), (n_pixels - 1, "balanced")), "fast"),
+    ):
+        monkeypatch.setattr(detail, "_AFFORDABLE", limits)
+        np.testing.assert_array_equal(restored([image]), restored([image], effort=effort))
+
+
 def test_spikes_cost_little_and_nothing_is_left_out_without_them(clean: NDArray[np.float64]) -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
     rng = np.random.default_rng(1)
