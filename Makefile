@@ -10,7 +10,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
-.PHONY: install demo test lint docs man napari bench clean
+.PHONY: install demo test lint docs man notebooks napari bench clean
 
 install: $(VENV)/installed
 
@@ -59,6 +59,10 @@ docs: $(VENV)/extra-docs
 # A manual page per command.
 man: $(VENV)/installed
 	$(BIN)/python docs/_extensions/command_line.py build/man
+
+# A notebook per tutorial.
+notebooks:
+	$(PYTHON) docs/_extensions/notebooks.py build/notebooks
 
 # The tests of the plugin for napari, which is large.
 napari: $(VENV)/installed

@@ -22,9 +22,10 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "api_pages",
     "command_line",
+    "notebooks",
 ]
 templates_path = ["_templates"]
-exclude_patterns = ["_extensions", "_templates", "generated/gallery/*.ipynb"]
+exclude_patterns = ["_extensions", "_templates", "generated/gallery/*.ipynb", "generated/notebooks"]
 #: A name in single backquotes in a docstring is a link where it is documented.
 default_role = "py:obj"
 myst_enable_extensions = ["colon_fence", "deflist"]
