@@ -59,17 +59,21 @@ class Recipe:
         Command to be run before, if any.
     for_many : bool
         Whether the command takes a folder, too.
+    always : str
+        Name of the file that the command writes in any case, with ``{}`` for the name of the picture; "" for none.
     """
 
     words: Sequence[str]
     python: str
     before: str = ""
     for_many: bool = True
+    always: str = ""
 
     def shown(self, output: Output, stem: str) -> dict[str, str]:
         """Return what the page shows for a file."""
         name = output.pattern.format(stem)
-        command = shlex.join([*self.words, output.option, safe_name(name)])
+        also = ["-o", safe_name(self.always.format(stem))] if self.always and output.option != "-o" else []
+        command = shlex.join([*self.words, *also, output.option, safe_name(name)])
         python = f"{self.python}\n{output.python.format(quoted(name))}"
         shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
         if self.for_many and output.option == "-o":

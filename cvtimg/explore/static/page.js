@@ -11,7 +11,7 @@ const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
 const state = {tabs: [], tab: "colors", settings: {}, picture: null, pictures: [], palettes: [], spot: -1};
-let past = [], future = [], last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, frame = 0;
+let past = [], future = [], recent = {}, last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file));
@@ -25,8 +25,8 @@ const settings = () => state.settings[state.tab];
 
 function change(name, value, live, more = {}) {
 	const now = performance.now();
-	if (!change.live) remember();
-	change.live = live;
+	if (recent.name !== name || now - recent.time > 1000) remember(); // a drag is one step back
+	recent = {name, time: now};
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
 	if (name !== "seen") state.spot = shades.spot = -1;
 	if (name === "space" && state.tab === "colors") measure();
@@ -46,6 +46,7 @@ function remember() {
 
 function travel(from, to) {
 	if (!from.length) return;
+	recent = {};
 	to.push(JSON.stringify({tab: state.tab, settings: state.settings}));
 	const then = JSON.parse(from.pop()), moved = then.tab !== state.tab;
 	state.settings = then.settings;

@@ -18,6 +18,7 @@ from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
 _FLAT = {"detail": [False]}
+_RESTORED = "{}-restored.png"
 
 
 class RestoreTab(Tab):
@@ -166,7 +167,7 @@ class RestoreTab(Tab):
     def outputs(self, ask: Ask) -> Sequence[Output]:
         """Return the restored picture and its segments."""
         labels = "cvtimg.labels.write_labels({}, result.labels)"
-        files = [Output("Restored picture, PNG", "-o", "{}-restored.png", saved, SAVED)]
+        files = [Output("Restored picture, PNG", "-o", _RESTORED, saved, SAVED)]
         if ask.settings["detail"]:
             return files
         return [*files, Output("Segments, NumPy", "--labels", "{}-labels.npy", _save_labels, labels)]
@@ -178,7 +179,8 @@ class RestoreTab(Tab):
         lines = f"import cvtimg\n\nimages = [cvtimg.read_image(name) for name in [{names}]]"
         words = ["cvtimg", self.verb, *(safe_name(picture.name) for picture in versions)]
         words += words_of(self.controls, ask.settings)
-        return Recipe(words, f"{lines}\nresult = {self._call(ask.settings).text('images')}", for_many=False)
+        lines += f"\nresult = {self._call(ask.settings).text('images')}"
+        return Recipe(words, lines, for_many=False, always=_RESTORED)
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)

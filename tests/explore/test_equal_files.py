@@ -1,0 +1,238 @@
+"""The file of the page, the command that it shows, and the lines of Python: the same bytes, for each option."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from cvtimg.cli.app import main
+from cvtimg.explore import TABS
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Switch, parse_settings
+from cvtimg.explore.layers import Window
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.room import Room
+from cvtimg.explore.tabs.base import Ask
+
+#: What makes the results of a tab quick, and small.
+BASE: dict[str, dict[str, Any]] = {
+    "colors": {},
+    "segments": {},
+    "stipple": {"n_dots": 300},
+    "mosaic": {"n_cells": 60},
+    "restore": {},
+    "mesh": {"n": 150, "k": 2, "least": 40},
+}
+#: Values to try of numbers, where twice the default does not do.
+VALUES: dict[tuple[str, str], Any] = {
+    ("colors", "psnr"): 27.5,
+    ("colors", "max_bytes"): 3,
+    ("colors", "strength"): 0.35,
+    ("segments", "k"): "auto",
+    ("segments", "regions"): 5,
+    ("segments", "cells"): 30,
+    ("segments", "threshold"): 0.3,
+    ("segments", "edge_weight"): "auto",
+    ("segments", "border_price"): 120.0,
+    ("segments", "min_size"): 25,
+    ("stipple", "n_dots"): 450,
+    ("stipple", "max_ink"): 0.6,
+    ("stipple", "white_cutoff"): 0.2,
+    ("stipple", "pen_width"): 0.4,
+    ("mosaic", "n_cells"): 90,
+    ("mosaic", "outline"): 0.5,
+    ("restore", "k"): 5,
+    ("restore", "nodata"): 255.0,
+    ("restore", "edge_weight"): 3.5,
+    ("mesh", "least"): 80,
+    ("mesh", "n"): 220,
+    ("mesh", "min_size"): 2.0,
+}
+
+
+def variants(control: Control, tab: str) -> list[Any]:
+    """Return values of a control that are not its default."""
+    if isinstance(control, Choice):
+        return [value for value in control.choices if value != control.default]
+    if isinstance(control, Switch):
+        return [True]
+    if isinstance(control, Number):
+        return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+    return [["#00ff7f", "#102030"]] if isinstance(control, Colors) else []
+
+
+def needed(control: Control, controls: dict[str, Control]) -> dict[str, Any]:
+    """Return settings under which a control is in effect."""
+    found: dict[str, Any] = {}
+    for name, values in control.when.items():
+        found |= {**needed(controls[name], controls), name: values[0]}
+    return found
+
+
+def cases() -> Iterator[Any]:
+    for tab in TABS.values():
+        controls = {control.name: control for control in tab.controls}
+        yield pytest.param(tab.name, {}, id=tab.name)
+        for control in tab.controls:
+            for value in variants(control, tab.name):
+                if value in ("palette", "picture"):  # have tests of their own
+                    continue
+                settings = {**needed(control, controls), control.name: value}
+                yield pytest.param(tab.name, settings, id=f"{tab.name}-{control.name}-{value}")
+
+
+@pytest.fixture(scope="session")
+def scene() -> NDArray[np.uint8]:
+    """Return a small picture with shapes, shades and some noise."""
+    y, x = np.mgrid[:72, :96]
+    disk = (x - 40) ** 2 + (y - 34) ** 2 < 500
+    bands = np.stack([70 + x, 190 - 2 * y + 40 * disk, 60 + 120 * disk], axis=2)
+    noise = np.random.default_rng(3).normal(0, 5, bands.shape)
+    return np.clip(bands + noise, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
+    monkeypatch.chdir(tmp_path)
+    made = Room()
+    yield made
+    made.close()
+
+
+def opened(room: Room, pixels: NDArray[Any], name: str = "my scene.png", **options: Any) -> Picture:
+    Image.fromarray(pixels).save(name, **options)
+    return room.open_file(Path(name))
+
+
+def ask_for(room: Room, tab: str, picture: Picture, settings: dict[str, Any]) -> Ask:
+    checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
+    window = Window.of(None, picture.size, 1 << 20)
+    return Ask(picture, checked, room.shelf, window, lambda step, energy: False)
+
+
+def check_equal(room: Room, tab: str, picture: Picture, settings: dict[str, Any], n_outputs: int | None = None) -> None:
+    """Compare the files of the page with those of the commands and of the lines of Python."""
+    ask = ask_for(room, tab, picture, settings)
+    recipe, outcome = TABS[tab].recipe(ask), TABS[tab].exact(ask)
+    for output in outcome.outputs[:n_outputs]:
+        shown, named = recipe.shown(output, picture.stem), outcome.file(output.key)
+        assert named is not None
+        name, content = named
+        assert shown["file"] == name
+        assert content
+        for line in shown["command"].splitlines():
+            words = shlex.split(line)
+            assert main([*words[1:], "--overwrite", "--quiet"]) == 0, line
+        assert Path(name).read_bytes() == content, shown["command"]
+        Path(name).unlink()
+        exec(shown["python"], {})
+        assert Path(name).read_bytes() == content, shown["python"]
+        for left in {name, f"{picture.stem}-labels.png"}:
+            Path(left).unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize(("tab", "settings"), [*cases()])
+def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], room: Room, scene: NDArray[Any]) -> None:
+    check_equal(room, tab, opened(room, scene), settings, 1)
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_each_kind_of_file_is_the_same(tab: str, room: Room, scene: NDArray[Any]) -> None:
+    check_equal(room, tab, opened(room, scene), {})
+
+
+def test_drawings_of_objects_are_the_same(room: Room, scene: NDArray[Any]) -> None:
+    check_equal(room, "segments", opened(room, scene), {"k": 2, "pieces": "objects"})
+
+
+@pytest.mark.parametrize("dither", ["none", "floyd-steinberg"])
+def test_a_given_palette_gives_the_same_file(dither: str, room: Room, scene: NDArray[Any]) -> None:
+    content = b"102030\nff0080\n40c0a0\nf0f0e0\n"
+    Path("my colors.hex").write_bytes(content)
+    palette = room.open_palette("my colors.hex", content)["id"]
+    check_equal(room, "colors", opened(room, scene), {"aim": "palette", "palette": [palette], "dither": dither}, 2)
+
+
+def test_a_mask_gives_the_same_mesh(room: Room) -> None:
+    y, x = np.mgrid[:60, :80]
+    mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 600).astype(np.uint8)
+    check_equal(room, "mesh", opened(room, mask, "mask.png"), {"of": "picture"}, 1)
+    labels = (1 + (x > 40)).astype(np.uint8)
+    check_equal(room, "mesh", opened(room, labels, "labels.png"), {"of": "picture"}, 1)
+
+
+@pytest.mark.parametrize("settings", [{}, {"detail": True}, {"align": True, "hidden": "background"}], ids=str)
+def test_several_versions_give_the_same_file(settings: dict[str, Any], room: Room, scene: NDArray[Any]) -> None:
+    rng = np.random.default_rng(0)
+    versions = []
+    for number in range(3):
+        noisy = np.clip(scene + rng.normal(0, 9, scene.shape), 0, 255).astype(np.uint8)
+        versions.append(opened(room, noisy, f"scan {number}.png").key)
+    picture = room.shelf.picture(versions[0])
+    check_equal(room, "restore", picture, {"versions": versions, **settings})
+
+
+@pytest.mark.parametrize("kind", ["gray", "rgba", "transparent", "indexed", "16-bit", "-dash"])
+@pytest.mark.parametrize("tab", ["colors", "segments"])
+def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, room: Room, scene: NDArray[Any]) -> None:
+    if kind == "16-bit":
+        deep = scene[..., 0].astype(np.uint16) * 257 + 3
+        Image.fromarray(deep).save("a.png")
+        picture = room.open_file(Path("a.png"))
+    elif kind == "indexed":
+        Image.fromarray(scene).quantize(12, dither=Image.Dither.NONE).save("a.png")
+        picture = room.open_file(Path("a.png"))
+    else:
+        alpha = np.full((*scene.shape[:2], 1), 255, np.uint8)
+        alpha[5:30, 5:30] = 0 if kind == "transparent" else 255
+        pixels = {"gray": scene[..., 1], "-dash": scene}.get(kind, np.concatenate([scene, alpha], axis=2))
+        picture = opened(room, pixels, "-a.png" if kind == "-dash" else "a.png")
+    check_equal(room, tab, picture, {}, 1)
+    if tab == "colors":
+        check_equal(room, tab, picture, {"k": 5, "locked": ["#ff0000"]}, 1)
+
+
+def test_samples_that_png_cannot_hold_are_saved_as_numpy_arrays(room: Room, scene: NDArray[Any]) -> None:
+    np.save("field.npy", scene.astype(np.float32) / 255)
+    check_equal(room, "colors", room.open_file(Path("field.npy")), {"k": 5}, 1)
+
+
+def test_a_value_that_means_missing_is_left_out(room: Room, scene: NDArray[Any]) -> None:
+    import tifffile
+
+    pixels = scene[..., 0].copy()
+    pixels[:20, :30] = 0
+    tifffile.imwrite("map.tif", pixels, extratags=[(42113, "s", 0, "0", True)])
+    picture = room.open_file(Path("map.tif"))
+    assert picture.known is not None
+    for tab in ("colors", "segments"):
+        check_equal(room, tab, picture, {}, 1)
+
+
+def test_every_control_has_an_effect_on_the_command_or_shows_another() -> None:
+    for tab in TABS.values():
+        names = {name for control in tab.controls for name in control.when}
+        for control in tab.controls:
+            silent = not (control.flag or control.keyword) and control.name not in names
+            assert not silent or isinstance(control, Files) or (tab.name, control.name) in SAID_BY_TABS
+
+
+#: Controls whose value a tab says in its own words.
+SAID_BY_TABS = {
+    ("colors", "k"),
+    ("colors", "strength"),
+    ("stipple", "least"),
+    ("stipple", "greatest"),
+    ("stipple", "pens"),
+    ("stipple", "pen_width"),
+    ("mosaic", "palette"),
+    ("restore", "seen"),
+    ("mesh", "k"),
+    ("mesh", "least"),
+}

@@ -1,0 +1,355 @@
+"""The page in a real browser."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from visits import Visit
+
+from cvtimg.explore import TABS
+
+Go = Callable[..., Visit]
+
+#: Records replies that are shown, in order.
+LISTEN = "window.seen = []; document.addEventListener('shown', event => window.seen.push(event.detail))"
+
+
+#: Texts whose contrast with what is behind them, by WCAG 2, is below 4.5.
+CONTRASTS = """() => {
+    const context = new OffscreenCanvas(1, 1).getContext("2d", {willReadFrequently: true});
+    const rgba = color => {
+        context.clearRect(0, 0, 1, 1);
+        context.fillStyle = color;
+        context.fillRect(0, 0, 1, 1);
+        return [...context.getImageData(0, 0, 1, 1).data];
+    };
+    const linear = v => v / 255 <= .04045 ? v / 255 / 12.92 : ((v / 255 + .055) / 1.055) ** 2.4;
+    const light = ([r, g, b]) => .2126 * linear(r) + .7152 * linear(g) + .0722 * linear(b);
+    const ground = item => {
+        for (; item; item = item.parentElement) {
+            const color = rgba(getComputedStyle(item).backgroundColor);
+            if (color[3] === 255) return color;
+        }
+        return [255, 255, 255];
+    };
+    const hasText = item => [...item.childNodes].some(node => node.nodeType === 3 && node.textContent.trim());
+    const counts = item => item.checkVisibility() && !item.closest("#stage, svg, option") && !item.disabled
+        && item.ariaDisabled !== "true";
+    return [...document.querySelectorAll("body *")].filter(item => hasText(item) && counts(item)).map(item => {
+        const [a, b] = [light(rgba(getComputedStyle(item).color)), light(ground(item))].sort((x, y) => y - x);
+        return [(a + .05) / (b + .05), item.outerHTML.slice(0, 90)];
+    }).filter(([ratio]) => ratio < 4.5);
+}"""
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_the_shown_command_writes_the_bytes_that_are_downloaded(
+    tab: str, visit: Go, folder: Path, tmp_path: Path
+) -> None:
+    one = visit()
+    one.choose(tab)
+    one.settled()
+    with one.page.expect_download() as download:
+        one.page.click("#download")
+    content = Path(download.value.path()).read_bytes()
+    words = [shlex.split(line) for line in one.page.inner_text("#command").splitlines()]
+    assert download.value.suggested_filename == words[-1][-1]
+    (tmp_path / "photo.png").write_bytes((folder / "photo.png").read_bytes())
+    for line in words:
+        subprocess.run([sys.executable, "-m", *line], cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / words[-1][-1]).read_bytes() == content
+    (tmp_path / words[-1][-1]).unlink()
+    subprocess.run([sys.executable, "-c", one.page.inner_text("#python")], cwd=tmp_path, check=True)
+    assert (tmp_path / words[-1][-1]).read_bytes() == content
+
+
+def test_of_sixty_moves_the_last_wins(visit: Go) -> None:
+    one = visit()
+    one.settled()
+    one.page.evaluate(LISTEN)
+    one.page.evaluate(
+        """async () => {
+            const slider = document.getElementById("c-k");
+            for (let move = 0; move < 60; move++) {
+                slider.value = 1000 - 10 * move;
+                slider.dispatchEvent(new Event("input", {bubbles: true}));
+                await new Promise(done => requestAnimationFrame(done));
+            }
+            slider.dispatchEvent(new Event("change", {bubbles: true}));
+        }"""
+    )
+    wanted = int(one.page.input_value("#c-k ~ input[type=number]"))
+    one.settled()
+    seen = one.page.evaluate("window.seen")
+    assert seen[-1]["lane"] == "exact"
+    assert seen[-1]["k"] == wanted
+    numbers = [reply["seq"] for reply in seen]
+    assert numbers == sorted(numbers)
+    assert [reply["settings"]["k"] for reply in seen if reply["lane"] == "exact"] == [wanted]
+    assert f" -k {wanted} " in one.page.inner_text("#command")
+    assert one.page.locator("#swatches button").count() == wanted
+
+
+def test_a_reply_that_comes_too_late_is_dropped(visit: Go) -> None:
+    one = visit()
+    one.settled()
+    one.page.evaluate(LISTEN)
+    shown = one.page.evaluate(
+        """async () => {
+            const {Link} = await import("/link.js");
+            const got = [], link = new Link(reply => got.push(reply.seq), () => {});
+            const request = lane => ({lane, request: {}});
+            for (let seq = 1; seq <= 6; seq++) link.sent.set(seq, request(seq % 2 ? "draft" : "exact"));
+            link.newest = 6;
+            for (const seq of [3, 1, 4, 6, 5]) link.take(JSON.stringify({seq}));
+            return got;
+        }"""
+    )
+    assert shown == [3, 6]  # the draft 1 is older than 3, the result 4 than what is wanted, the draft 5 than 6
+
+
+def test_the_number_of_colors_the_divider_and_the_palette_answer_to_keys(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.settled()
+    page.focus("#c-k")
+    for _ in range(3):
+        page.keyboard.press("ArrowLeft")
+    one.settled()
+    assert "-k 13" in page.inner_text("#command")
+    page.focus("#divider")
+    for key in ("ArrowRight", "ArrowRight", "PageUp"):
+        page.keyboard.press(key)
+    assert page.get_attribute("#divider", "aria-valuenow") == "64"
+    page.locator("#swatches button").first.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    second = page.locator("#swatches button").nth(1)
+    assert second.get_attribute("aria-pressed") == "true"
+    color = page.inner_text("#shadename").partition(",")[0]
+    second.focus()
+    page.keyboard.press("c")
+    one.until(f"navigator.clipboard.readText().then(text => text === '{color}')")
+    page.keyboard.press("l")
+    one.settled()
+    assert f"--lock '{color}'" in page.inner_text("#command")
+    page.keyboard.press("Control+z")
+    one.settled()
+    assert "--lock" not in page.inner_text("#command")
+    assert "-k 13" in page.inner_text("#command")
+    page.keyboard.press("Control+z")
+    one.settled()
+    assert "-k 16" in page.inner_text("#command")
+    page.keyboard.press("Control+Shift+Z")
+    one.settled()
+    assert "-k 13" in page.inner_text("#command")
+
+
+def test_the_energy_curve_answers_to_keys_and_to_the_mouse(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.until("document.querySelector('#curve .marker')")
+    page.focus("#curve .marker")
+    page.keyboard.press("ArrowRight")
+    one.settled()
+    assert "-k 17" in page.inner_text("#command")
+    page.focus("#curve .marker")
+    page.keyboard.press("Enter")
+    one.settled()
+    elbow = page.text_content("#curve .elbowname").split()[1]
+    assert f"-k {elbow} " in page.inner_text("#command")
+    page.locator("#curve").scroll_into_view_if_needed()
+    box = page.locator("#curve").bounding_box()
+    page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.955, box["y"] + 40, steps=6)
+    page.mouse.up()
+    one.settled()
+    assert "-k 64" in page.inner_text("#command")
+
+
+def test_a_color_is_locked_in_the_picture_by_click_and_by_keys(visit: Go, folder: Path) -> None:
+    from PIL import Image
+
+    one = visit()
+    page = one.page
+    one.settled()
+    page.click("#pick")
+    stage = page.locator("#stage").bounding_box()
+    page.keyboard.press("Enter")  # the middle of the picture
+    one.settled()
+    with Image.open(folder / "photo.png") as image:
+        middle = {image.getpixel((x, y)) for x in (79, 80) for y in (59, 60)}
+    locked = page.inner_text("#command").partition("--lock '")[2][:7]
+    assert tuple(bytes.fromhex(locked[1:])) in middle
+    page.mouse.click(stage["x"] + stage["width"] * 0.25, stage["y"] + stage["height"] * 0.5)
+    one.settled()
+    assert page.inner_text("#command").count("--lock") == 2
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_every_control_has_a_name_and_can_be_reached(tab: str, visit: Go) -> None:
+    one = visit()
+    one.choose(tab)
+    one.settled()
+    unnamed = one.page.evaluate(
+        """() => [...document.querySelectorAll("button, input, select, a, [role=slider], [tabindex]")].filter(item => {
+            if (!item.checkVisibility({visibilityProperty: true}) || item.id === "panel") return false;
+            const labels = [...(item.labels || [])].map(label => label.textContent).join("");
+            return !(item.ariaLabel || item.textContent.trim() || labels.trim());
+        }).map(item => item.outerHTML)"""
+    )
+    assert unnamed == []
+    ids = one.page.evaluate("[...document.querySelectorAll('[id]')].map(item => item.id)")
+    assert len(set(ids)) == len(ids)
+    one.page.focus("#open")
+    visited: set[str] = set()
+    for _ in range(120):
+        one.page.keyboard.press("Tab")
+        name = "document.activeElement.id || document.activeElement.ariaLabel || document.activeElement.textContent"
+        visited.add(one.page.evaluate(name).strip())
+    names = one.page.evaluate(
+        "[...document.querySelectorAll('#controls [id^=c-]')].filter(i => !i.disabled).map(i => i.id)"
+    )
+    assert {*(name for name in names if not name.endswith("-note")), "stage", "divider", "download"} <= visited
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_all_text_has_contrast_and_nothing_is_cut_off(scheme: str, width: int, visit: Go) -> None:
+    one = visit(width=width, scheme=scheme)
+    for tab in TABS:
+        one.choose(tab)
+        one.settled()
+        poor = one.page.evaluate(CONTRASTS)
+        assert poor == [], tab
+        assert one.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), tab
+
+
+def test_hostile_files_get_a_message_and_the_session_lives(visit: Go, folder: Path) -> None:
+    one = visit()
+    for name in ("hostile.png", "empty.png"):
+        one.page.set_input_files("#open", str(folder / name))
+        one.until(f"document.getElementById('problem').textContent.includes('{name}')")
+        assert one.page.is_visible("#problem")
+    one.said.clear()  # the browser tells of each answer that is an error
+    one.page.select_option("#c-dither", "blue-noise")
+    one.settled()
+    assert not one.page.is_visible("#problem")
+    assert "--dither blue-noise" in one.page.inner_text("#command")
+
+
+def test_pictures_and_palettes_are_dropped_and_pasted(visit: Go, folder: Path) -> None:
+    one = visit()
+    one.settled()
+    transfer = """([kind, target, name, bytes]) => {
+        const data = new DataTransfer();
+        data.items.add(new File([new Uint8Array(bytes)], name, {type: name.endsWith("png") ? "image/png" : ""}));
+        const more = {bubbles: true, cancelable: true};
+        const event = kind === "paste"
+            ? new ClipboardEvent(kind, {...more, clipboardData: data})
+            : new DragEvent(kind, {...more, dataTransfer: data});
+        document.querySelector(target).dispatchEvent(event);
+    }"""
+    scan = list((folder / "scan_0.png").read_bytes())
+    one.page.evaluate(transfer, ["drop", "#stage", "dropped.png", scan])
+    one.until("document.getElementById('pictures').selectedOptions[0].text === 'dropped.png'")
+    one.page.evaluate(transfer, ["paste", "body", "pasted.png", scan])
+    one.until("document.getElementById('pictures').selectedOptions[0].text === 'pasted.png'")
+    one.settled()
+    one.page.evaluate(transfer, ["drop", "#panel", "two.hex", list((folder / "two.hex").read_bytes())])
+    one.until("document.getElementById('command').textContent.includes('--palette two.hex')")
+    one.settled()
+    assert one.page.locator("#swatches button").count() == 2
+
+
+def test_several_versions_are_restored_together(visit: Go, folder: Path) -> None:
+    one = visit()
+    one.page.set_input_files("#open", [str(folder / f"scan_{number}.png") for number in range(3)])
+    one.until("document.getElementById('pictures').options.length === 4")
+    one.choose("restore")
+    one.settled()
+    command = one.page.inner_text("#command")
+    assert all(f"scan_{number}.png" in command for number in range(3))
+    one.page.uncheck("#controls .control:first-child input >> nth=0")
+    one.settled()
+    assert "photo.png" not in one.page.inner_text("#command").partition(" -o ")[0]
+
+
+def test_a_and_b_are_compared_and_swapped(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.settled()
+    page.click("#keep")
+    page.fill("#c-k ~ input[type=number]", "4")
+    page.keyboard.press("Tab")
+    one.settled()
+    assert page.input_value("#against") == "A"
+    assert "16" in page.inner_text("#leftname")
+    page.click("#swap")
+    one.settled()
+    assert "-k 16 " in page.inner_text("#command")
+    assert "4" in page.inner_text("#leftname")
+
+
+def test_segments_are_outlined_and_listed(visit: Go) -> None:
+    one = visit()
+    one.choose("segments", pieces="components")
+    one.settled()
+    filled = one.page.screenshot()
+    one.page.select_option("#fill", "lines")
+    assert one.page.screenshot() != filled
+    rows = one.page.locator("#rows tr").count() - 1
+    assert rows == min(int(one.page.inner_text("#shadestitle").split()[1]), 200)
+    one.page.locator("#rows button").first.click()
+    assert "Segment" in one.page.inner_text("#shadename")
+
+
+def test_views_zoom_and_pan_by_keys(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.settled()
+    page.focus("#stage")
+    page.keyboard.press("1")
+    assert page.inner_text("#zoom") == "100 %"
+    page.keyboard.press("+")
+    assert page.inner_text("#zoom") == "200 %"
+    place = "document.querySelector('#right .world').style.transform"
+    before = page.evaluate(place)
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate(place) != before
+    for mode in ("beside", "result", "divider"):
+        page.keyboard.press("v")
+        assert page.input_value("#mode") == mode
+    page.keyboard.press("?")
+    assert page.is_visible("#keys")
+    page.keyboard.press("Escape")
+    assert not page.is_visible("#keys")
+
+
+def test_two_pages_do_not_disturb_each_other(visit: Go) -> None:
+    first, second = visit(), visit()
+    first.choose("mosaic")
+    second.page.select_option("#c-space", "oklab")
+    for one in (first, second):
+        one.settled()
+    assert first.page.inner_text("#command").startswith("cvtimg mosaic")
+    assert "--space oklab" in second.page.inner_text("#command")
+
+
+def test_the_page_says_when_the_server_has_ended(chromium: Any, folder: Path) -> None:
+    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        one = Visit(chromium.new_page())
+        one.page.goto(program.stdout.readline().strip())
+        one.until("document.body.dataset.ready === 'true'")
+        program.terminate()
+        one.until("document.getElementById('problem').textContent.includes('has ended')")
+        one.page.close()

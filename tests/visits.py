@@ -1,0 +1,47 @@
+"""A page in the browser, for the tests of the page and its benchmark."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+#: Seconds that anything on the page may take; machines that run tests are busy.
+PATIENCE = 60.0
+
+
+class Visit:
+    """A page in the browser, and what went wrong on it."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.said: list[str] = []
+        self.requested: list[str] = []
+        page.set_default_timeout(PATIENCE * 1000)
+        page.on("console", lambda message: self.said.append(message.text))
+        page.on("pageerror", lambda error: self.said.append(str(error)))
+        page.on("request", lambda request: self.requested.append(request.url))
+        page.on("websocket", lambda socket: self.requested.append(socket.url))
+
+    def until(self, expression: str) -> Any:
+        """Wait until an expression of JavaScript is true; policies of the page forbid Playwright's own way."""
+        end = time.monotonic() + PATIENCE
+        while not (value := self.page.evaluate(expression)):
+            assert time.monotonic() < end, f"{expression}; {self.page.inner_text('#problem')}; {self.said}"
+            time.sleep(0.02)
+        return value
+
+    def result(self) -> str:
+        """Wait for an exact result, and return where its file is."""
+        self.until("document.getElementById('download').ariaDisabled === 'false'")
+        return str(self.page.get_attribute("#download", "href"))
+
+    def settled(self) -> None:
+        """Wait until nothing is under way: there is a result, and the size of its file."""
+        self.result()
+        self.until("!/working|reading/.test(document.getElementById('facts').textContent)")
+
+    def choose(self, tab: str, **values: str) -> None:
+        """Go to a tab and choose values of controls."""
+        self.page.click(f"#tab-{tab}")
+        for name, value in values.items():
+            self.page.select_option(f"#c-{name}", value)
