@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cvtimg import write_image
 from cvtimg.explore.calls import Call
 from cvtimg.explore.controls import Choice, Control, Files, Number, Settings, Switch, UnfitRequestError, words_of
 from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 from cvtimg.explore.tabs.base import EFFORTS, SAVED, SPACES, Ask, Tab, saved
-from cvtimg.labels import write_labels
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
@@ -166,11 +166,12 @@ class RestoreTab(Tab):
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
         """Return the restored picture and its segments."""
-        labels = "cvtimg.labels.write_labels({}, result.labels)"
+        kind = '"uint8" if len(result.colors) < 256 else "uint16"'
+        labels = f"cvtimg.write_image({{}}, result.labels.astype({kind}))"
         files = [Output("Restored picture, PNG", "-o", _RESTORED, saved, SAVED)]
         if ask.settings["detail"]:
             return files
-        return [*files, Output("Segments, NumPy", "--labels", "{}-labels.npy", _save_labels, labels)]
+        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", _save_labels, labels)]
 
     def recipe(self, ask: Ask) -> Recipe:
         """Return the command and the lines of Python."""
@@ -222,4 +223,4 @@ def _layer(ask: Ask, result: Restoration, n_versions: int) -> Layer:
 
 
 def _save_labels(result: Restoration, path: Any) -> None:
-    write_labels(path, result.labels)
+    write_image(path, result.labels.astype("uint8" if len(result.colors) < 256 else "uint16"))
