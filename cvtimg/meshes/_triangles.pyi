@@ -35,6 +35,18 @@ def move(
     borders: _Flags,
     corners: _Indices,
 ) -> None: ...
+def mean_square(points: _Floats, metric: _Floats, triangles: _Indices, twins: _Indices) -> float: ...
+def even(
+    points: _Floats,
+    metric: _Floats,
+    fixed: _Flags,
+    steps: _Floats,
+    mean: float,
+    triangles: _Indices,
+    twins: _Indices,
+    borders: _Flags,
+    corners: _Indices,
+) -> None: ...
 def smooth(
     points: _Floats,
     metric: _Floats,

@@ -32,8 +32,11 @@ cdef extern from "cell_moments.h" nogil:
     void add_triangle(const c_mesh *mesh, const double *metric, int32_t t, c_sums *sums)
 
 cdef extern from "quality.h" nogil:
-    void move_vertex(c_mesh *mesh, double *place, int32_t vertex, double *step)
+    void move_vertex(c_mesh *mesh, double *place, int32_t vertex, int slides, double *step)
     void smooth_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, int power)
+    bint step_to_even(
+        const c_mesh *mesh, const double *metric, int32_t vertex, const double *tangent, double mean, double *step,
+    )
 
 
 cdef c_mesh as_mesh(
@@ -96,7 +99,7 @@ def sum_cells(
 
 def move(
     double[:, ::1] points,         # INOUT (N, 2)
-    const uint8_t[::1] fixed,      # IN (N,): vertices that stay
+    const uint8_t[::1] fixed,      # IN (N,): 1 for vertices that stay, 2 for those that are moved whole or not at all
     double[:, ::1] steps,          # INOUT (N, 2): wanted steps; those that were made
     int32_t[:, ::1] triangles,     # IN (T, 3)
     int32_t[:, ::1] twins,         # IN (T, 3)
@@ -108,10 +111,71 @@ def move(
     cdef int32_t vertex
     with nogil:
         for vertex in range(<int32_t>points.shape[0]):
-            if fixed[vertex]:
+            if fixed[vertex] == 1:
                 steps[vertex, 0] = steps[vertex, 1] = 0
             else:
-                move_vertex(&mesh, &points[vertex, 0], vertex, &steps[vertex, 0])
+                move_vertex(&mesh, &points[vertex, 0], vertex, fixed[vertex] == 2, &steps[vertex, 0])
+
+
+def mean_square(
+    const double[:, ::1] points,     # IN (N, 2)
+    const double[:, ::1] metric,     # IN (N, 3)
+    const int32_t[:, ::1] triangles, # IN (T, 3)
+    const int32_t[:, ::1] twins,     # IN (T, 3)
+):
+    """Return the mean of the squared lengths of edges, in the metric halfway."""
+    cdef int32_t t, k, a, b
+    cdef Py_ssize_t n = 0
+    cdef double x, y, total = 0
+    with nogil:
+        for t in range(<int32_t>triangles.shape[0]):
+            for k in range(3):
+                if twins[t, k] > 3 * t + k:
+                    continue
+                a = triangles[t, (k + 1) % 3]
+                b = triangles[t, (k + 2) % 3]
+                x = points[a, 0] - points[b, 0]
+                y = points[a, 1] - points[b, 1]
+                n += 1
+                total += 0.5 * (
+                    (metric[a, 0] + metric[b, 0]) * x * x
+                    + 2 * (metric[a, 1] + metric[b, 1]) * x * y
+                    + (metric[a, 2] + metric[b, 2]) * y * y
+                )
+    return total / n
+
+
+def even(
+    double[:, ::1] points,         # INOUT (N, 2)
+    const double[:, ::1] metric,   # IN (N, 3)
+    const uint8_t[::1] fixed,      # IN (N,): 1 for vertices that stay, 2 for those that slide
+    double[:, ::1] steps,          # INOUT (N, 2): tangents of those that slide; the steps that they should make
+    double mean,                   # IN: the square of the length that edges should have, in the metric
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    int32_t[:, ::1] twins,         # IN (T, 3)
+    uint8_t[:, ::1] borders,       # IN (T, 3)
+    int32_t[::1] corners,          # IN (N,)
+):
+    """Move vertices one after the other, so that the edges at each get more even; those that slide are not moved."""
+    cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
+    cdef int32_t vertex
+    cdef double step[2]
+    cdef bint moves
+    with nogil:
+        for vertex in range(<int32_t>points.shape[0]):
+            if fixed[vertex] == 1:
+                continue
+            moves = step_to_even(
+                &mesh, &metric[0, 0], vertex, &steps[vertex, 0] if fixed[vertex] == 2 else NULL, mean, step,
+            )
+            if not moves:
+                step[0] = step[1] = 0
+            if fixed[vertex] == 2:
+                steps[vertex, 0] = step[0]
+                steps[vertex, 1] = step[1]
+            else:
+                points[vertex, 0] += step[0]
+                points[vertex, 1] += step[1]
 
 
 def smooth(

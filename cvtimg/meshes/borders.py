@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg.meshes.fields import Field, lengths_of
-from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.outlines import Outline, turns_of
+from cvtimg.meshes.sliding import Tracks
 from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
@@ -22,10 +25,16 @@ _ROUNDS, _LAST_ROUNDS = 12, 5
 _SHORT = 0.75
 #: On contours of pixels, vertices are moved outwards by no more than this many pixels, to keep areas.
 _MOST_OUTWARDS = 0.7
+#: Vertices slide along a border where edges turn by less than this, in degrees.
+_SMOOTH = 20.0
 
 
-def place_on_borders(outline: Outline, field: Field, grade: float, min_size: float) -> tuple[Borders, Field]:
+def place_on_borders(
+    outline: Outline, field: Field, grade: float, min_size: float, share: float = 1.0
+) -> tuple[Borders, Field]:
     """Place vertices on the lines of an outline; return them with the field that follows their edges.
+
+    There are as many as sizes ask for, times `share`.
 
     Raises
     ------
@@ -33,7 +42,7 @@ def place_on_borders(outline: Outline, field: Field, grade: float, min_size: flo
         If edges cross however short they are.
     """
     for round_ in range(_ROUNDS):
-        borders = _spaced(outline, field)
+        borders = _spaced(outline, field, share)
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
         crossed, near = _crowded(borders, lengths)
         if round_ >= _ROUNDS - _LAST_ROUNDS:
@@ -53,7 +62,7 @@ def place_on_borders(outline: Outline, field: Field, grade: float, min_size: flo
     return borders, field
 
 
-def _spaced(outline: Outline, field: Field) -> Borders:
+def _spaced(outline: Outline, field: Field, share: float) -> Borders:
     """Place vertices at equal steps, in the metric, along each line."""
     places, line_of = _sampled(outline.lines, field)
     starts = np.flatnonzero(np.append(True, np.diff(line_of) > 0))
@@ -64,7 +73,7 @@ def _spaced(outline: Outline, field: Field) -> Borders:
     along = np.append(0, np.cumsum(lengths))
     totals = along[stops] - along[starts]
     is_closed = (places[starts] == places[stops]).all(axis=1)
-    n_edges = np.maximum(np.rint(totals).astype(np.intp), np.where(is_closed, 3, 1))
+    n_edges = np.maximum(np.rint(totals * share).astype(np.intp), np.where(is_closed, 3, 1))
     own = np.repeat(np.arange(len(starts)), n_edges - 1)
     number = np.arange(len(own)) - np.repeat(np.cumsum(n_edges - 1) - (n_edges - 1), n_edges - 1) + 1
     at = along[starts][own] + number / n_edges[own] * totals[own]
@@ -88,7 +97,24 @@ def _spaced(outline: Outline, field: Field) -> Borders:
     joined[offsets[1:] - 1] = False
     edges = np.stack([chain[:-1][joined], chain[1:][joined]], axis=1)
     of_line = np.repeat(np.arange(len(starts)), n_edges)
-    return Borders(points, edges, outline.sides[of_line])
+    borders = Borders(points, edges, outline.sides[of_line])
+    if outline.mask is not None or not len(inner):
+        return borders
+    at_inner = offsets[own] + number
+    before, after = points[chain[at_inner - 1]], points[chain[at_inner + 1]]
+    far = np.linalg.norm(places[1:] - places[:-1], axis=1)
+    far[stops[:-1]] = 1  # so that lines are apart
+    until = np.append(0, np.cumsum(far))
+    tracks = Tracks.of(
+        (len(nodes) + np.arange(len(own))).astype(np.int32),
+        np.interp(at, along, until),
+        np.minimum(np.linalg.norm(inner - before, axis=1), np.linalg.norm(after - inner, axis=1)),
+        (places, until),
+        until[starts][own],
+        np.where(is_closed, until[stops] - until[starts], 0)[own],
+    )
+    smooth = turns_of(before, inner, after) < _SMOOTH
+    return replace(borders, tracks=tracks.kept(smooth))
 
 
 def _outwards(points: Points, swept: NDArray[np.float64]) -> Points:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,26 +43,31 @@ _COARSEST = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long vertices move: moves at most, when they rest, and rounds of smoothing."""
+    """How long vertices move: moves at most, when they rest, sweeps that even edges, and trials for small meshes."""
 
     moves: int
     tolerance: float
-    smoothing: int
+    sweeps: int
+    trials: int
 
 
 #: The registry: names for `effort`.
 EFFORTS: dict[str, Effort] = {
-    "fast": Effort(15, 1e-2, 2),
-    "balanced": Effort(40, 1e-3, 3),
-    "best": Effort(300, 1e-4, 5),
+    "fast": Effort(10, 1e-2, 3, 1),
+    "balanced": Effort(15, 1e-3, 3, 4),
+    "best": Effort(300, 1e-4, 5, 24),
 }
 #: Logarithm of the ratio of metrics from which on sizes vary.
 _VARIES = 0.4
-#: Small meshes of one size take more moves: as many as move this many vertices in all, at most.
-_WORK, _MORE_MOVES = 200_000, 200
-#: Smoothing, which is for sizes only, lowers the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
+#: Small meshes of one size take more moves and sweeps: as many as move this many vertices in all, at most.
+_WORK, _MORE_MOVES, _MORE_SWEEPS = 600_000, 200, 20
+#: Meshes of one size with no more vertices than this are tried several times,
+_SMALL = 1000
+#: with so many vertices on borders, by the number that sizes ask for.
+_SHARES = (1.0, 0.95, 1.0, 0.9)
+#: Where sizes vary, sweeps in the end lower the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
-_POWER = 8
+_SMOOTHING, _POWER = 2, 8
 
 
 def mesh_region(
@@ -123,7 +128,9 @@ def mesh_region(
     -----
     Vertices on the boundary are placed first, at equal steps by the sizes, and closer where two parts of the boundary
     are near to each other. A constrained Delaunay triangulation follows, in which inner vertices move to the centers
-    of mass of their cells, with density size^-4, while edges flip.
+    of mass of their cells, with density size^-4, while edges flip. In the end vertices move a little so that edges are
+    even; those on the boundary of a polygon slide along it, but for corners. Small meshes of one size are made several
+    times, with more or fewer vertices on the boundary, and the most regular one is returned.
 
     References
     ----------
@@ -235,27 +242,61 @@ def _mesh(
     outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, effort: str, rng: int | np.random.Generator
 ) -> Mesh:
     check_choice("effort", effort, EFFORTS)
+    settings = EFFORTS[effort]
     random = np.random.default_rng(rng)
     outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
-    borders, field = _borders(outline, wanted, alone)
+    made = _made(outline, wanted, alone, settings, random, 1.0)
+    best = made.mesh
+    if not made.varies and len(best.points) <= _SMALL:
+        trials = [made]
+        for trial in range(1, settings.trials):
+            share = _SHARES[trial % len(_SHARES)]
+            trials.append(_made(outline, wanted, alone, settings, random, share))
+        best = min((each.mesh for each in trials), key=_irregularity)
+    return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    mesh: Mesh
+    varies: bool
+
+
+def _made(
+    outline: Outline, wanted: _Wanted, alone: Points, settings: Effort, random: np.random.Generator, share: float
+) -> _Made:
+    """Make a mesh once, with a share of the vertices that borders should have."""
+    borders, field = _borders(outline, wanted, alone, share)
     n = wanted.n if wanted.n is not None else _number(borders, field)
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = Triangulation.constrained(borders, inner)
-    settings = EFFORTS[effort]
-    # Where sizes hardly vary, more moves make cells regular, and smoothing would make them less so.
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
     relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
-    for _ in range(settings.smoothing if varies else 0):
-        mesh.smooth(field.metric(mesh.points), _POWER)
-        mesh.flip(None)
-    return Mesh(
+    if field.isotropic:
+        for _ in range(settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))):
+            mesh.even(field.metric(mesh.points))
+            mesh.flip(None)
+        for _ in range(_SMOOTHING if varies else 0):
+            mesh.smooth(field.metric(mesh.points), _POWER)
+            mesh.flip(None)
+    made = Mesh(
         mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
     )
+    return _Made(made, varies)
 
 
-def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders, Field]:
-    """Place vertices on borders, with sizes that come to the wanted number of vertices."""
+def _irregularity(mesh: Mesh) -> float:
+    """Sum the logarithms of the eight measures."""
+    measures = astuple(mesh.measures())[:8]
+    return float(np.log(np.maximum(measures, 1e-300)).sum())
+
+
+def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> tuple[Borders, Field]:
+    """Place vertices on borders, with sizes that come to the wanted number of vertices.
+
+    The number on borders is by a share of what sizes ask for.
+    """
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
     start: Field
     if wanted.metric is not None:
@@ -265,7 +306,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders,
     factor, grade, before = 1.0, wanted.grade, np.inf
     for _ in range(_ROUNDS):
         field = start.scaled(factor).limited(grade, wanted.least)
-        borders, field = place_on_borders(outline, field, grade, wanted.least)
+        borders, field = place_on_borders(outline, field, grade, wanted.least, share)
         borders, field = _with_alone(borders, field, alone, grade)
         if wanted.n is None:
             return borders, field
@@ -278,7 +319,9 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points) -> tuple[Borders,
         before = ratio
     if wanted.n is not None and len(borders.points) > wanted.n:
         coarsest = start.scaled(_COARSEST * factor)
-        borders, field = _with_alone(*place_on_borders(outline, coarsest, _STEEPEST, wanted.least), alone, _STEEPEST)
+        borders, field = _with_alone(
+            *place_on_borders(outline, coarsest, _STEEPEST, wanted.least, share), alone, _STEEPEST
+        )
     if wanted.n is not None and len(borders.points) > wanted.n:
         refuse("n", wanted.n, f"at least {len(borders.points)}, the vertices that the border needs")
     return borders, field
@@ -292,7 +335,7 @@ def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> 
 
     points = np.concatenate([borders.points, alone])
     gaps = cKDTree(points).query(alone, 2)[0][:, 1]
-    return Borders(points, borders.edges, borders.sides), field.lowered(alone, gaps, grade)
+    return replace(borders, points=points), field.lowered(alone, gaps, grade)
 
 
 def _number(borders: Borders, field: Field) -> int:

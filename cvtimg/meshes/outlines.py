@@ -146,7 +146,7 @@ def _traced(region: ImplicitRegion) -> PolygonRegion:
 
 def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:
     """Find the points of a ring where it turns, or which other rings have, too."""
-    corner = _turns(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0)) > _POLYGON_CORNER
+    corner = turns_of(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0)) > _POLYGON_CORNER
     others = [other for other in rings if other is not ring]
     if others:
         shared = np.concatenate(others).view(np.complex128)[:, 0]
@@ -163,7 +163,7 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     at = np.arange(n) if is_closed else np.arange(1, n)
     before, after = at - reach, at + reach
     before, after = (before % n, after % n) if is_closed else (np.maximum(before, 0), np.minimum(after, n))
-    turns = _turns(dense[before], dense[at], dense[after])
+    turns = turns_of(dense[before], dense[at], dense[after])
     corners: list[int] = []
     for index in np.argsort(-turns, kind="stable"):
         if turns[index] <= (_CONTOUR_CORNER if tolerance else 1e-6):
@@ -174,7 +174,7 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     return _split(dense, np.sort(np.array(corners, np.intp)))
 
 
-def _turns(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
+def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
     """Angles (N,), in degrees, by which the way over three points turns."""
     come, go = at - before, after - at
     turns = np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1))

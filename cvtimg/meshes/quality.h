@@ -12,6 +12,8 @@
 #define LEAST_AREA_LEFT 0.1
 /* What a triangle costs that has turned over. */
 #define INFINITY_COST 1e30
+/* Steps are shorter where edges hardly tell the direction: the part of the trace that is added to second derivatives. */
+#define DAMPING 1e-3
 
 /* Whether all triangles around a vertex keep enough area when it moves to `place`. */
 static int keeps_area(const struct triangulation *mesh, const int32_t *around, int n, const double *old,
@@ -25,14 +27,14 @@ static int keeps_area(const struct triangulation *mesh, const int32_t *around, i
     return 1;
 }
 
-/* Move a vertex by `step`, or a part of it; `step` becomes what it was moved by. */
-static void move_vertex(struct triangulation *mesh, double *place, int32_t vertex, double *step)
+/* Move a vertex by `step`, or a part of it if it does not slide along a border; `step` becomes what it was moved by. */
+static void move_vertex(struct triangulation *mesh, double *place, int32_t vertex, int slides, double *step)
 {
     int32_t around[MOST_AROUND];
-    int n = corners_around(mesh, vertex, around);
+    int n = slides ? corners_of_fan(mesh, vertex, around) : corners_around(mesh, vertex, around);
     double part = 1, old[2] = {place[0], place[1]};
 
-    for (int halving = 0; n && halving < HALVINGS; halving++, part /= 2) {
+    for (int halving = 0; n && halving < (slides ? 1 : HALVINGS); halving++, part /= 2) {
         double there[2] = {old[0] + part * step[0], old[1] + part * step[1]};
         if (!keeps_area(mesh, around, n, old, there))
             continue;
@@ -94,6 +96,81 @@ static void smooth_vertex(struct triangulation *mesh, double *place, int32_t ver
         place[1] += up;
         return;
     }
+}
+
+/* What the edges at a vertex cost when it is at `place`: the sum of (length^2 / `mean` - 1)^4 in the metric halfway, and
+ * how that changes: slopes x, y and the matrix xx, xy, yy of second derivatives but for terms that vanish with it. */
+static double cost_of_edges(const struct triangulation *mesh, const double *metric, const int32_t *ends, int n,
+                            int32_t vertex, const double *place, double mean, double *slope, double *curvature)
+{
+    const double *here = metric + 3 * (ptrdiff_t)vertex;
+    double cost = 0;
+
+    for (int i = 0; i < n; i++) {
+        const double *end = mesh->points + 2 * (ptrdiff_t)ends[i], *there = metric + 3 * (ptrdiff_t)ends[i];
+        double x = place[0] - end[0], y = place[1] - end[1];
+        double xx = here[0] + there[0], xy = here[1] + there[1], yy = here[2] + there[2];
+        double mx = (xx * x + xy * y) / mean, my = (xy * x + yy * y) / mean; /* half of how length^2 / mean changes */
+        double excess = 0.5 * (mx * x + my * y) - 1, square = excess * excess;
+        cost += square * square;
+        if (!slope)
+            continue;
+        slope[0] += 4 * excess * square * mx;
+        slope[1] += 4 * excess * square * my;
+        curvature[0] += 12 * square * mx * mx;
+        curvature[1] += 12 * square * mx * my;
+        curvature[2] += 12 * square * my * my;
+    }
+    return cost;
+}
+
+/* List the other ends of the edges at a vertex; return how many. */
+static int ends_around(const struct triangulation *mesh, const int32_t *around, int n, int32_t *ends)
+{
+    for (int i = 0; i < n; i++)
+        ends[i] = mesh->vertices[next_corner(around[i])];
+    int32_t last = mesh->vertices[last_corner(around[n - 1])];
+    if (last != ends[0])
+        ends[n++] = last;
+    return n;
+}
+
+/* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
+ * one that leaves all triangles enough area. */
+static int step_to_even(const struct triangulation *mesh, const double *metric, int32_t vertex, const double *tangent,
+                        double mean, double *step)
+{
+    int32_t around[MOST_AROUND], ends[MOST_AROUND + 1];
+    const double *place = mesh->points + 2 * (ptrdiff_t)vertex;
+    double slope[2] = {0, 0}, curvature[3] = {0, 0, 0}, down[2];
+    int n = corners_of_fan(mesh, vertex, around);
+
+    if (!n)
+        return 0;
+    int n_ends = ends_around(mesh, around, n, ends);
+    double cost = cost_of_edges(mesh, metric, ends, n_ends, vertex, place, mean, slope, curvature);
+    if (tangent) {
+        double x = tangent[0], y = tangent[1];
+        double along = curvature[0] * x * x + 2 * curvature[1] * x * y + curvature[2] * y * y;
+        double length = along > 0 ? -(slope[0] * x + slope[1] * y) / along : 0;
+        down[0] = length * x, down[1] = length * y;
+    } else {
+        double damping = DAMPING * (curvature[0] + curvature[2]);
+        double xx = curvature[0] + damping, xy = curvature[1], yy = curvature[2] + damping, size = xx * yy - xy * xy;
+        if (size <= 0)
+            return 0;
+        down[0] = (xy * slope[1] - yy * slope[0]) / size;
+        down[1] = (xy * slope[0] - xx * slope[1]) / size;
+    }
+    for (double part = 1; part > 0.1; part /= 2) {
+        double there[2] = {place[0] + part * down[0], place[1] + part * down[1]};
+        if (cost_of_edges(mesh, metric, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
+            || !keeps_area(mesh, around, n, place, there))
+            continue;
+        step[0] = part * down[0], step[1] = part * down[1];
+        return 1;
+    }
+    return 0;
 }
 
 #endif

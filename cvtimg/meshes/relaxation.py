@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.meshes.triangulation import Triangulation
+from cvtimg.meshes.triangulation import FREE, Triangulation
 
 Points = NDArray[np.float64]
 #: From (N, 2) points to their metrics (N, 3): xx, xy and yy. Edges are wanted to have length 1 in it.
@@ -97,7 +97,7 @@ def _state(mesh: Triangulation, metric: Metric, isotropic: bool) -> _State:
     energy, inertia, pull = mesh.moments(values)
     xx, xy, yy = inertia.T
     size = xx * yy - xy * xy
-    sure = (size > 0) & (xx > 0) & (mesh.fixed == 0)
+    sure = (size > 0) & (xx > 0) & (mesh.fixed == FREE)
     safe = np.where(sure, size, 1)
     steps = np.stack([yy * pull[:, 0] - xy * pull[:, 1], xx * pull[:, 1] - xy * pull[:, 0]], axis=1) / safe[:, None]
     steps[~sure] = 0

@@ -80,4 +80,28 @@ static int corners_around(const struct triangulation *mesh, int32_t vertex, int3
     return n;
 }
 
+/* List the corners at a vertex from one outer edge to the other, or all around; return how many, or 0 if there are too
+ * many. */
+static int corners_of_fan(const struct triangulation *mesh, int32_t vertex, int32_t *around)
+{
+    int32_t first = mesh->corners[vertex], c = first;
+    int n = 0;
+
+    for (int32_t before = mesh->twins[last_corner(c)]; before >= 0; before = mesh->twins[last_corner(c)]) {
+        c = last_corner(before);
+        if (c == first)
+            break;
+    }
+    first = c;
+    do {
+        if (n == MOST_AROUND)
+            return 0;
+        around[n++] = c;
+        c = mesh->twins[next_corner(c)];
+        if (c >= 0)
+            c = next_corner(c);
+    } while (c >= 0 && c != first);
+    return n;
+}
+
 #endif

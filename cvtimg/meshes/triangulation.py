@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes import _triangles
+from cvtimg.meshes.sliding import Tracks
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
 #: Flips at most, for each triangle: in a metric that varies, flips might never end.
 _MOST_FLIPS = 20
+#: How vertices move.
+FREE, FIXED, SLIDES = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,11 +32,14 @@ class Borders:
     sides : (E, 2) int32 array
         Labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is positive,
         and where it is negative. Labels <= 0 are outside.
+    tracks : Tracks or None
+        Along which some of the points may slide.
     """
 
     points: Points
     edges: Triangles
     sides: Triangles
+    tracks: Tracks | None = None
 
 
 class Triangulation:
@@ -43,7 +49,9 @@ class Triangulation:
     ----------
     points : (N, 2) float64 array
     fixed : (N,) uint8 array
-        Whether a vertex stays in place.
+        `FREE`, `FIXED` or `SLIDES`.
+    tracks : Tracks or None
+        Of the vertices that slide.
     triangles : (T, 3) int32 array
         Counter-clockwise where y points up.
     tags : (T,) int32 array
@@ -57,6 +65,7 @@ class Triangulation:
     def __init__(self, points: Points, fixed: NDArray[np.bool_], triangles: Triangles, edges: Triangles) -> None:
         self.points = np.ascontiguousarray(points)
         self.fixed = fixed.astype(np.uint8)
+        self.tracks: Tracks | None = None
         self.triangles = np.ascontiguousarray(triangles, np.int32)
         self.tags = np.ones(len(triangles), np.int32)
         self._join(edges)
@@ -67,6 +76,9 @@ class Triangulation:
         points = np.concatenate([borders.points, inner])
         fixed = np.arange(len(points)) < len(borders.points)
         mesh = cls(points, fixed, delaunay(points, borders.edges), borders.edges)
+        if borders.tracks is not None:
+            mesh.tracks = borders.tracks
+            mesh.fixed[mesh.tracks.vertices] = SLIDES
         mesh._tag(borders)
         inside = mesh.tags > 0
         if not inside.all():
@@ -95,6 +107,25 @@ class Triangulation:
         done = steps.copy()
         _triangles.move(self.points, self.fixed, done, *self._topology())
         return done
+
+    def even(self, metric: Points) -> None:
+        """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
+
+        Those on borders slide along them, as far as their tracks lead.
+        """
+        mean = _triangles.mean_square(self.points, metric, self.triangles, self.twins)
+        steps = np.zeros_like(self.points)
+        tracks = self.tracks
+        if tracks is not None:
+            tangents = steps[tracks.vertices] = tracks.tangents()
+        _triangles.even(self.points, metric, self.fixed, steps, mean, *self._topology())
+        if tracks is None:
+            return
+        moved = tracks.moved((steps[tracks.vertices] * tangents).sum(axis=1))
+        steps[tracks.vertices] = moved.points() - self.points[tracks.vertices]
+        _triangles.move(self.points, np.maximum(self.fixed, FIXED), steps, *self._topology())
+        stayed = (steps[tracks.vertices] == 0).all(axis=1)
+        self.tracks = replace(moved, along=np.where(stayed, tracks.along, moved.along))
 
     def smooth(self, metric: Points, power: int) -> None:
         """Move vertices so that the triangles around each, above all the worst, get more equilateral in its metric."""
@@ -172,6 +203,8 @@ class Triangulation:
         used[self.triangles[kept]] = True
         number = np.cumsum(used, dtype=np.int32) - 1
         tags = self.tags[kept]
+        if self.tracks is not None:
+            self.tracks = self.tracks.kept(used[self.tracks.vertices], number)
         self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
         self.triangles = number[self.triangles[kept]]
         self._join(number[edges[used[edges].all(axis=1)]])

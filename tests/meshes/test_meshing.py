@@ -51,6 +51,19 @@ def test_corners_and_fixed_points_are_vertices() -> None:
     assert_is_a_triangulation(mesh)
 
 
+def test_vertices_slide_along_borders_but_for_corners() -> None:
+    square = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    region = shapely.Polygon(square, [ring(0.4, 400)])
+    mesh = mesh_region(region, n=138)
+    on_border = shapely.points(mesh.points[mesh.boundary])
+    assert shapely.distance(region.boundary, on_border).max() < 1e-9
+    for corner in square:
+        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-12).any(), corner
+    bottom = np.sort(mesh.points[np.abs(mesh.points[:, 1] + 1) < 1e-12, 0])
+    assert np.ptp(np.diff(bottom)) > 0.01 * np.diff(bottom).mean()  # not where they were placed, at equal steps
+    assert_is_a_triangulation(mesh)
+
+
 def test_holes_stay_open() -> None:
     mesh = mesh_region(FRAME, edge_length=0.3)
     assert mesh.area == pytest.approx(12)
