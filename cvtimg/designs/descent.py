@@ -13,6 +13,7 @@ from cvtimg.designs.discrepancy import star_discrepancy
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, exact_cells
 from cvtimg.designs.latin import latinize, latinize_beside
 from cvtimg.designs.sampled_cells import nearest_points, offsets
+from cvtimg.designs.swapping import even_out
 from cvtimg.engine.methods import Stopping
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
@@ -88,16 +89,22 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
     return [points % 1.0 for points in found] if cube.periodic else found
 
 
-def place_latin(cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName) -> _Floats:
+def place_latin(
+    cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName, rng: np.random.Generator
+) -> _Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
-    ends = [_alternate(cube, points, existing, effort) for points in starts]
+    ends = [
+        even_out(_alternate(cube, points, existing, effort), existing, cube.periodic, effort, rng) for points in starts
+    ]
     if len(ends) == 1:
-        return ends[0][0]
-    enough = min(energy for _, energy in ends) * (1 + _ABOUT)
-    return min((points for points, energy in ends if energy <= enough), key=_unevenness)
+        return ends[0]
+    energies = [cube.moments(np.concatenate([existing, points])).energy for points in ends]
+    enough = min(energies) * (1 + _ABOUT)
+    about_least = [points for points, energy in zip(ends, energies, strict=True) if energy <= enough]
+    return min(about_least, key=_unevenness)
 
 
-def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> tuple[_Floats, float]:
+def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> _Floats:
     """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
     points = _latin(points, existing)
     best, least = points, np.inf
@@ -109,7 +116,7 @@ def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortNam
         if (moved == points).all():
             break
         points = moved
-    return best, least
+    return best
 
 
 def _unevenness(points: _Floats) -> float:

@@ -166,7 +166,8 @@ def design(
     References
     ----------
     V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Reliability Engineering and System Safety 91 (2006) 1266-1280,
-    doi 10.1016/j.ress.2005.11.033. Returning to Latin points after each move is our own.
+    doi 10.1016/j.ress.2005.11.033. Returning to Latin points after each move is our own, as are the swaps of neighbors
+    that then lower the discrepancy.
 
     Examples
     --------
@@ -180,7 +181,7 @@ def design(
     request = _checked(n_points, bounds, periodic, latin, density, feasible, existing, effort, generator)
     cube, old = request.cube, request.existing
     found = place(cube, n_points, old, effort, generator)
-    unit = place_latin(cube, found, old, effort) if request.latin else found[0]
+    unit = place_latin(cube, found, old, effort, generator) if request.latin else found[0]
     low, high = request.bounds.T
     return Design(
         low + unit * (high - low),
