@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg.designs.discrepancy import star_discrepancy
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, exact_cells
 from cvtimg.designs.latin import latinize, latinize_beside
+from cvtimg.designs.measures import point_measures
 from cvtimg.designs.sampled_cells import nearest_points, offsets
 from cvtimg.designs.swapping import even_out
 from cvtimg.engine.methods import Stopping
@@ -101,7 +103,7 @@ def place_latin(
     energies = [cube.moments(np.concatenate([existing, points])).energy for points in ends]
     enough = min(energies) * (1 + _ABOUT)
     about_least = [points for points, energy in zip(ends, energies, strict=True) if energy <= enough]
-    return min(about_least, key=_unevenness)
+    return min(about_least, key=partial(_unevenness, periodic=cube.periodic))
 
 
 def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> _Floats:
@@ -119,11 +121,13 @@ def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortNam
     return best
 
 
-def _unevenness(points: _Floats) -> float:
-    """Star discrepancy where that is exact, else centered L2: F. Hickernell, Math. Comp. 67 (1998) 299-322."""
+def _unevenness(points: _Floats, periodic: bool) -> float:
+    """Multiply how uneven boxes and cells are where both are exact; else measure the centered L2 discrepancy."""
     from scipy.stats.qmc import discrepancy
 
-    return star_discrepancy(points)[0] if points.shape[1] <= MOST_EXACT_DIMS else float(discrepancy(points))
+    if points.shape[1] > MOST_EXACT_DIMS:
+        return float(discrepancy(points))
+    return star_discrepancy(points)[0] * point_measures(points, periodic=periodic).chi
 
 
 def _tessellated(

@@ -91,6 +91,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
         axes = figure.subplots()
         shares = energies / variance if variance else np.zeros(len(energies))
         axes.semilogy(np.arange(len(shares)), np.maximum(shares, 1e-16), ".-")
+        axes.locator_params(axis="x", integer=True)
         axes.set_xlabel("modes")
         axes.set_ylabel("share of the variance not explained")
         axes.grid(alpha=0.3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 from scipy.stats.qmc import discrepancy
 
 from cvtimg.designs import _swaps
@@ -17,26 +18,29 @@ def test_a_swap_is_made_exactly_if_it_lowers_the_discrepancy(n_dims: int, period
     rng = np.random.default_rng(n_dims)
     points = latinize(rng.random((11, n_dims)))
     tries = np.stack([rng.integers(n_dims, size=60), rng.integers(10, size=60)], axis=1).astype(np.int32)
-    expected, n_swaps = points.copy(), 0
+    expected, n_swaps, least = points.copy(), 0, 0.12**2
     for axis, rank in tries:
         pair = np.argsort(expected[:, axis])[rank : rank + 2]
         swapped = expected.copy()
         swapped[pair, axis] = expected[pair[::-1], axis]
-        if discrepancy(swapped, method=kind) < discrepancy(expected, method=kind) - 1e-13:
+        apart = swapped[pair][:, None] - np.delete(swapped, pair, axis=0)
+        apart = np.abs(apart - np.rint(apart)) if periodic else apart
+        lower = discrepancy(swapped, method=kind) < discrepancy(expected, method=kind) - 1e-13
+        if lower and (apart**2).sum(axis=2).min() >= least:
             expected, n_swaps = swapped, n_swaps + 1
     places, order = points - 0.5, np.ascontiguousarray(np.argsort(points, axis=0).T, np.int32)
-    assert _swaps.swap_coordinates(places, order, tries, periodic) == n_swaps
+    assert _swaps.swap_coordinates(places, order, tries, least, periodic) == n_swaps
     np.testing.assert_allclose(places + 0.5, expected, atol=1e-12)
     assert (order == np.argsort(expected, axis=0).T).all()
     assert n_swaps > 0 or n_dims == 1
 
 
-def test_evened_points_stay_latin_and_move_little() -> None:
+def test_evened_points_stay_latin_and_apart() -> None:
     rng = np.random.default_rng(0)
     points, existing = latinize(rng.random((60, 3))), rng.random((5, 3))
     moved = even_out(points, existing, False, "fast", rng)
     np.testing.assert_allclose(np.sort(moved, axis=0), np.sort(points, axis=0))
     before, after = (discrepancy(np.concatenate([some, existing])) for some in (points, moved))
     assert after < 0.9 * before
-    assert 0 < np.abs(moved - points).max() < 8 / 60
+    assert pdist(moved).min() >= min(pdist(points)) - 1e-12
     assert (even_out(points[:1], existing, False, "fast", rng) == points[:1]).all()
