@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_needs, check_places
-from cvtimg.regions import Box, Density, PictureRegion, PolygonRegion, Region
+from cvtimg.regions import Box, Density, ImplicitRegion, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
 
@@ -20,6 +20,8 @@ _PER_CELL = 8
 _NEAR = 1e-6
 #: Pixels by which the outline of a mask may be simplified before points are spread along it.
 _SIMPLER = 0.75
+#: Cells along the longer side of the grid on which the boundary of an implicit region is traced.
+_TRACED = 512
 
 
 class ToBoundary:
@@ -92,7 +94,8 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
         at = (length[first] + np.arange(n) / n * length[-1]) % length[-1]
         points = np.stack([np.interp(at, length, column) for column in dense.T], axis=1)
         spread.append(_with_corners(points, dense, corners))
-    return np.concatenate(spread)
+    points = np.concatenate(spread)
+    return region.to_boundary(points) if isinstance(region, ImplicitRegion) else points
 
 
 def _outline(region: Region) -> object:
@@ -102,9 +105,23 @@ def _outline(region: Region) -> object:
         return region.geometry
     if isinstance(region, PictureRegion):
         return region.polygons(tolerance=_SIMPLER).geometry
+    if isinstance(region, ImplicitRegion) and region.n_dims == 2:
+        return _traced(region)
     whole = isinstance(region, Box) and not any(region.periodic) and region.n_dims == 2
     check_in_range("region", region, whole, "in the plane and have a boundary, for on_boundary as a number")
     return shapely.box(*region.bounds.ravel())
+
+
+def _traced(region: ImplicitRegion) -> object:
+    """Trace the boundary on a grid, and move it to where the function is 0."""
+    import shapely
+
+    (low, high), cell = region.bounds, float(region.box.sides.max()) / _TRACED
+    columns, rows = np.maximum(1, np.round((high - low) / cell)).astype(int)
+    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    inside = region.contains(low + cell * np.stack([x.ravel(), y.ravel()], axis=1))
+    outline = PictureRegion(inside.reshape(rows, columns)).polygons(tolerance=_SIMPLER).geometry
+    return shapely.transform(shapely.segmentize(outline, 1.0), lambda places: region.to_boundary(low + cell * places))
 
 
 def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:

@@ -134,6 +134,18 @@ def test_as_many_points_as_asked_are_spread_along_the_boundary(region: Any) -> N
         assert np.linalg.norm(placement.points - corner, axis=1).min() < 1e-9
 
 
+def test_points_are_spread_along_the_boundary_of_an_implicit_region() -> None:
+    ring = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 1.5) - 0.5, [-2.5, -3], [3, 2.5])
+    points = place_generators(ring, 60, on_boundary=30).points[:30]
+    radii = np.hypot(*points.T)
+    outer = np.abs(radii - 2) < 1e-9
+    assert outer.sum() == 20
+    np.testing.assert_allclose(radii[~outer], 1, atol=1e-9)
+    for own in (points[outer], points[~outer]):
+        turns = np.diff(np.sort(np.arctan2(*own.T)))
+        np.testing.assert_allclose(turns, 2 * np.pi / len(own), rtol=0.05)
+
+
 def test_given_boundary_points_and_fixed_ones_stay() -> None:
     given = [[0, 0], [4, 4], [2, 1]]
     placement = place_generators(FRAME, 40, on_boundary=given, fixed=[[0.5, 0.5]])
