@@ -24,7 +24,7 @@ from cvtimg.pictures.files import encode_image
 from cvtimg.placement import place_in_picture
 
 #: Steps of the descent.
-_STEPS = {"fast": 25, "balanced": 80, "best": 240}
+_STEPS = {"fast": 25, "balanced": 80, "best": 480}
 #: Uniform density added to the detail for the first places of points, for flat parts need a few tiles, too. Few points
 #: may all begin on one edge; they try a nearly uniform start as well.
 _UNIFORM = {"cells": (0.05, 10.0), "triangles": (0.02, 10.0)}
@@ -170,7 +170,7 @@ def mosaic(
     palette : int or (P, C) array, optional
         Restrict tiles to so many colors, found by their energy, or to the nearest of these. Alpha is not restricted.
     effort : {"fast", "balanced", "best"}
-        25, 80 or 240 steps.
+        25, 80 or 480 steps.
     callback : callable, optional
         Called as ``callback(step, energy)`` before each step.
 

@@ -22,8 +22,9 @@ Floats = NDArray[np.float64]
 #: Of the last steps, how much counts in the direction and in the length of the next; and the length of a first step,
 #: in sides of a tile.
 _MOMENTUM, _SCALE_MEMORY, _STEP = 0.8, 0.95, 0.25
-#: Steps between relocations, and the part of the descent in which they happen: those that move need steps to settle.
-_RELOCATE_EVERY, _RELOCATE_UNTIL = 8, 0.7
+#: Steps between relocations, at least and as a part of all, and the part of the descent in which they happen: those that
+#: move need steps to settle.
+_RELOCATE_EVERY, _RELOCATE_SHARE, _RELOCATE_UNTIL = 8, 0.05, 0.7
 
 
 class Tiling(Protocol):
@@ -158,6 +159,7 @@ def descend_error(
     """
     direction, scale = np.zeros_like(points), np.zeros((len(points), 1))
     best, least, energies = points, np.inf, []
+    between = max(_RELOCATE_EVERY, round(_RELOCATE_SHARE * n_steps))
     for step in range(n_steps + 1):
         painted = paint(image, tiling.labels(points), tiling.n_tiles())
         energies.append(painted.energy)
@@ -166,7 +168,7 @@ def descend_error(
             best, least = points, painted.energy
         if step == n_steps or painted.energy == 0:
             break
-        if step and step % _RELOCATE_EVERY == 0 and step < _RELOCATE_UNTIL * n_steps:
+        if step and step % between == 0 and step < _RELOCATE_UNTIL * n_steps:
             points, moved = tiling.relocate(image, points, painted)
             direction[moved] = scale[moved] = 0
             if len(moved):
