@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 #: Of the last steps, how much counts in the direction and in the length of the next; and the length of a first step,
 #: in sides of a tile.
 _MOMENTUM, _SCALE_MEMORY, _STEP = 0.8, 0.95, 0.25
-#: Steps between relocations, at least and as a part of all, and the part of the descent in which they happen: those that
-#: move need steps to settle.
+#: Steps between relocations, at least and as a part of all, for cells that are moved need steps to settle; and the part
+#: of the descent in which they happen.
 _RELOCATE_EVERY, _RELOCATE_SHARE, _RELOCATE_UNTIL = 8, 0.05, 0.7
 
 
