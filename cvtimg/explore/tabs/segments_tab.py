@@ -224,7 +224,22 @@ class SegmentsTab(Tab):
             when=_SEGMENTS,
             about="Merge smaller pieces into a neighbor.",
         ),
-        Choice(name="space", label="Color space", default="rgb", choices=SPACES, flag="--space"),
+        Choice(
+            name="space",
+            label="Color space",
+            default="rgb",
+            choices=SPACES,
+            flag="--space",
+            when={"way": ["segments", "superpixels"]},
+        ),
+        Choice(
+            name="tree_space",
+            label="Color space",
+            default="lab",
+            choices={name: label for name, label in SPACES.items() if name != "rgb"},
+            flag="--space",
+            when=_REGIONS,
+        ),
         Choice(
             name="effort",
             label="Effort",
@@ -261,10 +276,12 @@ class SegmentsTab(Tab):
     def _call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
         keywords: dict[str, Any] = {} if known is None else {"mask": Named("known", known)}
         keywords |= self.keywords(settings)
+        if settings["way"] == "regions":
+            if settings["tree_space"] != "lab":
+                keywords["space"] = settings["tree_space"]
+            return Call("segment_hierarchy", (), keywords)
         if settings["space"] != "rgb":
             keywords["space"] = settings["space"]
-        if settings["way"] == "regions":
-            return Call("segment_hierarchy", (), keywords)
         if settings["way"] == "superpixels":
             return Call("superpixels", (settings["cells"],), keywords)
         if settings["averaging"] != "none":
@@ -295,7 +312,7 @@ class SegmentsTab(Tab):
         call = self._call(settings, None if known is None else window.of_array(known))
         if settings["way"] != "regions":
             return Divided(call.run(image).labels, image)
-        tree = picture.kept(("tree", settings["space"], window), lambda: call.run(image))
+        tree = picture.kept(("tree", settings["tree_space"], window), lambda: call.run(image))
         regions, threshold = settings["regions"], settings["threshold"]
         if regions != "auto":
             return Divided(tree.cut(min(max(regions, tree.n_parts), tree.n_leaves)), image)
