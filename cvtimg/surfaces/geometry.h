@@ -1,4 +1,6 @@
-/* Flips, collapses of edges, cells and nearest faces of triangulated surfaces, as half-edges that all have twins. */
+/* Flips, collapses of edges, cells and nearest faces of triangulated surfaces, as half-edges.
+ *
+ * Only the walk to the nearest face takes surfaces with a boundary, where the twin of a half-edge is -1. */
 #ifndef CVTIMG_SURFACE_GEOMETRY_H
 #define CVTIMG_SURFACE_GEOMETRY_H
 
@@ -24,7 +26,8 @@ static inline double cotangent(const double *apex, const double *a, const double
     return dot3(u, v) / sqrt(dot3(normal, normal) + 1e-300);
 }
 
-/* List the half-edges out of the origin of e; return how many, or MOST_AROUND + 1 if there are more than that. */
+/* List the half-edges out of the origin of e that belong to a triangle; return how many, or MOST_AROUND + 1 if there are
+ * more than that. */
 static int half_edges_around(const struct globe *mesh, int32_t e, int32_t *around)
 {
     int n = 0;
@@ -35,7 +38,14 @@ static int half_edges_around(const struct globe *mesh, int32_t e, int32_t *aroun
             return MOST_AROUND + 1;
         around[n++] = e;
         e = turn_left(mesh, e);
-    } while (e != first);
+    } while (e >= 0 && e != first);
+    if (e >= 0)
+        return n;
+    while ((e = mesh->twins[first]) >= 0) { /* at a boundary: those to the right */
+        if (n == MOST_AROUND)
+            return MOST_AROUND + 1;
+        around[n++] = first = next_edge(e);
+    }
     return n;
 }
 
@@ -274,6 +284,8 @@ static int32_t walk_to_nearest(const struct globe *mesh, int32_t t, double *plac
             around[0] = mesh->twins[from];
         for (int i = 0; i < n && i < MOST_AROUND; i++) {
             int side;
+            if (around[i] < 0)
+                continue;
             double distance = distance_to_face(mesh, around[i] / 3, place, nearest, &side);
             if (distance < least * (1 - 1e-12)) {
                 least = distance, next = around[i] / 3, next_where = side;

@@ -47,6 +47,16 @@ class HalfEdges:
         n_edges = (self.triangles.size + np.count_nonzero(self.twins < 0)) // 2
         return int(len(self.points) - n_edges + len(self.triangles))
 
+    def areas(self) -> NDArray[np.float64]:
+        """Return the areas (T,) of triangles."""
+        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
+        return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+    def vertex_areas(self) -> NDArray[np.float64]:
+        """Return a third of the areas (N,) of the triangles at each vertex."""
+        shares = np.repeat(self.areas() / 3, 3)
+        return np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64, copy=False)
+
     def face_normals(self) -> Points:
         """Return outward unit normals (T, 3) of triangles."""
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))

@@ -92,10 +92,10 @@ class ImplicitSurface(Surface):
             step = np.where(steep > 0, values / np.maximum(steep, 1e-300), 0)[:, None] * slopes
             # No farther than a part of the box at a time: a slope may be next to nothing.
             length = np.linalg.norm(step, axis=1, keepdims=True)
-            moved -= step * np.minimum(1, 0.1 * size / np.maximum(length, 1e-300))
+            moved = self.box.project(moved - step * np.minimum(1, 0.1 * size / np.maximum(length, 1e-300)))
             if length.max(initial=0) < 1e-12 * size:
                 break
-        return self.box.project(moved)
+        return moved
 
     def nearest(self, places: Points, faces: Triangles, fine: HalfEdges) -> tuple[Points, Points, Triangles]:
         """Move places to the surface; which triangles of `fine` are near does not matter."""

@@ -18,6 +18,7 @@ from cvtimg.surfaces.base import Points, Surface, Triangles
 from cvtimg.surfaces.conversion import as_surface
 from cvtimg.surfaces.halves import HalfEdges
 from cvtimg.surfaces.result import SurfacePoints
+from cvtimg.surfaces.sampled import place_by_samples
 from cvtimg.surfaces.splitting import split_long_edges
 
 Values = NDArray[np.float64]
@@ -26,6 +27,8 @@ Values = NDArray[np.float64]
 _HEXAGON = 0.75**0.5
 #: Edges of the fine triangles that points are taken from, by the distances of points.
 _FINE = 0.5
+#: The same for samples, where cells are sums over them.
+_FINER = 0.2
 #: Points may be so much farther from each other than where the density is largest.
 _SPARSEST = 30.0
 #: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
@@ -72,7 +75,7 @@ def surface_points(
     ----------
     surface : Surface, path, pair of arrays or mesh
         What `cvtimg.surfaces.as_surface` takes: an implicit surface, the path of an STL, OBJ, PLY or OFF file, arrays
-        (vertices, faces), or a mesh of trimesh. It is closed.
+        (vertices, faces), or a mesh of trimesh.
     n : int
         Number of points.
     density : callable or float, optional
@@ -87,12 +90,15 @@ def surface_points(
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, the surface has a boundary, or it needs more triangles than `n` points make.
+        If an argument is invalid, or the surface needs more triangles than `n` points make.
 
     Notes
     -----
     Distances are those of space, not along the surface, and centers of mass are projected to it. Triangles are those of
     the intrinsic Delaunay property: angles opposite to an edge add up to at most 180 degrees.
+
+    Where a surface has a boundary, cells end there: points stay inside, and so do triangles, which join points whose
+    cells meet. Such surfaces take longer.
 
     References
     ----------
@@ -113,17 +119,38 @@ def surface_points(
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
-    check_that("surface", shape.triangulation.is_closed, "be closed: it has a boundary")
-    measure = as_density(density)
-    fine, sizes = _fine(shape, n, measure)
+    measure, limits = as_density(density), EFFORTS[effort]
+    if not shape.triangulation.is_closed:
+        return _by_samples(shape, n, measure, limits)
+    found, is_free = _by_triangles(shape, n, measure, limits)
+    if is_free:
+        return found
+    other = _by_samples(shape, n, measure, limits)
+    figures = other.measures()
+    is_sound = figures.is_closed and figures.euler_characteristic == shape.triangulation.euler_characteristic
+    return other if is_sound and other.energy < found.energy else found
+
+
+def _by_triangles(surface: Surface, n: int, density: Density, effort: Effort) -> tuple[SurfacePoints, bool]:
+    """Place points by the cells of a triangulation; tell whether no fold stood in their way."""
+    fine, sizes = _fine(surface, n, density, _FINE)
     mesh, faces = _collapsed(fine, sizes, n)
-    offset, n_iter = _relax(shape, fine, mesh, faces, measure, EFFORTS[effort])
-    masses, _ = mesh.moments(measure(mesh.points))
-    return SurfacePoints(mesh.points, mesh.triangles, masses, _energy(fine, mesh.points, measure), offset, n_iter)
+    offset, n_iter, is_free = _relax(surface, fine, mesh, faces, density, effort)
+    masses, _ = mesh.moments(density(mesh.points))
+    energy = _energy(fine, mesh.points, density)
+    return SurfacePoints(mesh.points, mesh.triangles, masses, energy, offset, n_iter), is_free
 
 
-def _fine(surface: Surface, n: int, density: Density) -> tuple[HalfEdges, Values]:
-    """Split triangles until edges are shorter than the distances of points; return those distances, too."""
+def _by_samples(surface: Surface, n: int, density: Density, effort: Effort) -> SurfacePoints:
+    """Place points by samples: where a surface has a boundary, or is thinner than cells are wide."""
+    fine, _ = _fine(surface, n, density, _FINER)
+    weights = fine.vertex_areas() * density(fine.points)
+    points, triangles, masses, offset, n_iter = place_by_samples(surface, fine, weights, n, effort.moves, effort.offset)
+    return SurfacePoints(points, triangles, masses, _energy(fine, points, density), offset, n_iter)
+
+
+def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[HalfEdges, Values]:
+    """Split triangles until edges are shorter than this part of the distances of points; return those distances."""
     base = surface.triangulation
     top = float(density(base.points).max())
     check_that("density", top > 0, "be > 0 somewhere on the surface")
@@ -132,17 +159,15 @@ def _fine(surface: Surface, n: int, density: Density) -> tuple[HalfEdges, Values
         return np.minimum((np.maximum(density(points), 0) / top + _SPARSEST**-4) ** -0.25, _SPARSEST)
 
     sparse = relative(base.points)
-    areas, _ = base.moments(sparse**-2.0)
-    distance = (max(areas.sum(), 0) / (_HEXAGON * n)) ** 0.5
+    distance = float((base.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
     # The density may vary within the triangles given: what they hold is measured again on finer ones.
     for _ in range(2):
         points, triangles = split_long_edges(
-            base.points, base.triangles, _limits(relative, _FINE * distance), surface.on_surface
+            base.points, base.triangles, _limits(relative, part * distance), surface.on_surface
         )
         fine = HalfEdges(points, triangles)
         sparse = relative(fine.points)
-        areas, _ = fine.moments(sparse**-2.0)
-        wanted = (areas.sum() / (_HEXAGON * n)) ** 0.5
+        wanted = float((fine.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
         if wanted > 0.8 * distance:
             break
         distance = wanted
@@ -172,16 +197,19 @@ def _collapsed(fine: HalfEdges, sizes: Values, n: int) -> tuple[HalfEdges, Trian
 
 def _relax(
     surface: Surface, fine: HalfEdges, mesh: HalfEdges, faces: Triangles, density: Density, effort: Effort
-) -> tuple[float, int]:
-    """Move points to the centers of mass of their cells, projected to the surface; return the offset and the moves."""
-    move, last = 0, effort.moves
+) -> tuple[float, int, bool]:
+    """Move points to the centers of mass of their cells, projected to the surface.
+
+    Returns the offset, the moves, and whether the last one held no point back.
+    """
+    move, last, is_free = 0, effort.moves, True
     points, normals, faces = surface.nearest(mesh.points, faces, fine)
     mesh.points = points
     while True:
         mesh.flip(normals)
         _, steps = mesh.moments(density(mesh.points))
         if move % _REST == 0:
-            sizes = np.sqrt(np.bincount(mesh.triangles.ravel(), np.repeat(_areas(mesh), 3), len(mesh.points)) / 3)
+            sizes = np.sqrt(mesh.vertex_areas())
         lengths = np.linalg.norm(steps, axis=1)
         factor = _BEYOND if move < last - _LAST_MOVES else 1.0
         share = np.minimum(factor, _LONGEST_STEP * sizes / np.maximum(lengths, 1e-300))
@@ -190,27 +218,23 @@ def _relax(
         if offset <= effort.offset:
             last = min(last, move + _LAST_MOVES)
         if move >= last:
-            return offset, move
+            return offset, move, is_free
+        is_free = True
         for _ in range(_RETREATS):
             back = mesh.folds(there, directions)
             if not back.any():
                 break
+            is_free = False
             there[back], directions[back], near[back] = mesh.points[back], normals[back], faces[back]
         mesh.points, normals, faces = there, directions, near
         move += 1
 
 
-def _areas(mesh: HalfEdges) -> Values:
-    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
 def _energy(fine: HalfEdges, points: Points, density: Density) -> float:
-    """Integrate by the middles of the edges of fine triangles, which is exact for squares within a cell."""
+    """Integrate by the middles of the sides of fine triangles, which is exact for squares within a cell."""
     from scipy.spatial import KDTree
 
-    areas = _areas(fine)
-    tree, total = KDTree(points), 0.0
+    areas, tree, total = fine.areas(), KDTree(points), 0.0
     for k in range(3):
         middles = (fine.points[fine.triangles[:, k]] + fine.points[fine.triangles[:, k - 1]]) / 2
         distances, _ = tree.query(middles)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles
+from cvtimg.meshes import measure_triangles
 from cvtimg.surfaces.base import Points, Surface, Triangles
 from cvtimg.surfaces.halves import HalfEdges, check_manifold, divide_fans, find_twins
 
@@ -43,7 +44,7 @@ class TriangulatedSurface(Surface):
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
         points = check_places("vertices", vertices, 3)
         triangles = check_triangles("faces", faces, len(points))
-        check_have_area("faces", _areas(points, triangles))
+        check_have_area("faces", measure_triangles(points, triangles).areas)
         check_manifold(triangles, len(points))
         points, triangles = divide_fans(points, triangles, find_twins(triangles, len(points)))
         mesh = HalfEdges(points, triangles)
@@ -63,7 +64,7 @@ class TriangulatedSurface(Surface):
     @property
     def area(self) -> float:
         """The area of all triangles."""
-        return float(_areas(self.triangulation.points, self.triangulation.triangles).sum())
+        return float(self.triangulation.areas().sum())
 
     def on_surface(self, places: Points) -> Points:
         """Return the places, which are on the surface."""
@@ -73,8 +74,3 @@ class TriangulatedSurface(Surface):
         """Walk over the triangles of `fine`, which are parts of those of the surface."""
         found, faces = fine.nearest(places, faces)
         return found, fine.face_normals()[faces], faces
-
-
-def _areas(points: Points, triangles: Triangles) -> Points:
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)

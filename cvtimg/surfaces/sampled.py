@@ -1,0 +1,76 @@
+"""Place points on surfaces with a boundary: their cells are sums over samples, and end where the surface does."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine.samples import WeightedSamples
+from cvtimg.engine.tessellation import tessellate
+from cvtimg.surfaces.base import Points, Surface, Triangles
+from cvtimg.surfaces.halves import HalfEdges
+
+Values = NDArray[np.float64]
+
+
+def place_by_samples(
+    surface: Surface, fine: HalfEdges, weights: Values, n: int, moves: int, least: float
+) -> tuple[Points, Triangles, Values, float, int]:
+    """Move points to the centers of mass of the samples nearest to them, projected to the surface.
+
+    Parameters
+    ----------
+    surface : Surface
+    fine : HalfEdges
+        Triangles that are small beside cells; the samples are their vertices.
+    weights : (N,) array
+        Of the samples.
+    n : int
+        Number of points.
+    moves, least : int and float
+        Moves at most, and the offset at which they end.
+
+    Returns
+    -------
+    points, triangles, masses, offset, n_iter
+    """
+    from scipy.spatial import KDTree
+
+    # Centers of mass in space, near the surface, to start from; then those that are on it.
+    points = tessellate(WeightedSamples(fine.points.copy(), weights.copy(), in_order=False), n).generators
+    face = np.empty(len(fine.points), np.int32)
+    face[fine.triangles.ravel()] = np.arange(fine.triangles.size, dtype=np.int32) // 3
+    whole = KDTree(fine.points)
+    sizes, move = np.ones(n), 0
+    points, _, _ = surface.nearest(points, face[whole.query(points)[1]], fine)
+    area = fine.vertex_areas()
+    while True:
+        _, labels = KDTree(points).query(fine.points)
+        masses = np.bincount(labels, weights, n).astype(np.float64, copy=False)
+        heavy = masses > 0
+        sums = np.stack([np.bincount(labels, weights * x, n) for x in fine.points.T], axis=1)
+        centers = np.where(heavy[:, None], sums / np.where(heavy, masses, 1)[:, None], points)
+        sizes = np.sqrt(np.maximum(np.bincount(labels, area, n), 1e-300))
+        there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
+        offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
+        if offset <= least or move == moves:
+            return points, _dual(labels, fine.triangles), masses, offset, move
+        points, move = there, move + 1
+
+
+def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
+    """Join points whose cells meet in a triangle.
+
+    Where the same three cells meet in several triangles, those that go around in opposite directions cancel out: what
+    is left has no holes, as it is the image of a surface that has none.
+    """
+    corners = labels[triangles]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    first = np.argmin(corners, axis=1)
+    turned = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1)
+    direction = np.where(turned[:, 1] < turned[:, 2], 1, -1)
+    keys, where = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    sums = np.bincount(where.ravel(), direction, len(keys))
+    found = np.where((sums < 0)[:, None], keys[:, [0, 2, 1]], keys)
+    return np.ascontiguousarray(found[np.abs(sums) > 0.5], np.int32)
