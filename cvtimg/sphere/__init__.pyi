@@ -1,5 +1,6 @@
 from .densities import Refinement, by_spacing
 from .formats import GRID_FORMATS
+from .formats.polygons import cell_polygons
 from .grids import EFFORTS, Effort, sphere_grid
 from .measures import GridMeasures, measure_grid
 from .result import SphereGrid
@@ -15,6 +16,7 @@ __all__ = [
     "SphereCells",
     "SphereGrid",
     "by_spacing",
+    "cell_polygons",
     "measure_grid",
     "sphere_grid",
     "triangulate",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
@@ -28,7 +29,9 @@ def write_geojson(file: BinaryIO, grid: GridContent) -> None:
     geometry = measure(grid.points, around)
     areas = (geometry.cell_areas * grid.radius**2).tolist()
     file.write(b'{"type": "FeatureCollection", "features": [\n')
-    for number, pieces in enumerate(cell_polygons(geometry.vertices, around.vertices_on_cell, around.degrees)):
+    corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
+    offsets = np.concatenate([[0], np.cumsum(around.degrees)]).astype(np.int32)
+    for number, pieces in enumerate(cell_polygons(geometry.vertices, corners, offsets)):
         rings = [[*piece, piece[0]] for piece in pieces]
         shape: dict[str, Any] = {"type": "Polygon", "coordinates": rings}
         if len(rings) > 1:
@@ -49,24 +52,32 @@ def write_vtu(file: BinaryIO, grid: GridContent) -> None:
     file.write(vtu_content(geometry.vertices * grid.radius, corners, np.cumsum(around.degrees), POLYGON, values))
 
 
-def cell_polygons(vertices: Values, corners: Indices, degrees: Indices) -> Iterator[list[Ring]]:
-    """Yield the rings (longitude, latitude), in degrees and without their ends, that each cell has on a map.
+def cell_polygons(vertices: Values, corners: Indices, offsets: Indices) -> Iterator[list[Ring]]:
+    """Yield the polygons of cells on a map, for charts and files.
 
-    Longitudes are in -180..180. A cell across the antimeridian has two rings; one around a pole goes along the edge of
-    the map. Edges are straight on the map, so that long ones get points between, where the great circle is.
+    Parameters
+    ----------
+    vertices, corners, offsets
+        As in `cvtimg.sphere.SphereCells`.
+
+    Yields
+    ------
+    list of rings
+        Of each cell: lists of (longitude, latitude) in degrees, without their ends. Longitudes are in -180..180. A cell
+        across the antimeridian has two rings; one around a pole goes along the edge of the map. Edges are straight on
+        the map, so that long ones get points between, where the great circle is.
     """
     table = _on_map(vertices)
-    numbers, ends = corners[corners >= 0], np.cumsum(degrees)
-    following = np.roll(corners, -1, axis=1)
-    following[np.arange(len(corners)), degrees - 1] = corners[:, 0]
-    wide = np.abs(np.diff(table[[numbers, following[corners >= 0]], 0], axis=0))[0] > _WIDE
-    at_pole = np.abs(table[numbers, 1]) == 90
-    special = np.logical_or.reduceat(wide | at_pole, np.concatenate([[0], ends[:-1]]))
-    rings, start = table[numbers].tolist(), 0
-    for number, end in enumerate(ends.tolist()):
-        ring = rings[start:end]
-        yield _pieces(_dense_ring(vertices, table, numbers[start:end].tolist())) if special[number] else [ring]
-        start = end
+    following = np.roll(corners, -1)
+    following[offsets[1:] - 1] = corners[offsets[:-1]]
+    wide = np.abs(table[corners, 0] - table[following, 0]) > _WIDE
+    special = np.logical_or.reduceat(wide | (np.abs(table[corners, 1]) == 90), offsets[:-1])
+    rings, numbers = table[corners].tolist(), corners.tolist()
+    for cell, (start, end) in enumerate(pairwise(offsets.tolist())):
+        if special[cell]:
+            yield _pieces(_dense_ring(vertices, table, numbers[start:end]))
+        else:
+            yield [rings[start:end]]
 
 
 def _on_map(places: Values) -> Values:

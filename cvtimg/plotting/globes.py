@@ -1,0 +1,247 @@
+"""Charts of grids of the sphere and of triangles in space: cells colored by size, on a globe or on a map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.plotting.charts import figure_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+
+Values = NDArray[np.float64]
+
+#: Pixels across the globe that an image is drawn with.
+_ACROSS = 1000
+#: Thickness of edges in points, by the number of cells that are seen.
+_EDGE = 30.0
+#: More polygons than this are drawn as pixels in SVG files.
+_MANY = 20_000
+#: Light comes from the upper left, and from all sides.
+_LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.35
+
+
+def draw_globe(
+    cells: Sequence[Values],
+    sizes: Values,
+    suffix: str,
+    *,
+    center: tuple[float, float] = (0.0, 20.0),
+    image: NDArray[np.uint8] | None = None,
+    label: str = "cell size (degrees)",
+) -> bytes:
+    """Draw the cells of a grid of the sphere as they are seen from far away (orthographic projection).
+
+    Parameters
+    ----------
+    cells : sequence of (C, 3) arrays
+        The corners of each cell, unit vectors, as `cvtimg.sphere.SphereGrid.cells` returns them.
+    sizes : (N,) array
+        What cells are colored by, > 0.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    center : (lon, lat)
+        Place in the middle of the picture, in degrees.
+    image : (H, W) or (H, W, 3) uint8 array, optional
+        Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
+    label : str
+        What the sizes are.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    ends = np.cumsum([len(cell) for cell in cells])
+    turned = np.concatenate(list(cells)) @ _axes_of_view(*center).T
+    seen = np.minimum.reduceat(turned[:, 2], np.concatenate([[0], ends[:-1]])) > 0
+    with figure_file(8.0, 7.2, suffix) as (figure, content):
+        axes = figure.subplots()
+        if image is not None:
+            axes.imshow(_on_globe(image, center), extent=(-1, 1, -1, 1), zorder=0)
+        outlines = [
+            outline for outline, is_seen in zip(np.split(turned[:, :2], ends[:-1]), seen, strict=True) if is_seen
+        ]
+        drawn = _add_polygons(axes, outlines, sizes[seen], sizes, over_image=image is not None)
+        axes.set_xlim(-1.01, 1.01)
+        axes.set_ylim(-1.01, 1.01)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+        figure.colorbar(drawn, ax=axes, label=label, shrink=0.6)
+    return content.getvalue()
+
+
+def draw_map(
+    rings: Sequence[Sequence[Any]],
+    sizes: Values,
+    suffix: str,
+    *,
+    image: NDArray[np.uint8] | None = None,
+    label: str = "cell size (degrees)",
+) -> bytes:
+    """Draw the cells of a grid of the sphere on a map of longitudes and latitudes (equirectangular projection).
+
+    Parameters
+    ----------
+    rings : sequence of sequences of (K, 2) arrays
+        The polygons of each cell, in degrees, as `cvtimg.sphere.cell_polygons` yields them.
+    sizes : (N,) array
+        What cells are colored by, > 0.
+    suffix, image, label
+        As in `draw_globe`.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    pieces = [np.asarray(ring) for cell in rings for ring in cell]
+    of_cell = np.repeat(np.arange(len(rings)), [len(cell) for cell in rings])
+    with figure_file(10.0, 5.0, suffix) as (figure, content):
+        axes = figure.subplots()
+        if image is not None:
+            axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", zorder=0)
+        drawn = _add_polygons(axes, pieces, sizes[of_cell], sizes, over_image=image is not None)
+        axes.set_xlim(-180, 180)
+        axes.set_ylim(-90, 90)
+        axes.set_aspect("equal")
+        axes.set_xticks(range(-180, 181, 60))
+        axes.set_yticks(range(-90, 91, 30))
+        axes.tick_params(labelsize=8)
+        figure.colorbar(drawn, ax=axes, label=label, shrink=0.7)
+    return content.getvalue()
+
+
+def draw_surface(
+    points: Values,
+    triangles: NDArray[np.int32],
+    qualities: Values,
+    suffix: str,
+    *,
+    center: tuple[float, float] = (-60.0, 30.0),
+) -> bytes:
+    """Draw triangles in space as they are seen from far away, colored by their quality and shaded.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+    triangles : (T, 3) integer array
+        Indices of points, counterclockwise from outside.
+    qualities : (T,) array
+        From 0 to 1.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    center : (lon, lat)
+        Direction to the viewer, in degrees; z points up.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
+
+    turned = points @ _axes_of_view(*center).T
+    places = turned[triangles]
+    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    order = np.argsort(places[:, :, 2].mean(axis=1))  # from the back to the front
+    facing = normals * np.where(normals[:, 2:] < 0, -1, 1)  # both sides of a surface with a boundary are seen
+    light = _AMBIENT + (1 - _AMBIENT) * np.clip(facing @ _LIGHT, 0, 1)
+    scale = Normalize(0.6, 1.0)
+    colors = colormaps["RdYlGn"](scale(qualities))
+    colors[:, :3] *= light[:, None]
+    low, high = turned[:, :2].min(axis=0), turned[:, :2].max(axis=0)
+    width, height = high - low
+    with figure_file(9.0, float(np.clip(8.0 * height / width, 3.0, 12.0)), suffix) as (figure, content):
+        axes = figure.subplots()
+        axes.add_collection(
+            PolyCollection(
+                list(places[order][:, :, :2]),
+                facecolors=colors[order],
+                edgecolors=(0, 0, 0, 0.6),
+                linewidths=min(_EDGE / len(triangles) ** 0.5, 0.6),
+                rasterized=len(triangles) > _MANY,
+            )
+        )
+        axes.set_xlim(low[0] - 0.02 * width, high[0] + 0.02 * width)
+        axes.set_ylim(low[1] - 0.02 * height, high[1] + 0.02 * height)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+        figure.colorbar(ScalarMappable(scale, "RdYlGn"), ax=axes, label="quality 2 r / R", shrink=0.6)
+    return content.getvalue()
+
+
+def _add_polygons(
+    axes: Axes, outlines: list[Any], values: Values, all_values: Values, *, over_image: bool
+) -> PolyCollection:
+    """Add polygons with colors on a logarithmic scale of all values."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import LogNorm
+
+    low, high = float(all_values.min()), float(all_values.max())
+    middle = (low * high) ** 0.5
+    # Cells that are all alike get one color, not a scale of their rounding.
+    norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
+    drawn = PolyCollection(
+        outlines,
+        array=values,
+        cmap="viridis",
+        norm=norm,
+        edgecolors=(1, 1, 1, 0.7) if over_image else "0.1",
+        linewidths=min(_EDGE / max(len(outlines), 1) ** 0.5, 0.8),
+        alpha=0.35 if over_image else 1.0,
+        rasterized=len(outlines) > _MANY,
+    )
+    axes.add_collection(drawn)
+    return drawn
+
+
+def _axes_of_view(longitude: float, latitude: float) -> Values:
+    """Rows: the directions to the right, up and to the viewer, who is above a place given in degrees."""
+    x, y = np.radians([longitude, latitude])
+    return np.array(
+        [
+            [-np.sin(x), np.cos(x), 0],
+            [-np.sin(y) * np.cos(x), -np.sin(y) * np.sin(x), np.cos(y)],
+            [np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)],
+        ]
+    )
+
+
+def _on_globe(image: NDArray[np.uint8], center: tuple[float, float]) -> NDArray[np.uint8]:
+    """Draw a map of the world on a globe, with transparent corners around."""
+    across = (np.arange(_ACROSS) + 0.5) / _ACROSS * 2 - 1
+    x, y = np.meshgrid(across, -across)
+    inside = x**2 + y**2 < 1
+    z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))
+    places = np.stack([x, y, z], axis=-1) @ _axes_of_view(*center)
+    height, width = image.shape[:2]
+    columns = (np.arctan2(places[..., 1], places[..., 0]) / (2 * np.pi) + 0.5) * width
+    rows = (0.5 - np.arcsin(np.clip(places[..., 2], -1, 1)) / np.pi) * height
+    colors = image[np.clip(rows.astype(int), 0, height - 1), np.clip(columns.astype(int), 0, width - 1)]
+    colors = np.repeat(colors[..., None], 3, axis=2) if colors.ndim == 2 else colors[..., :3]
+    return np.concatenate([colors, np.where(inside, np.uint8(255), np.uint8(0))[..., None]], axis=2)
