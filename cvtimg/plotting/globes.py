@@ -13,6 +13,7 @@ from cvtimg.plotting.charts import figure_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
 
 Values = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ _EDGE = 30.0
 #: More polygons than this are drawn as pixels in SVG files.
 _MANY = 20_000
 #: Light comes from the upper left, and from all sides.
-_LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.35
+_LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.6
 
 
 def draw_globe(
@@ -77,7 +78,7 @@ def draw_globe(
         axes.set_ylim(-1.01, 1.01)
         axes.set_aspect("equal")
         axes.set_axis_off()
-        figure.colorbar(drawn, ax=axes, label=label, shrink=0.6)
+        _add_scale(figure, axes, drawn, label)
     return content.getvalue()
 
 
@@ -123,7 +124,7 @@ def draw_map(
         axes.set_xticks(range(-180, 181, 60))
         axes.set_yticks(range(-90, 91, 30))
         axes.tick_params(labelsize=8)
-        figure.colorbar(drawn, ax=axes, label=label, shrink=0.7)
+        _add_scale(figure, axes, drawn, label)
     return content.getvalue()
 
 
@@ -206,18 +207,30 @@ def _add_polygons(
     middle = (low * high) ** 0.5
     # Cells that are all alike get one color, not a scale of their rounding.
     norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
+    thickness = min(_EDGE / max(len(outlines), 1) ** 0.5, 0.8)
     drawn = PolyCollection(
         outlines,
         array=values,
         cmap="viridis",
         norm=norm,
         edgecolors=(1, 1, 1, 0.7) if over_image else "0.1",
-        linewidths=min(_EDGE / max(len(outlines), 1) ** 0.5, 0.8),
+        linewidths=thickness * np.clip(values / np.median(values), 0.25, 1) if len(values) else thickness,
         alpha=0.35 if over_image else 1.0,
         rasterized=len(outlines) > _MANY,
     )
     axes.add_collection(drawn)
     return drawn
+
+
+def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) -> None:
+    """Add a color bar with plain numbers, few enough to be read."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.6, format=FuncFormatter(lambda x, _: f"{x:g}"))
+    low, high = drawn.get_clim()
+    bar.locator = LogLocator(subs=(1, 2, 5) if high > 2 * low else tuple(np.arange(10, 100) / 10), numticks=9)
+    bar.minorformatter = NullFormatter()
+    bar.update_ticks()
 
 
 def _axes_of_view(longitude: float, latitude: float) -> Values:

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import io
+import re
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from cvtimg import sphere_grid, surface_points
+from cvtimg.meshes import measure_triangles
+from cvtimg.plotting import draw_globe, draw_map, draw_surface
+from cvtimg.sphere import SphereGrid, cell_polygons
+from cvtimg.surfaces import torus
+
+
+@pytest.fixture(scope="module")
+def grid() -> SphereGrid:
+    return sphere_grid(162)
+
+
+def quarters() -> NDArray[np.uint8]:
+    """Return a map whose quarters, from the upper left, are red, green, blue and white."""
+    colors = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
+    return colors.repeat(90, axis=0).repeat(180, axis=1)
+
+
+def pixels(content: bytes) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))
+
+
+def n_outlines(content: bytes) -> int:
+    """Count the outlines of the first collection of polygons in an SVG file."""
+    text = content.decode()
+    drawn = text[text.index('id="PolyCollection_1"') :]
+    return drawn[: drawn.index("</g>")].count("<path ")
+
+
+@pytest.mark.parametrize("center", [(0, 0), (120, -40), (10, 90)])
+def test_a_globe_shows_the_cells_that_face_the_viewer(grid: SphereGrid, center: tuple[float, float]) -> None:
+    lon, lat = np.radians(center)
+    viewer = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    cells = list(grid.cells())
+    seen = sum((cell @ viewer > 0).all() for cell in cells)
+    assert n_outlines(draw_globe(cells, grid.areas, ".svg", center=center)) == seen
+
+
+def test_a_globe_shows_the_right_part_of_a_map(grid: SphereGrid) -> None:
+    cells = list(grid.cells())
+    for longitude, (left, right) in ((0, ((255, 0, 0), (0, 255, 0))), (180, ((0, 255, 0), (255, 0, 0)))):
+        picture = pixels(draw_globe(cells[:1], grid.areas[:1], ".png", center=(longitude, 0), image=quarters()))
+        disk = np.argwhere((picture[:, :900] != 255).any(axis=2))
+        (top, west), (bottom, east) = disk.min(axis=0), disk.max(axis=0)
+        height, width = bottom - top, min(east - west, bottom - top)
+        upper = picture[top + height // 4]
+        assert tuple(upper[west + width // 3]) == left
+        assert tuple(upper[west + 2 * width // 3]) == right
+
+
+def test_a_map_shows_every_cell(grid: SphereGrid) -> None:
+    cells = grid.cells()
+    rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
+    content = draw_map(rings, grid.areas, ".svg", label="area")
+    assert n_outlines(content) == sum(map(len, rings)) > len(rings)
+    assert b"area" in content
+    over = pixels(draw_map(rings, grid.areas, ".png", image=quarters()))
+    assert over.std() > 10
+
+
+def test_values_that_are_all_equal_are_drawn(grid: SphereGrid) -> None:
+    assert n_outlines(draw_globe(list(grid.cells()), np.ones(162), ".svg")) > 50
+
+
+def test_surfaces_are_drawn_from_the_back_to_the_front() -> None:
+    found = surface_points(torus(), 300)
+    qualities = measure_triangles(found.points, found.triangles).qualities
+    content = draw_surface(found.points, found.triangles, qualities, ".svg", center=(0, 90))
+    assert n_outlines(content) == 600
+    # From above, the upper half hides the lower one: what is in front, and lit best, is drawn last.
+    fills = re.findall(r"fill: #([0-9a-f]{6})", content.decode())[-200:]
+    assert len(set(fills)) > 50
+    assert pixels(draw_surface(found.points, found.triangles, qualities, ".png")).std() > 20
