@@ -71,3 +71,10 @@ def test_errors_in_an_l_shape_fall_as_fast_as_they_can(example: Any, tmp_path: P
     assert np.polyfit(rows[:, 0], rows[:, 1], 1)[0] < -0.9
     assert np.polyfit(rows[:, 0], rows[:, 2], 1)[0] < -0.45
     Image.open(tmp_path / "l.png").verify()
+
+
+def test_points_on_surfaces_keep_their_shape(example: Any, tmp_path: Path) -> None:
+    tube, sheet, body = example("surfaces").main(tmp_path / "s.png", n_body=600).values()
+    assert (tube.euler_characteristic, sheet.euler_characteristic, body.euler_characteristic) == (0, 1, 2)
+    assert min(tube.least_angle, sheet.least_angle, body.least_angle) > 18
+    Image.open(tmp_path / "s.png").verify()

@@ -16,6 +16,7 @@ COMMANDS = {
     "stipple": "Reproduce the tones of images by N dots, for pen plotters and print.",
     "mosaic": "Compose images of N convex tiles of one color each.",
     "mesh": "Divide masks, label images and polygons into triangles.",
+    "surface": "Place N points evenly on surfaces, and join them by triangles.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",

@@ -57,9 +57,9 @@ class HalfEdges:
         shares = np.repeat(self.areas() / 3, 3)
         return np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64, copy=False)
 
-    def face_normals(self) -> Points:
-        """Return outward unit normals (T, 3) of triangles."""
-        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
+    def face_normals(self, faces: Triangles | slice = slice(None)) -> Points:
+        """Return outward unit normals of triangles, of all by default."""
+        a, b, c = (self.points[corners] for corners in self.triangles[faces].T)
         return unit(np.cross(b - a, c - a))
 
     def normals(self) -> Points:

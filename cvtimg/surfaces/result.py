@@ -44,6 +44,11 @@ class SurfacePoints:
         for array in (self.points, self.triangles, self.masses):
             array.flags.writeable = False
 
+    @property
+    def qualities(self) -> NDArray[np.float64]:
+        """2 r / R of each triangle (T,), for the radii of its incircle and circumcircle; 1 if it is equilateral."""
+        return measure_triangles(self.points, self.triangles).qualities
+
     def measures(self) -> SurfaceMeasures:
         """Measure how good the triangles are."""
         return measure_surface(self.points, self.triangles)
@@ -65,10 +70,9 @@ class SurfacePoints:
         OSError
             If the file cannot be written.
         """
-        qualities = measure_triangles(self.points, self.triangles).qualities
         tags = np.ones(len(self.triangles), np.int32)
         no_edges = np.empty((0, 2), np.int32)
-        write_mesh(path, MeshContent(self.points, self.triangles, tags, no_edges, qualities), overwrite)
+        write_mesh(path, MeshContent(self.points, self.triangles, tags, no_edges, self.qualities), overwrite)
 
     def __repr__(self) -> str:
         return f"SurfacePoints({len(self.points)} points, {len(self.triangles)} triangles)"

@@ -73,4 +73,4 @@ class TriangulatedSurface(Surface):
     def nearest(self, places: Points, faces: Triangles, fine: HalfEdges) -> tuple[Points, Points, Triangles]:
         """Walk over the triangles of `fine`, which are parts of those of the surface."""
         found, faces = fine.nearest(places, faces)
-        return found, fine.face_normals()[faces], faces
+        return found, fine.face_normals(faces), faces

@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cvtimg
+from cvtimg.cli.app import main
+from cvtimg.surfaces import torus
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    cvtimg.surface_points(torus(), 800, effort="fast").save("ring.stl")
+    (tmp_path / "broken.stl").write_bytes(b"solid nothing")
+    return tmp_path
+
+
+def test_a_surface_is_remeshed_as_by_the_function(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["surface", "ring.stl", "-n", "300", "-o", "a.obj", "--plot", "a.png", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    wanted = cvtimg.surface_points("ring.stl", 300)
+    assert (row["n"], row["triangles"], row["euler_characteristic"], row["is_closed"]) == (300, 600, 0, True)
+    assert row["energy"] == pytest.approx(wanted.energy)
+    assert row["area"] == pytest.approx(4 * np.pi**2 * 0.4, rel=0.02)
+    assert row["output"] == "a.obj"
+    assert Path("a.obj").read_text().count("\nf ") == 600
+    assert cvtimg.read_image("a.png").std() > 20
+
+
+def test_without_an_output_points_go_beside_the_surface(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["surface", "ring.stl", "-n", "100", "--effort", "fast"]) == 0
+    assert Path("ring-points.vtu").exists()
+    assert "ring.stl" in capsys.readouterr().out
+
+
+def test_a_bad_surface_stops_no_others(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["surface", "broken.stl", "ring.stl", "-n", "100", "--effort", "fast", "--out-dir", "out"]
+    assert main(words) == 1
+    assert Path("out/ring.vtu").exists()
+    shown = capsys.readouterr().err
+    assert "broken.stl" in shown
+    assert "Traceback" not in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "message"),
+    [
+        (["surface", "ring.stl"], 2, "-n"),
+        (["surface", "ring.stl", "-n", "3"], 2, "'3' must be a whole number in 4.."),
+        (["surface", "ring.stl", "-n", "5"], 1, "n=5 must be at least"),
+        (["surface", "ring.stl", "-n", "50", "-o", "a.xyz"], 2, "-o"),
+        (["surface", "ring.stl", "-n", "50", "--plot", "a.gif"], 2, "--plot"),
+        (["surface", "none.stl", "-n", "50"], 1, "none.stl"),
+    ],
+)
+def test_wrong_usage_is_told_in_one_line(
+    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == status
+    shown = capsys.readouterr().err
+    assert message in shown
+    assert len(shown.splitlines()) == 1
+    assert sorted(path.name for path in Path().iterdir()) == ["broken.stl", "ring.stl"]
