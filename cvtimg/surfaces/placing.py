@@ -126,9 +126,15 @@ def surface_points(
     if is_free:
         return found
     other = _by_samples(shape, n, measure, limits)
-    figures = other.measures()
-    is_sound = figures.is_closed and figures.euler_characteristic == shape.triangulation.euler_characteristic
-    return other if is_sound and other.energy < found.energy else found
+    return other if other.energy < found.energy and _has_shape(other, shape) else found
+
+
+def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
+    """Tell whether triangles close, and have as many holes and handles as the surface."""
+    if not len(found.triangles):
+        return False
+    figures = found.measures()
+    return figures.is_closed and figures.euler_characteristic == surface.triangulation.euler_characteristic
 
 
 def _by_triangles(surface: Surface, n: int, density: Density, effort: Effort) -> tuple[SurfacePoints, bool]:
@@ -214,7 +220,9 @@ def _relax(
         factor = _BEYOND if move < last - _LAST_MOVES else 1.0
         share = np.minimum(factor, _LONGEST_STEP * sizes / np.maximum(lengths, 1e-300))
         there, directions, near = surface.nearest(mesh.points + share[:, None] * steps, faces, fine)
-        offset = float(np.sqrt(np.mean((np.linalg.norm(there - mesh.points, axis=1) / (share * sizes)) ** 2)))
+        # What a cell is off by its size; sums over the cells of folded triangles may lead anywhere.
+        off = np.minimum(np.linalg.norm(there - mesh.points, axis=1) / (share * sizes), 1)
+        offset = float(np.sqrt(np.mean(off**2)))
         if offset <= effort.offset:
             last = min(last, move + _LAST_MOVES)
         if move >= last:

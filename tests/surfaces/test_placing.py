@@ -293,3 +293,13 @@ def test_cells_wider_than_the_surface_is_thick_keep_its_shape() -> None:
     assert (measures.is_closed, measures.euler_characteristic) == (True, 0)
     assert measures.least_angle > 25
     assert found.energy < 0.0119
+
+
+@pytest.mark.parametrize("n", [60, 300])
+def test_a_thin_plate_keeps_both_sides(n: int) -> None:
+    corners, faces = cube()
+    found = surface_points((corners * [1, 1, 0.01], faces), n, effort="fast")
+    measures = found.measures()
+    assert (measures.is_closed, measures.euler_characteristic) == (True, 2)
+    assert found.offset < 1
+    assert (np.abs(found.points[:, 2]) <= 0.01 + 1e-12).all()
