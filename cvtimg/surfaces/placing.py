@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_at_most, check_choice, check_in_range, check_that, refuse_type
 from cvtimg._shared.choices import EffortName
-from cvtimg.regions import as_density
+from cvtimg.regions import ConstantDensity, as_density
 from cvtimg.regions.densities import Density
 from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.base import Points, Surface, Triangles
@@ -29,6 +29,8 @@ _HEXAGON = 0.75**0.5
 _FINE = 0.5
 #: The same for samples, where cells are sums over them.
 _FINER = 0.2
+#: The density is looked at in so many places at least.
+_LOOKED_AT = 4096
 #: Points may be so much farther from each other than where the density is largest.
 _SPARSEST = 30.0
 #: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
@@ -157,7 +159,9 @@ def _by_samples(surface: Surface, n: int, density: Density, effort: Effort) -> S
 
 def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[HalfEdges, Values]:
     """Split triangles until edges are shorter than this part of the distances of points; return those distances."""
-    base = surface.triangulation
+    given = surface.triangulation
+    apart = float(given.areas().sum() / (_HEXAGON * _LOOKED_AT)) ** 0.5
+    base = HalfEdges(*split_long_edges(given.points, given.triangles, ConstantDensity(apart), surface.on_surface))
     top = float(density(base.points).max())
     check_that("density", top > 0, "be > 0 somewhere on the surface")
 
@@ -166,7 +170,7 @@ def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[Half
 
     sparse = relative(base.points)
     distance = float((base.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
-    # The density may vary within the triangles given: what they hold is measured again on finer ones.
+    # The density may vary within these triangles: what they hold is measured again on finer ones.
     for _ in range(2):
         points, triangles = split_long_edges(
             base.points, base.triangles, _limits(relative, part * distance), surface.on_surface

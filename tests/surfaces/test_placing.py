@@ -119,6 +119,13 @@ def test_distances_follow_the_density() -> None:
     assert found.measures().least_angle > 30
 
 
+def test_a_density_is_seen_inside_of_large_triangles() -> None:
+    # It is next to nothing at the corners of the cube.
+    found = surface_points(cube(), 300, density=lambda p: np.exp(-20 * ((p - [1, 0.3, 0.2]) ** 2).sum(axis=1)))
+    assert (found.points[:, 0] > 0.9).mean() > 0.8
+    assert found.measures().euler_characteristic == 2
+
+
 def test_more_effort_gives_less_energy() -> None:
     energies = [surface_points(torus(), 400, effort=effort).energy for effort in ("fast", "balanced", "best")]
     assert energies[0] > energies[1] >= energies[2] * 0.999
