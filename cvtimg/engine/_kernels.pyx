@@ -48,7 +48,8 @@ def _simd_level():
     wanted = os.environ.get("CVTIMG_SIMD", "avx512")
     if wanted not in SIMD_LEVELS:
         raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
-    return min(supported_simd_level(), SIMD_LEVELS.index(wanted))
+    cdef int level = SIMD_LEVELS.index(wanted)
+    return min(supported_simd_level(), level)
 
 
 cdef int level = _simd_level()

@@ -207,7 +207,7 @@ INLINE ptrdiff_t nearest_column(struct columns z, int dims, const float *restric
  * box that lies most in its direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
  */
 INLINE int columns_near(struct columns z, int dims, const float *restrict low, const float *restrict high,
-                        int32_t *restrict near)
+                        int32_t *restrict nearby)
 {
     float place[FEW_DIMS], size = 0;
     int n_near = 0;
@@ -235,7 +235,7 @@ INLINE int columns_near(struct columns z, int dims, const float *restrict low, c
         }
         /* A generator is kept when rounding leaves a doubt: the margin is some ulp of the distances compared. */
         for (int i = 0; i < LANES; i++) {
-            near[n_near] = (int32_t)k + i;
+            nearby[n_near] = (int32_t)k + i;
             n_near += farther[i] <= 1e-6f * scale[i];
         }
     }
@@ -244,7 +244,7 @@ INLINE int columns_near(struct columns z, int dims, const float *restrict low, c
 
 /* One tile against some columns, with the middle of its box as origin: differences keep their precision. */
 INLINE void nearest_of_columns(const float *restrict tile, int dims, struct columns z, const float *restrict low,
-                               const float *restrict high, const int32_t *restrict near, int n_near,
+                               const float *restrict high, const int32_t *restrict nearby, int n_near,
                                int32_t *restrict nearest)
 {
     float points[FEW_DIMS * LANES], generators[FEW_DIMS * MOST_NEAR], half_norms[MOST_NEAR];
@@ -254,10 +254,10 @@ INLINE void nearest_of_columns(const float *restrict tile, int dims, struct colu
         for (int i = 0; i < LANES; i++)
             points[d * LANES + i] = tile[d * LANES + i] - 0.5f * (low[d] + high[d]);
     for (int k = 0; k < n_near; k++) {
-        name[k] = z.names ? z.names[near[k]] : near[k];
+        name[k] = z.names ? z.names[nearby[k]] : nearby[k];
         half_norms[k] = 0;
         for (int d = 0; d < dims; d++) {
-            float step = z.at[d * z.width + near[k]] - 0.5f * (low[d] + high[d]);
+            float step = z.at[d * z.width + nearby[k]] - 0.5f * (low[d] + high[d]);
             generators[k * dims + d] = step;
             half_norms[k] += 0.5f * square(step);
         }

@@ -65,8 +65,10 @@ def flip(
 ):
     """Flip edges until the triangulation is constrained Delaunay; return how many."""
     cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
-    cdef const double *given = NULL if metric is None else &metric[0, 0]
+    cdef const double *given = NULL
     cdef Py_ssize_t n_flips
+    if metric is not None:
+        given = &metric[0, 0]
     with nogil:
         n_flips = flip_to_delaunay(&mesh, given, <int32_t>(3 * triangles.shape[0]), most, &stack[0], &waiting[0])
     return n_flips

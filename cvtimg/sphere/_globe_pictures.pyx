@@ -1,6 +1,9 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled pass over pictures of the globe. Each argument is marked IN, OUT or INOUT."""
-from libc.math cimport M_PI, cos, sqrt
+from libc.math cimport cos, sqrt
+
+#: M_PI is not standard C, and not in the headers for Windows.
+cdef double PI = 3.141592653589793
 
 
 def limit_growth(
@@ -9,7 +12,7 @@ def limit_growth(
 ):
     """Lower sizes, until they grow by no more than this from each pixel to the eight around, across the date line too."""
     cdef Py_ssize_t height = sizes.shape[0], width = sizes.shape[1], row, i, j, x, left, right, step
-    cdef double along, across = M_PI / height, slant, least
+    cdef double along, across = PI / height, slant, least
     cdef bint changed = True
     with nogil:
         while changed:
@@ -17,7 +20,7 @@ def limit_growth(
             for step in range(-1, 2, 2):  # with rows, and against them
                 for i in range(height):
                     row = i if step > 0 else height - 1 - i
-                    along = across * cos(M_PI * (0.5 - (row + 0.5) / height))
+                    along = across * cos(PI * (0.5 - (row + 0.5) / height))
                     slant = sqrt(along * along + across * across)
                     for j in range(2 * width):  # twice around, so that what is beyond the date line counts
                         x = (j if step > 0 else 2 * width - 1 - j) % width

@@ -4,7 +4,6 @@
 Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. N is the number of
 vertices, T = 2 N - 4 that of triangles.
 """
-from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, uint8_t
 
 cdef extern from "half_edges.h" nogil:
@@ -250,7 +249,7 @@ def shortest_edge(
     const int32_t[:, ::1] triangles,  # IN (T, 3)
 ):
     """Return the least squared length, and the edge 3 t + k that has it."""
-    cdef double least = INFINITY, length
+    cdef double least = 1e300, length
     cdef int32_t t, k, found = 0
     with nogil:
         for t in range(<int32_t>triangles.shape[0]):

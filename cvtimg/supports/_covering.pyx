@@ -10,7 +10,7 @@ from libc.stdint cimport int32_t
 cdef extern from "sight.h":
     bint is_blocked(
         double from_x, double from_y, double to_x, double to_y, const double *barriers,
-        const int32_t *near, const int32_t *near_end, double tolerance, double slack,
+        const int32_t *at, const int32_t *end, double tolerance, double slack,
     ) noexcept nogil
     bint is_inside(double x, double y, const double *boundary, Py_ssize_t n) noexcept nogil
 
@@ -57,7 +57,7 @@ cdef struct Cover:
     const double *barriers      # (S, 4), the boundary first
     Py_ssize_t n_boundary
     const int32_t *near_starts  # row of barriers near to each disk
-    const int32_t *near
+    const int32_t *near_barriers
     const double *limits        # radii that disks must not exceed; frozen disks have their own
     double *radii
     int32_t *meeting            # scratch: disks that meet the disk in turn
@@ -93,7 +93,7 @@ cdef int32_t set_radius(Cover *cover, int32_t i, double radius) noexcept nogil:
 cdef bint is_hidden(const Cover *cover, int32_t i, double x, double y) noexcept nogil:
     return cover.blocking and cover.near_starts[i + 1] > cover.near_starts[i] and is_blocked(
         cover.points[2 * i], cover.points[2 * i + 1], x, y, cover.barriers,
-        cover.near + cover.near_starts[i], cover.near + cover.near_starts[i + 1], cover.tolerance, 0,
+        cover.near_barriers + cover.near_starts[i], cover.near_barriers + cover.near_starts[i + 1], cover.tolerance, 0,
     )
 
 
@@ -144,7 +144,7 @@ cdef void look_on_barriers(
     cdef const double *barrier
     cdef double along_x, along_y, length, middle, under, step_x, step_y, place
     for at in range(cover.near_starts[i], cover.near_starts[i + 1]):
-        barrier = cover.barriers + 4 * <Py_ssize_t>cover.near[at]
+        barrier = cover.barriers + 4 * <Py_ssize_t>cover.near_barriers[at]
         if j < 0:
             look(cover, i, barrier[0], barrier[1], inner, outer, -1, -1, n_meeting, True, gap)
             look(cover, i, barrier[2], barrier[3], inner, outer, -1, -1, n_meeting, True, gap)

@@ -14,7 +14,7 @@ cdef double FAR = 1e300
 cdef extern from "sight.h":
     bint is_blocked(
         double from_x, double from_y, double to_x, double to_y, const double *barriers,
-        const int32_t *near, const int32_t *near_end, double tolerance, double slack,
+        const int32_t *at, const int32_t *end, double tolerance, double slack,
     ) noexcept nogil
     bint is_inside(double x, double y, const double *boundary, Py_ssize_t n) noexcept nogil
 

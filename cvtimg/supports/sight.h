@@ -8,10 +8,10 @@
 /* Whether one of some barriers (x1, y1, x2, y2), longer by `slack` at both ends, separates two places. Places that are
    nearer to its line than `tolerance` are on it, and seen from both sides. */
 static inline int is_blocked(double from_x, double from_y, double to_x, double to_y, const double *barriers,
-                             const int32_t *near, const int32_t *near_end, double tolerance, double slack)
+                             const int32_t *at, const int32_t *end, double tolerance, double slack)
 {
-    for (; near < near_end; near++) {
-        const double *barrier = barriers + 4 * (intptr_t)*near;
+    for (; at < end; at++) {
+        const double *barrier = barriers + 4 * (intptr_t)*at;
         double along_x = barrier[2] - barrier[0], along_y = barrier[3] - barrier[1];
         double length = sqrt(along_x * along_x + along_y * along_y);
         double side_from, side_to, share, place;

@@ -201,7 +201,7 @@ static void add_kites(const struct globe *mesh, const double *density, int32_t t
     double area = 0.5 * sqrt(dot3(normal, normal));
     if (sum <= 0 || area <= 0)
         return;
-    double least = INFINITY, largest = 0;
+    double least = density[v[0]], largest = least;
     for (int k = 0; k < 3; k++) {
         double here = density[v[k]], share = weights[k] / sum;
         at_center += share * here;
@@ -220,9 +220,9 @@ static void add_kites(const struct globe *mesh, const double *density, int32_t t
             masses[i] += part * all / 3;
             for (int axis = 0; axis < 3; axis++) {
                 double middle = (p[ends[1 - h]][axis] - p[ends[h]][axis]) / 2;
-                double far = center[axis] + p[0][axis] - p[ends[h]][axis];
+                double inward = center[axis] + p[0][axis] - p[ends[h]][axis];
                 pulls[3 * (ptrdiff_t)i + axis] +=
-                    part / 12 * (all * (middle + far) + between * middle + at_center * far);
+                    part / 12 * (all * (middle + inward) + between * middle + at_center * inward);
             }
         }
     }

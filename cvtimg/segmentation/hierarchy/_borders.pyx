@@ -4,9 +4,12 @@
 Nothing here allocates, checks its arguments or decides when to stop; that is for the Python modules that call.
 Each argument is marked IN, OUT or INOUT.
 """
-from libc.math cimport atan2, rint, M_PI
+from libc.math cimport atan2, rint
 from libc.stdint cimport int32_t, uint8_t
 from libc.string cimport memset
+
+#: M_PI is not standard C, and not in the headers for Windows.
+cdef double PI = 3.141592653589793
 
 cdef extern from "half_discs.h" nogil:
     int _N_LEVELS "N_LEVELS"
@@ -53,7 +56,7 @@ def orient(
                 dd = n * dd - mean_down * mean_down
                 angles[i] = -1
                 if rr + dd > 0:
-                    angles[i] = (<int32_t>rint(atan2(2 * rd, rr - dd) / (2 * M_PI) * n_angles) + n_angles) % n_angles
+                    angles[i] = (<int32_t>rint(atan2(2 * rd, rr - dd) / (2 * PI) * n_angles) + n_angles) % n_angles
 
 
 def half_disc_distances(
