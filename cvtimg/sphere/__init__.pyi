@@ -3,6 +3,7 @@ from .formats import GRID_FORMATS
 from .formats.polygons import cell_polygons
 from .grids import EFFORTS, Effort, sphere_grid
 from .measures import GridMeasures, measure_grid
+from .nesting import Cap, nested_grid
 from .result import SphereGrid
 from .triangulation import LEAST_DISTANCE, SphereCells, triangulate
 
@@ -10,6 +11,7 @@ __all__ = [
     "EFFORTS",
     "GRID_FORMATS",
     "LEAST_DISTANCE",
+    "Cap",
     "Effort",
     "GridMeasures",
     "Refinement",
@@ -18,6 +20,7 @@ __all__ = [
     "by_spacing",
     "cell_polygons",
     "measure_grid",
+    "nested_grid",
     "sphere_grid",
     "triangulate",
 ]

@@ -27,7 +27,7 @@ class SphereGrid:
     areas : (N,) float64 array
         Of their Voronoi cells; together 4 pi.
     density : (N,) float64 array
-        The density at the points; 1 where it is largest.
+        The density at the points.
     energy : float
         Integral of the density times the squared distance to the nearest point.
     offset : float

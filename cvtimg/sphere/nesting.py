@@ -1,0 +1,319 @@
+"""Grids that replace a part of a parent grid and keep the rest of it, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_returned, check_that
+from cvtimg._shared.choices import EffortName
+from cvtimg.engine.methods import Callback, Watch
+from cvtimg.sphere.densities import (
+    GlobePicture,
+    Scaled,
+    SphereDensity,
+    SphereDensityLike,
+    as_sphere_density,
+    from_degrees,
+)
+from cvtimg.sphere.descent import Terms, WeightedCells, descend
+from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
+from cvtimg.sphere.polishing import polish_angles
+from cvtimg.sphere.result import SphereGrid
+from cvtimg.sphere.triangulation import Points, Triangulation, check_sphere_points, unit
+
+#: New points keep out of the circumscribed caps of kept triangles by this part of their radii, and are moved out so
+#: often, as one may lead into the next.
+_MARGIN, _PUSHES = 0.01, 4
+#: As many caps as may hold a point.
+_CAPS = 6
+#: New points begin no nearer to kept ones than this part of the size of cells there.
+_APART = 0.6
+#: How fast sizes change from those of the parent to those of the new part, on the way through a cell.
+_GROWTH = 0.15
+#: Halvings of the range in which the size of cells inside is looked for, and its ends by that of the parent.
+_HALVINGS, _SIZES = 60, (1e-3, 1e3)
+#: Height of the picture of distances from the border of a part that is no cap.
+_HEIGHT = 512
+
+
+@dataclass(frozen=True, slots=True)
+class Cap:
+    """A round part of the sphere.
+
+    Parameters
+    ----------
+    lon, lat : float
+        Its center in degrees.
+    radius : float
+        In degrees.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import Cap
+    >>> Cap(0, 90, 10)([[0, 0, 1], [1, 0, 0]]).tolist()
+    [True, False]
+    """
+
+    lon: float
+    lat: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_in_range("lon", self.lon, -360 <= self.lon <= 360, "in -360..360 degrees")
+        check_in_range("lat", self.lat, -90 <= self.lat <= 90, "in -90..90 degrees")
+        check_in_range("radius", self.radius, 0 < self.radius < 180, "in 0..180 degrees")
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 3) points are inside."""
+        inside: NDArray[np.bool_] = self.depth(np.asarray(points, np.float64)) > 0
+        return inside
+
+    def depth(self, points: Points) -> NDArray[np.float64]:
+        """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
+        center = from_degrees(self.lon, self.lat)[0]
+        depths: NDArray[np.float64] = np.radians(self.radius) - np.arccos(np.clip(points @ center, -1, 1))
+        return depths
+
+
+#: A part of the sphere: from (N, 3) points to whether they are inside.
+Part: TypeAlias = Callable[[Points], Any]
+
+
+def nested_grid(
+    parent: SphereGrid | ArrayLike,
+    n: int,
+    *,
+    within: Part,
+    density: SphereDensityLike = None,
+    effort: EffortName = "balanced",
+    rng: int | np.random.Generator = 0,
+    callback: Callback | None = None,
+) -> SphereGrid:
+    """Replace a part of a grid by a finer or coarser one.
+
+    Every point outside the part, and every triangle of three such points, stays with the same bits.
+
+    Parameters
+    ----------
+    parent : SphereGrid or (N, 3) array
+        A grid, or the points of one.
+    n : int
+        Number of new points.
+    within : callable
+        The part to replace: a `Cap`, or a function from (N, 3) unit vectors to booleans.
+    density : callable, (H, 2 H) array, Refinement or sequence of these, optional
+        As in `cvtimg.sphere_grid`, for the new points; so that they fit, cells near the border of the part should have
+        the sizes of the parent. By default sizes change by 15 % from cell to cell, from those of the parent on.
+    effort, rng, callback
+        As in `cvtimg.sphere_grid`.
+
+    Returns
+    -------
+    SphereGrid
+        The kept points, in the order of the parent, are first; they are marked in `fixed`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or no point of the parent is inside or outside.
+
+    Examples
+    --------
+    >>> from cvtimg import sphere_grid
+    >>> from cvtimg.sphere import Cap, nested_grid
+    >>> parent = sphere_grid(642)
+    >>> grid = nested_grid(parent, 300, within=Cap(10, 50, 25))
+    >>> kept = parent.points[~Cap(10, 50, 25)(parent.points)]
+    >>> bool((grid.points[grid.fixed] == kept).all()), len(grid.points) - len(kept)
+    (True, 300)
+    """
+    check_at_least("n", n, 1, "the number of new points")
+    settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
+    points = check_sphere_points("parent", parent.points if isinstance(parent, SphereGrid) else parent, least=4)
+    mesh = Triangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)
+    inside = _inside(within, points)
+    kept = Kept.of(mesh, ~inside)
+    transition = _Transition.of(mesh, inside, within)
+    given = as_sphere_density(density)
+    wanted = transition.density(n) if given is None else Scaled(given).for_cells(len(points))
+    random = np.random.default_rng(rng)
+    new = kept.filled(transition.start(wanted, n, random), wanted, n, random)
+    nested = Triangulation(np.concatenate([kept.points, new]))
+    free = np.arange(len(nested.points)) >= len(kept.points)
+    sums = WeightedCells(wanted)
+    cells = descend(nested, sums, Terms(settings.moves, settings.tolerance, free, kept.project, Watch(callback)))
+    polish_angles(nested, np.sqrt(cells.areas), settings.polishing, free=free, project=kept.project)
+    return as_grid(nested, sums, free)
+
+
+def _inside(within: Part, points: Points) -> NDArray[np.bool_]:
+    inside = np.asarray(within(points))
+    check_returned("within", inside, len(points))
+    check_that("within", inside.dtype == np.bool_, "return booleans")
+    check_that("within", inside.any(), "contain a point of the parent")
+    check_that("within", not inside.all(), "leave a point of the parent outside")
+    return inside
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Transition:
+    """Sizes of cells that lead from those of a parent to those of a part of it.
+
+    Attributes
+    ----------
+    depth : callable
+        From (N, 3) points to how far they are inside of the part, in radians.
+    size : float
+        Of the cells of the parent at the border, in radians.
+    points, areas : (N, 3) and (N,) arrays
+        Of the parent, to sum by.
+    inside : (N,) bool array
+    """
+
+    depth: Callable[[Points], NDArray[np.float64]]
+    size: float
+    points: Points
+    areas: NDArray[np.float64]
+    inside: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, mesh: Triangulation, inside: NDArray[np.bool_], within: Part) -> _Transition:
+        areas = mesh.areas()
+        at_border = inside[mesh.triangles].any(axis=1) & ~inside[mesh.triangles].all(axis=1)
+        size = float(np.sqrt(np.median(areas[np.unique(mesh.triangles[at_border])])))
+        depth = within.depth if isinstance(within, Cap) else _depths(mesh.points, inside)
+        return cls(depth, size, mesh.points, areas, inside)
+
+    def density(self, n: int) -> SphereDensity:
+        """Return the density by which about n cells fill the part."""
+        areas, depths = self.areas[self.inside], self.depth(self.points[self.inside])
+        low, high = _SIZES
+        for _ in range(_HALVINGS):
+            middle = float(np.sqrt(low * high))
+            many = (areas / self._sizes(depths, middle) ** 2).sum() > n
+            low, high = (middle, high) if many else (low, middle)
+        finest = min(self.size * high, self.size)
+        return lambda points: (finest / self._sizes(self.depth(points), high)) ** 4
+
+    def start(self, wanted: SphereDensity, n: int, rng: np.random.Generator) -> Points:
+        """Return the points of a grid by which about n are in the part, fewer and fewer outside."""
+
+        def fading(points: Points) -> NDArray[np.float64]:
+            faded: NDArray[np.float64] = wanted(points) / self._sizes(-self.depth(points), np.inf) ** 4
+            return faded
+
+        counts = self.areas * np.sqrt(fading(self.points))
+        n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
+        return sphere_grid(n_all, density=fading, effort="fast", polish=False, rng=rng).points
+
+    def _sizes(self, depths: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+        """Return sizes at depths that go from that at the border to `factor` times that, as fast as they may."""
+        way = _GROWTH * np.maximum(depths, 0) / self.size
+        factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
+        sizes: NDArray[np.float64] = self.size * factors
+        return sizes
+
+
+def _depths(points: Points, inside: NDArray[np.bool_]) -> Callable[[Points], NDArray[np.float64]]:
+    """Return a function for how far places are from the other side: a picture, as it is asked often."""
+    from scipy.spatial import cKDTree
+
+    lat, lon = 90 - 180 * (np.arange(_HEIGHT) + 0.5) / _HEIGHT, 180 * (np.arange(2 * _HEIGHT) + 0.5) / _HEIGHT - 180
+    places = from_degrees(np.tile(lon, _HEIGHT), np.repeat(lat, 2 * _HEIGHT))
+    to_outer, to_inner = (cKDTree(points[side]).query(places)[0] for side in (~inside, inside))
+    return GlobePicture.padded((to_outer - to_inner).reshape(_HEIGHT, -1).astype(np.float32) / 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kept:
+    """What stays of a parent.
+
+    Attributes
+    ----------
+    points : (K, 3) float64 array
+    sizes : (K,) float64 array
+        Of their cells in the parent.
+    centers, radii : (B, 3) and (B,) arrays
+        Circumscribed caps of kept triangles at the border: Delaunay triangles stay if no other point gets into them.
+    kept_tree, cap_tree, parent_tree : scipy.spatial.cKDTree
+        Of kept points, of centers of caps, and of all points of the parent.
+    gone : (N,) bool array
+        Points of the parent that are replaced.
+    """
+
+    points: Points
+    sizes: NDArray[np.float64]
+    centers: Points
+    radii: NDArray[np.float64]
+    kept_tree: Any
+    cap_tree: Any
+    parent_tree: Any
+    gone: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, mesh: Triangulation, kept: NDArray[np.bool_]) -> Kept:
+        """Find the caps of a parent that new points must keep out of."""
+        from scipy.spatial import cKDTree
+
+        near = ~kept
+        for _ in range(3):  # caps reach no farther than the triangles around
+            near[np.unique(mesh.triangles[near[mesh.triangles].any(axis=1)])] = True
+        border = np.flatnonzero(kept[mesh.triangles].all(axis=1) & near[mesh.triangles].any(axis=1))
+        centers = mesh.circumcenters()[border]
+        chords = np.linalg.norm(mesh.points[mesh.triangles[border, 0]] - centers, axis=1)
+        points = mesh.points[kept]
+        tree = cKDTree(centers) if len(border) else None
+        sizes = np.sqrt(mesh.areas()[kept])
+        radii = (1 + _MARGIN) * 2 * np.arcsin(np.minimum(chords / 2, 1))
+        return cls(points, sizes, centers, radii, cKDTree(points), tree, cKDTree(mesh.points), ~kept)
+
+    def project(self, there: Points, before: Points) -> Points:
+        """Move points after the kept ones out of the caps."""
+        new, reach = there[len(self.points) :], 2 * np.sin(self.radii.max(initial=0) / 2)
+        for _ in range(_PUSHES if self.cap_tree is not None else 0):
+            # Most points are far from all caps: their index is one too large then, and their distance infinite.
+            distances, caps = self.cap_tree.query(new, k=_CAPS, distance_upper_bound=reach)
+            depths = np.append(self.radii, 0)[caps] - 2 * np.arcsin(np.minimum(distances / 2, 1))
+            worst = depths.argmax(axis=1)
+            rows = np.flatnonzero(depths[np.arange(len(new)), worst] > 0)
+            if not len(rows):
+                break
+            cap = caps[rows, worst[rows]]
+            new[rows] = _at_distance(new[rows], self.centers[cap], self.radii[cap] * (1 + 1e-9))
+        return there
+
+    def filled(self, places: Points, density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
+        """Choose n new points from a grid; where they are too few, add middles of the largest triangles."""
+        points = self._open(places)
+        points = points[np.sort(rng.permutation(len(points))[:n])]
+        while len(points) < n:
+            mesh = Triangulation(np.concatenate([self.points, points]))
+            corners = mesh.points[mesh.triangles]
+            spans = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1) * density(unit(corners.sum(axis=1))) ** 0.25
+            middles = unit(corners.sum(axis=1))[np.argsort(-spans, kind="stable")]
+            middles = middles[self.gone[self.parent_tree.query(middles)[1]]]
+            check_that("n", len(middles) > 0, "be smaller, or the part larger")
+            points = np.concatenate([points, middles[: max(min(n - len(points), len(middles) // 8), 1)]])
+        return points
+
+    def _open(self, places: Points) -> Points:
+        """Leave out what is not in the cells that are replaced, and what is too near to kept points."""
+        places = places[self.gone[self.parent_tree.query(places)[1]]]
+        places = self.project(np.concatenate([self.points, places]), self.points)[len(self.points) :]
+        distances, nearest = self.kept_tree.query(places)
+        apart: Points = places[distances > _APART * self.sizes[nearest]]
+        return apart
+
+
+def _at_distance(points: Points, centers: Points, angles: NDArray[np.float64]) -> Points:
+    """Move points along great circles to angles from centers."""
+    along = np.einsum("ij,ij->i", points, centers)
+    away = points - along[:, None] * centers
+    lengths = np.sqrt(np.einsum("ij,ij->i", away, away))
+    away /= np.maximum(lengths, 1e-300)[:, None]
+    return unit(np.cos(angles)[:, None] * centers + np.sin(angles)[:, None] * away)

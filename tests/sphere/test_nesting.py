@@ -1,0 +1,91 @@
+"""Nested grids: what is outside stays, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from cvtimg import sphere_grid
+from cvtimg.sphere import Cap, SphereGrid, nested_grid
+
+PARENT = sphere_grid(2562)
+
+
+def band(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """A part with corners that is no cap."""
+    lon, lat = np.arctan2(points[:, 1], points[:, 0]), np.arcsin(points[:, 2])
+    inside: NDArray[np.bool_] = (np.abs(lon) < 0.8) & (np.abs(lat - 0.3) < 0.4)
+    return inside
+
+
+def triangles_of(grid: SphereGrid, numbers: NDArray[np.intp]) -> set[tuple[int, ...]]:
+    """Triangles of which all corners have a number >= 0, by these numbers."""
+    triangles = numbers[grid.triangles]
+    return {tuple(row) for row in np.sort(triangles[(triangles >= 0).all(axis=1)], axis=1).tolist()}
+
+
+@pytest.mark.parametrize("within", [Cap(10, 50, 25), Cap(-120, -85, 60), band])
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
+def test_every_point_and_triangle_outside_is_kept(within: Callable[..., Any], factor: float) -> None:
+    inside = within(PARENT.points)
+    n_kept, n = int((~inside).sum()), int(factor * inside.sum())
+    grid = nested_grid(PARENT, n, within=within)
+    assert len(grid.points) == n_kept + n
+    assert (grid.points[:n_kept] == PARENT.points[~inside]).all()
+    assert grid.fixed.sum() == n_kept
+    before = np.where(inside, -1, np.cumsum(~inside) - 1)
+    after = np.where(grid.fixed, np.arange(len(grid.points)), -1)
+    assert triangles_of(PARENT, before) <= triangles_of(grid, after)
+    hull = {tuple(row) for row in np.sort(ConvexHull(grid.points).simplices, axis=1).tolist()}
+    assert hull == {tuple(row) for row in np.sort(grid.triangles, axis=1).tolist()}
+    # Corners of the part, and cells that must grow fast, leave a few.
+    is_easy = isinstance(within, Cap) and factor >= 1
+    assert grid.measures().n_obtuse <= (0 if is_easy else 0.01 * len(grid.triangles))
+
+
+def test_sizes_change_little_from_cell_to_cell() -> None:
+    grid = nested_grid(PARENT, 1500, within=Cap(10, 50, 30))
+    sizes = np.sqrt(grid.areas)
+    edges = np.concatenate([grid.triangles[:, [0, 1]], grid.triangles[:, [1, 2]]])
+    assert np.abs(np.log(sizes[edges[:, 0]] / sizes[edges[:, 1]])).max() < 0.35
+    depths = Cap(10, 50, 30).depth(grid.points)
+    assert np.median(sizes[depths > 0.3]) < 0.6 * np.median(sizes[grid.fixed])
+
+
+def test_a_density_says_where_new_points_gather() -> None:
+    within = Cap(0, 0, 40)
+    grid = nested_grid(PARENT, 900, within=within, density=lambda x: 1 + 15 * (x[:, 1] > 0))
+    new = grid.points[~grid.fixed]
+    assert (new[:, 1] > 0).mean() == pytest.approx(0.8, abs=0.05)
+
+
+def test_points_of_any_grid_may_be_the_parent() -> None:
+    grid = nested_grid(PARENT.points, 50, within=Cap(0, 0, 10))
+    assert (grid.points[grid.fixed] == PARENT.points[~Cap(0, 0, 10)(PARENT.points)]).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"n": 0}, "n=0 must be an integer >= 1"),
+        ({"within": Cap(3, 3, 0.01)}, "within must contain a point of the parent"),
+        ({"within": lambda x: x[:, 0] < 2}, "within must leave a point of the parent outside"),
+        ({"within": lambda x: x}, r"within returned shape \(2562, 3\)"),
+        ({"within": lambda x: x[:, 0]}, "within must return booleans"),
+        ({"effort": "some"}, "effort='some' must be one of"),
+    ],
+)
+def test_bad_input_is_one_clear_error(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        nested_grid(PARENT, **{"n": 10, "within": Cap(0, 0, 20), **given})
+
+
+@pytest.mark.parametrize("wrong", [{"lat": 100}, {"radius": 180}, {"lon": 400}])
+def test_caps_refuse_what_is_no_place(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        Cap(**{"lon": 0, "lat": 0, "radius": 10, **wrong})
