@@ -17,6 +17,7 @@ COMMANDS = {
     "mosaic": "Compose images of N convex tiles of one color each.",
     "mesh": "Divide masks, label images and polygons into triangles.",
     "surface": "Place N points evenly on surfaces, and join them by triangles.",
+    "sphere": "Place N points on the globe as the cells of a grid for ocean and atmosphere models.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",

@@ -1,4 +1,5 @@
-from .densities import Refinement, by_spacing
+from .coasts import CoastalGrid, coastal_grid
+from .densities import GlobePicture, Refinement, by_spacing
 from .formats import GRID_FORMATS
 from .formats.polygons import cell_polygons
 from .grids import EFFORTS, Effort, sphere_grid
@@ -12,13 +13,16 @@ __all__ = [
     "GRID_FORMATS",
     "LEAST_DISTANCE",
     "Cap",
+    "CoastalGrid",
     "Effort",
+    "GlobePicture",
     "GridMeasures",
     "Refinement",
     "SphereCells",
     "SphereGrid",
     "by_spacing",
     "cell_polygons",
+    "coastal_grid",
     "measure_grid",
     "nested_grid",
     "sphere_grid",

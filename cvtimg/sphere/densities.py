@@ -147,7 +147,7 @@ class GlobePicture:
         roots = np.sqrt(np.maximum(self.picture / self.picture.max(), _LEAST_IN_PICTURES), dtype=np.float64)
         weights = _row_weights(len(roots))
         spacing = np.sqrt(4 * np.pi * (roots.mean(axis=1) @ weights) / n)
-        coarse = self._coarsened(spacing).picture.astype(np.float64)
+        coarse = self.coarsened(spacing).picture.astype(np.float64)
         roots = np.sqrt(np.maximum(coarse / coarse.max(), _LEAST_IN_PICTURES))
         weights, factor = _row_weights(len(roots)), spacing
         for _ in range(_ROUNDS):
@@ -156,7 +156,7 @@ class GlobePicture:
             factor *= np.sqrt(4 * np.pi * ((sizes**-2).mean(axis=1) @ weights) / n)
         return GlobePicture.padded(((sizes.min() / sizes) ** 4).astype(np.float32))
 
-    def _coarsened(self, spacing: float) -> GlobePicture:
+    def coarsened(self, spacing: float) -> GlobePicture:
         """Return means over blocks of pixels that are no larger than `spacing`, an angle in radians."""
         height = self.picture.shape[0]
         block = 1

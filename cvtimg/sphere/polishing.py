@@ -10,7 +10,7 @@ from cvtimg.sphere.descent import Projection
 from cvtimg.sphere.triangulation import Triangulation, unit
 
 #: Angles in degrees that are aimed at: beyond them corners push, so that none comes near to 90 degrees.
-LEAST_ANGLE, LARGEST_ANGLE = 47.0, 80.0
+BOUNDS = (47.0, 80.0)
 #: A move by the slope of what angles cost, in squares of the size of a cell; and the longest, in sizes.
 _RATE, _LONGEST = 0.25, 0.05
 
@@ -20,6 +20,7 @@ def polish_angles(
     sizes: NDArray[np.float64],
     most: int,
     *,
+    bounds: tuple[float, float] = BOUNDS,
     free: NDArray[np.bool_] | None = None,
     project: Projection | None = None,
 ) -> None:
@@ -33,10 +34,12 @@ def polish_angles(
         Of the cells: roots of their areas.
     most : int
         Moves at most; it ends when no angle is out of bounds.
+    bounds : pair of float
+        For angles, in degrees.
     free, project
         As in `cvtimg.sphere.descent.Terms`.
     """
-    least_cosine, largest_cosine = np.cos(np.radians([LARGEST_ANGLE, LEAST_ANGLE]))
+    least_cosine, largest_cosine = np.cos(np.radians(bounds[::-1]))
     slopes = np.empty_like(mesh.points)
     for _ in range(most):
         if not _triangulation.sum_corner_slopes(mesh.points, mesh.triangles, least_cosine, largest_cosine, slopes):

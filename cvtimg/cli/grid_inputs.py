@@ -1,0 +1,70 @@
+"""What ``cvtimg sphere`` reads: maps of the globe, and points of grids."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def read_globe(option: str, path: Path) -> NDArray[np.float64]:
+    """Read a map of the globe as the means of its color bands; only its aspect is checked."""
+    import numpy as np
+
+    import cvtimg
+
+    image = cvtimg.read_image(path)
+    if image.shape[1] != 2 * image.shape[0]:
+        raise ValueError(f"{option} {path} of {image.shape[1]} x {image.shape[0]} pixels must be twice as wide as high")
+    bands: NDArray[np.float64] = np.atleast_3d(image)[:, :, :3].mean(axis=2, dtype=np.float64)
+    return bands
+
+
+def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
+    """Return what `cvtimg.sphere_grid` takes as a density: a map, circles and maps of finer cells, or None."""
+    from cvtimg.sphere import GlobePicture, Refinement, by_spacing
+
+    parts: list[Any] = [] if density is None else [GlobePicture.of("density", read_globe("--density", density))]
+    for where, *numbers in finer:
+        if isinstance(where, Path):
+            parts.append(GlobePicture.of("density", by_spacing(read_globe("--refine", where), *numbers)))
+        else:
+            lon, (lat, radius, ratio) = where, numbers
+            parts.append(Refinement(lon, lat, radius, ratio))
+    return parts or None
+
+
+def read_grid_points(path: Path) -> NDArray[np.float64]:
+    """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
+    import numpy as np
+
+    if not path.is_file():
+        raise FileNotFoundError(f"--parent {path}: no such file")
+    try:
+        table = _from_netcdf(path) if path.suffix.lower() == ".nc" else _from_table(path)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error
+    lengths = np.linalg.norm(table, axis=1)
+    # On a sphere of radius 1, points keep their bits.
+    points: NDArray[np.float64] = table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
+    return points
+
+
+def _from_netcdf(path: Path) -> NDArray[np.float64]:
+    import numpy as np
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, "r", mmap=False) as content:
+        return np.stack([np.array(content.variables[f"{axis}Cell"][:], np.float64) for axis in "xyz"], axis=1)
+
+
+def _from_table(path: Path) -> NDArray[np.float64]:
+    import numpy as np
+
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    names = [name.strip() for name in lines[0].split(",")]
+    columns = [names.index(axis) for axis in "xyz"]
+    return np.loadtxt(lines[1:], delimiter=",", usecols=columns, ndmin=2)

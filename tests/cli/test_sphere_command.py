@@ -1,0 +1,100 @@
+"""``cvtimg sphere`` from the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cvtimg import sphere_grid
+from cvtimg.cli.app import main
+from cvtimg.cli.grid_inputs import read_grid_points
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    north = np.zeros((60, 120), np.uint8)
+    north[:30] = 255
+    Image.fromarray(north).save("north.png")
+    return tmp_path
+
+
+def row_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, float]:
+    assert main(["sphere", *arguments, "--json"]) == 0, capsys.readouterr().err
+    row: dict[str, float] = json.loads(capsys.readouterr().out)
+    return row
+
+
+@pytest.mark.parametrize("name", ["grid.nc", "grid.csv"])
+def test_files_hold_what_the_function_finds(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    row = row_of(capsys, "-n", "300", "--seed", "3", "-o", name)
+    expected = sphere_grid(300, rng=3)
+    assert (row["n"], row["triangles"], row["n_obtuse"]) == (300, 596, 0)
+    assert row["energy"] == expected.energy
+    assert (read_grid_points(Path(name)) == expected.points).all()
+
+
+def test_points_gather_in_circles_and_where_maps_are_bright(capsys: pytest.CaptureFixture[str]) -> None:
+    for options in (["--density", "north.png"], ["--refine", "north.png,3"], ["--refine", "0,90,80,3"]):
+        row_of(capsys, "-n", "500", *options, "-o", "grid.csv", "--overwrite")
+        points = read_grid_points(Path("grid.csv"))
+        assert (points[:, 2] > 0).mean() > 0.65
+
+
+def test_a_nested_grid_keeps_the_points_outside(capsys: pytest.CaptureFixture[str]) -> None:
+    row_of(capsys, "-n", "642", "-o", "parent.nc")
+    row = row_of(capsys, "-n", "200", "--parent", "parent.nc", "--within", "0,90,20", "-o", "nested.nc")
+    parent, nested = read_grid_points(Path("parent.nc")), read_grid_points(Path("nested.nc"))
+    kept = parent[parent[:, 2] <= np.cos(np.radians(20))]
+    assert row["fixed"] == len(kept)
+    assert (nested[: len(kept)] == kept).all()
+
+
+def test_points_lie_on_the_coast_of_a_map(capsys: pytest.CaptureFixture[str]) -> None:
+    row_of(capsys, "-n", "642", "--coast", "north.png", "-o", "grid.csv")
+    heights = np.abs(read_grid_points(Path("grid.csv"))[:, 2])
+    assert (heights < 0.01).sum() > 20
+
+
+def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    row_of(capsys, "-n", "200", "-o", "a.csv", "--plot", "map.png", "--over", "north.png")
+    row_of(capsys, "-n", "200", "-o", "b.csv", "--plot", "globe.png", "--view", "10", "50")
+    with Image.open(here / "map.png") as drawn_map, Image.open(here / "globe.png") as globe:
+        assert drawn_map.size != globe.size
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["-o", "a.nc"], 2, "-n"),
+        (["-n", "100"], 2, "-o"),
+        (["-n", "100", "-o", "a.txt"], 2, "must end in"),
+        (["-n", "100", "-o", "a.nc", "--refine", "1,2,3"], 2, "must be LON,LAT,RADIUS,RATIO"),
+        (["-n", "100", "-o", "a.nc", "--refine", "1,2,3,x"], 2, "must be LON,LAT,RADIUS,RATIO"),
+        (["-n", "100", "-o", "a.nc", "--within", "1,2,3"], 2, "--parent and --within need each other"),
+        (["-n", "100", "-o", "a.nc", "--view", "1", "2"], 2, "need --plot"),
+        (["-n", "3", "-o", "a.nc"], 1, "n=3 must be an integer >= 4"),
+        (["-n", "100", "-o", "a.nc", "--refine", "0,0,10,0.5"], 1, "ratio=0.5 must be in 1..100"),
+        (["-n", "100", "-o", "a.nc", "--density", "square.png"], 1, "must be twice as wide as high"),
+        (["-n", "100", "-o", "a.nc", "--parent", "no.csv", "--within", "0,0,9"], 1, "no.csv"),
+        (
+            ["-n", "100", "-o", "a.nc", "--parent", "bad.csv", "--within", "0,0,9"],
+            1,
+            "neither an MPAS mesh",
+        ),
+    ],
+)
+def test_wrong_usage_and_bad_files_are_one_line(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], status: int, message: str
+) -> None:
+    Image.new("L", (40, 40), 9).save("square.png")
+    Path("bad.csv").write_text("a,b\n1,2\n")
+    assert main(["sphere", *arguments]) == status
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+    assert not Path("a.nc").exists()

@@ -1,0 +1,74 @@
+"""Grids that follow coasts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.sphere import CoastalGrid, coastal_grid
+from cvtimg.sphere.coasts import Coast
+from cvtimg.sphere.densities import from_degrees
+
+
+def continents() -> NDArray[np.float64]:
+    """Two continents with bays, a cape, an island that is too small, and land around the south pole."""
+    lat, lon = np.mgrid[90:-90:181j, -180:180:361j][:, :-1, :-1] + [[[-0.5]], [[0.5]]]
+    land = np.hypot((lon + 60) * np.cos(np.radians(lat)), lat - 10) < 35 + 6 * np.cos(np.radians(4 * lon))
+    land |= (np.abs(lon - 90) < 40) & (np.abs(lat - 30) < 20)
+    land |= (np.abs(lon - 170) < 1) & (np.abs(lat) < 1)
+    land |= lat < -72 + 4 * np.sin(np.radians(3 * lon))
+    return land.astype(np.float64)
+
+
+GRID = coastal_grid(4000, continents())
+
+
+def straddling(grid: CoastalGrid) -> int:
+    land, sea = grid.on_land[grid.triangles], ~(grid.on_land | grid.on_coast)[grid.triangles]
+    return int((land.any(axis=1) & sea.any(axis=1)).sum())
+
+
+def test_no_triangle_has_corners_on_both_sides() -> None:
+    assert straddling(GRID) == 0
+    assert GRID.on_coast.sum() > 150
+    assert not (GRID.on_coast & GRID.on_land).any()
+
+
+def test_points_on_the_coast_are_where_land_ends() -> None:
+    # The coast is smoothed by less than a cell; the mask is known to half a pixel.
+    size = np.degrees(np.sqrt(GRID.areas.mean()))
+    mask = continents()
+    rows = np.clip((90 - GRID.lat).astype(int), 0, 179)
+    columns = np.clip((GRID.lon + 180).astype(int), 0, 359)
+    reach = int(np.ceil(1.5 * size))
+    for i in np.flatnonzero(GRID.on_coast & (np.abs(GRID.lat) < 60)):
+        around = mask[max(rows[i] - reach, 0) : rows[i] + reach + 1]
+        around = np.take(around, range(columns[i] - 2 * reach, columns[i] + 2 * reach + 1), axis=1, mode="wrap")
+        assert around.min() < around.max()
+
+
+def test_angles_stay_within_bounds_and_cells_are_even() -> None:
+    measures = GRID.measures()
+    assert measures.largest_angle < 115
+    assert measures.least_angle > 20
+    assert GRID.areas.sum() == pytest.approx(4 * np.pi)
+    inner = ~GRID.on_coast
+    assert GRID.areas[inner].max() < 3 * GRID.areas[inner].mean()
+
+
+def test_the_nearest_place_of_a_coast_is_on_it() -> None:
+    lat = np.linspace(89.5, -89.5, 180)[:, None]
+    coast = Coast.of(np.broadcast_to(lat > 30, (180, 360)), 0.05)
+    places = from_degrees([0, 100, -179.9], [60, 31, -20])
+    nearest = coast.nearest(places)
+    assert np.degrees(np.arcsin(nearest[:, 2])) == pytest.approx(30, abs=0.6)
+    assert np.arctan2(nearest[:, 1], nearest[:, 0]) == pytest.approx(np.radians([0, 100, -179.9]), abs=0.02)
+    assert coast.is_land(places).tolist() == [True, True, False]
+
+
+def test_a_globe_without_a_coast_is_refused() -> None:
+    with pytest.raises(ValueError, match="land must have a coast that cells can follow"):
+        coastal_grid(100, np.ones((20, 40)))
+    with pytest.raises(ValueError, match=r"land of shape \(20, 30\) must be twice as wide as high"):
+        coastal_grid(100, np.ones((20, 30)))
