@@ -25,8 +25,8 @@ from cvtimg.explore.tabs.base import Ask
 
 __all__ = ["Lanes"]
 
-#: Pixels of a draft, and those sent at most of a result.
-DRAFT_PIXELS, EXACT_PIXELS = 1 << 20, 1 << 23
+#: Pixels that are sent at most of a result.
+EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 16
 
 
@@ -43,6 +43,7 @@ class Lanes:
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
         self._newest = 0
         self._last: tuple[Any, str, Outcome] | None = None
+        self._weighing: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Answer requests until the page goes."""
@@ -54,7 +55,7 @@ class Lanes:
                     await self._take(await self._socket.receive_text())
         finally:
             self._newest = -1
-            for job in jobs:
+            for job in (*jobs, *self._weighing):
                 job.cancel()
 
     async def _take(self, text: str) -> None:
@@ -112,7 +113,7 @@ class Lanes:
         if tab is None:
             raise UnfitRequestError("there is no such tab")
         settings = parse_settings(tab.controls, request.get("settings"))
-        window = Window.of(view, picture.size, DRAFT_PIXELS if lane == "draft" else EXACT_PIXELS)
+        window = Window.of(view, picture.size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
         def watch(step: int, energy: float) -> bool:
             if self._newest != number:
@@ -145,11 +146,17 @@ class Lanes:
             await self._socket.send_text(key)
             return
         await self._socket.send_bytes(reply)
-        if lane == "exact":  # the picture first, its size on disk after
-            main = outcome.outputs[0].key
-            named = await run_in_threadpool(outcome.file, main)
-            size = len(named[1]) if named else 0
-            await self._socket.send_text(json.dumps({"seq": number, "lane": lane, "result": key, "bytes": size}))
+        if lane == "exact":  # the picture first; the size of its file after, for which no other request waits
+            job = asyncio.create_task(self._weigh(number, outcome))
+            self._weighing.add(job)
+            job.add_done_callback(self._weighing.discard)
+
+    async def _weigh(self, number: int, outcome: Outcome) -> None:
+        """Tell the size of the main file of a result."""
+        with suppress(WebSocketDisconnect, RuntimeError, ValueError, OSError, MemoryError):  # downloads tell why
+            named = await run_in_threadpool(outcome.file, outcome.outputs[0].key)
+            if named is not None:
+                await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "bytes": len(named[1])}))
 
 
 def _overtaken() -> NoReturn:

@@ -53,8 +53,9 @@ class Room:
         self._folder.cleanup()
 
     def open_file(self, path: Path) -> Picture:
-        """Open a picture of the command line."""
-        return self._add(str(path), path)
+        """Open a picture of the command line; pages share it."""
+        same = (picture for picture in list(self._pictures.values()) if picture.path == path)
+        return next(same, None) or self._add(str(path), path)
 
     def open_sent(self, name: str, content: bytes) -> Picture:
         """Open a picture that a page sent."""

@@ -118,6 +118,11 @@ def test_without_the_cookie_nothing_is_told(path: str, stranger: TestClient) -> 
     assert stranger.get(path, headers={"cookie": "cvtimg_8123=\xe9\x00;;=".encode("latin-1")}).status_code == 403
 
 
+def test_cookies_of_other_servers_do_not_matter(stranger: TestClient) -> None:
+    cookies = 'other={"a": "b;c"}; x; =; "; cvtimg_8123=right; last=[1,2]'
+    assert stranger.get("/", headers={"cookie": cookies}).status_code == 200
+
+
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -359,6 +364,17 @@ def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]
     assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
     assert page.get(f"/file/{key}/o.exe").status_code == 404
     assert page.get("/file/other/o.png").status_code == 404
+
+
+def test_pages_share_the_pictures_of_the_command_line(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(np.zeros((4, 5))))
+    server = Server(OWN, [tmp_path / "a.png"])
+    page = TestClient(server.app, base_url=HOST, headers={"cookie": "cvtimg_8123=right"})
+    first, second = (page.post("/given/0").json() for _ in range(2))
+    assert first == second
+    assert first["name"] == str(tmp_path / "a.png")
+    assert page.post("/given/1").status_code == 404
+    server.room.close()
 
 
 def test_the_curve_is_that_of_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:

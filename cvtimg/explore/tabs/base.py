@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.controls import Control, Settings, UnfitRequestError, active, words_of
+from cvtimg.explore.controls import Choice, Control, Settings, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 
-__all__ = ["SPACES", "Ask", "Shelf", "Tab", "choices", "reading"]
+__all__ = ["SPACES", "Ask", "Shelf", "Tab", "choices", "effort", "reading", "space"]
 
 #: Color spaces, with their labels.
 SPACES = {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}
@@ -96,6 +96,10 @@ class Tab:
         """Return the files that the result can be saved as, the main one first."""
         raise NotImplementedError
 
+    def draft_pixels(self, settings: Settings) -> int:
+        """Return how many pixels a draft has at most: as many as are shown while a control moves."""
+        return 1 << 20
+
     def draft(self, ask: Ask) -> Outcome | None:
         """Return what can be shown at once; None if nothing can."""
         return None
@@ -126,6 +130,17 @@ class Tab:
 def choices(*names: str, **labels: str) -> dict[str, str]:
     """Return choices that are called as they are named, but for those with a label."""
     return {name: labels.get(name.replace("-", "_"), name) for name in names}
+
+
+def space(**more: Any) -> Choice:
+    """Return the control of the color space."""
+    return Choice(name="space", label="Color space", default="rgb", choices=SPACES, flag="--space", **more)
+
+
+def effort(**more: Any) -> Choice:
+    """Return the control of the effort."""
+    given = {"choices": EFFORTS, "flag": "--effort", "keyword": "effort", **more}
+    return Choice(name="effort", label="Effort", default="balanced", **given)
 
 
 def reading(picture: Picture) -> str:

@@ -21,7 +21,7 @@ from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Sett
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import EFFORTS, SAVED, SPACES, Ask, Tab, choices, reading, saved
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, choices, effort, reading, saved, space
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import DITHERS, Quantized, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
@@ -35,6 +35,8 @@ _PALETTES = {
     ".json": "Palette as JSON, with shares",
     ".hex": "Palette as a list (.hex)",
 }
+#: Pixels of drafts, by the method of dithering; those that are not named are ordered.
+_DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
 _KILO = 1000
 _SIZE = """
@@ -110,15 +112,7 @@ class ColorsTab(Tab):
             when={"aim": ["palette"]},
             about="A .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
         ),
-        Choice(
-            name="space",
-            label="Color space",
-            default="rgb",
-            choices=SPACES,
-            flag="--space",
-            keyword="space",
-            about="Where distances between colors are measured.",
-        ),
+        space(keyword="space", about="Where distances between colors are measured."),
         Choice(name="dither", label="Dither", default="none", choices=choices("none", *DITHERS), flag="--dither"),
         Number(
             name="strength",
@@ -136,15 +130,7 @@ class ColorsTab(Tab):
             when={"aim": list(_SEARCHED)},
             about="Kept in the palette as they are. Pick them in the picture, or lock colors of the palette.",
         ),
-        Choice(
-            name="effort",
-            label="Effort",
-            default="balanced",
-            choices=EFFORTS,
-            flag="--effort",
-            keyword="effort",
-            when={"aim": list(_SEARCHED)},
-        ),
+        effort(when={"aim": list(_SEARCHED)}),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
@@ -203,6 +189,10 @@ class ColorsTab(Tab):
             if settings["strength"] != _usual_strength(settings):
                 keywords["dither_strength"] = settings["strength"]
         return keywords
+
+    def draft_pixels(self, settings: Settings) -> int:
+        """Return as many pixels as are mapped in a tenth of a second."""
+        return _DITHERED.get(settings["dither"], 1 << 18) if settings["dither"] != "none" else 1 << 20
 
     def draft(self, ask: Ask) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""

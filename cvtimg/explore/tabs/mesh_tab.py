@@ -15,7 +15,7 @@ from cvtimg.explore.controls import Choice, Control, Number, Settings
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import EFFORTS, SAVED, Ask, Tab, reading, saved
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, effort, reading, saved
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
@@ -99,7 +99,7 @@ class MeshTab(Tab):
             flag="--min-size",
             keyword="min_size",
         ),
-        Choice(name="effort", label="Effort", default="balanced", choices=EFFORTS, flag="--effort", keyword="effort"),
+        effort(),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:

@@ -12,7 +12,7 @@ from cvtimg.explore.calls import Call, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings
 from cvtimg.explore.layers import Drawing, Window
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
-from cvtimg.explore.tabs.base import EFFORTS, SPACES, Ask, Tab, reading
+from cvtimg.explore.tabs.base import Ask, Tab, effort, reading, space
 
 #: Pixels of a draft.
 _DRAFT = 1 << 16
@@ -67,8 +67,8 @@ class MosaicTab(Tab):
             unit="px",
             flag="--outline",
         ),
-        Choice(name="space", label="Color space", default="rgb", choices=SPACES, flag="--space", keyword="space"),
-        Choice(name="effort", label="Effort", default="balanced", choices=EFFORTS, flag="--effort", keyword="effort"),
+        space(keyword="space"),
+        effort(),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:

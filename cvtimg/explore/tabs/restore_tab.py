@@ -13,7 +13,7 @@ from cvtimg.explore.controls import Choice, Control, Files, Number, Settings, Sw
 from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import EFFORTS, SAVED, SPACES, Ask, Tab, saved
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, effort, saved, space
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
@@ -134,24 +134,8 @@ class RestoreTab(Tab):
             keyword="edge_weight",
             when=_FLAT,
         ),
-        Choice(
-            name="space",
-            label="Color space",
-            default="rgb",
-            choices=SPACES,
-            flag="--space",
-            keyword="space",
-            when=_FLAT,
-        ),
-        Choice(
-            name="effort",
-            label="Effort",
-            default="balanced",
-            choices=EFFORTS,
-            flag="--effort",
-            keyword="effort",
-            when=_FLAT,
-        ),
+        space(keyword="space", when=_FLAT),
+        effort(when=_FLAT),
         Choice(
             name="seen",
             label="Show",

@@ -16,7 +16,7 @@ from cvtimg.explore.controls import Choice, Control, Number, Settings
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import EFFORTS, SPACES, Ask, Tab, reading
+from cvtimg.explore.tabs.base import SPACES, Ask, Tab, effort, reading, space
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
 from cvtimg.segmentation import Averaging, Objects
@@ -224,14 +224,7 @@ class SegmentsTab(Tab):
             when=_SEGMENTS,
             about="Merge smaller pieces into a neighbor.",
         ),
-        Choice(
-            name="space",
-            label="Color space",
-            default="rgb",
-            choices=SPACES,
-            flag="--space",
-            when={"way": ["segments", "superpixels"]},
-        ),
+        space(when={"way": ["segments", "superpixels"]}),
         Choice(
             name="tree_space",
             label="Color space",
@@ -240,15 +233,7 @@ class SegmentsTab(Tab):
             flag="--space",
             when=_REGIONS,
         ),
-        Choice(
-            name="effort",
-            label="Effort",
-            default="balanced",
-            choices=EFFORTS,
-            flag="--effort",
-            keyword="effort",
-            when=_SEGMENTS,
-        ),
+        effort(when=_SEGMENTS),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
