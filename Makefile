@@ -10,7 +10,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
-.PHONY: install demo test lint docs man notebooks napari bench clean
+.PHONY: install demo test lint docs man completions notebooks napari bench clean
 
 install: $(VENV)/installed
 
@@ -59,6 +59,13 @@ docs: $(VENV)/extra-docs
 # A manual page per command.
 man: $(VENV)/installed
 	$(BIN)/python docs/_extensions/command_line.py build/man
+
+# Completion files for packagers; users run cvtimg --install-completion SHELL.
+completions: $(VENV)/installed
+	mkdir -p build/completions
+	$(BIN)/cvtimg --show-completion bash > build/completions/cvtimg.bash
+	$(BIN)/cvtimg --show-completion zsh > build/completions/_cvtimg
+	$(BIN)/cvtimg --show-completion fish > build/completions/cvtimg.fish
 
 # A notebook per tutorial.
 notebooks:

@@ -139,3 +139,15 @@ def test_the_extra_all_holds_every_optional_part() -> None:
     named = re.fullmatch(r"cvtimg\[(.*)\]", *extras["all"])
     assert named
     assert set(named[1].split(",")) == set(extras) - {"all", "bench", "docs", "lint", "test"}
+
+
+def test_the_recipe_for_conda_has_the_dependencies_and_the_version_of_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text()
+    wanted = {re.sub(r"(?=>=)", " ", dependency) for dependency in project["dependencies"]}
+    run = recipe[recipe.index("  run:") : recipe.index("tests:")]
+    assert set(re.findall(r"- (.*)", run)) == wanted | {f"python {project['requires-python']}"}
+    version = re.search(r"version: '(.*)'", (ROOT / "meson.build").read_text())
+    assert version
+    assert f"  version: {version[1]}\n" in recipe
+    assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()

@@ -1,0 +1,12 @@
+# docker build -t cvtimg .
+# docker run --rm -v "$PWD:/work" cvtimg quantize photo.jpg -k 16
+FROM python:3.13-slim AS build
+RUN apt-get update && apt-get install --yes --no-install-recommends gcc libc6-dev
+COPY . /source
+RUN pip wheel --no-deps --wheel-dir /wheels /source
+
+FROM python:3.13-slim
+RUN --mount=type=bind,from=build,source=/wheels,target=/wheels \
+    pip install --no-cache-dir "$(ls /wheels/*.whl)[fits,mesh,oxipng,plot,regions]"
+WORKDIR /work
+ENTRYPOINT ["cvtimg"]
