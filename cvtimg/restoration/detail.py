@@ -147,11 +147,14 @@ def _unclipped(
     white = versions.white
     if white is None:
         return fused, weight
-    total, weights = np.zeros_like(fused), np.zeros_like(weight)
+    total, weights, first_ends = np.zeros_like(fused), np.zeros_like(weight), (False, False)
     for version, share in enumerate(trust):
         sigma = float(np.sqrt(variance / share))
         known, values = versions.known[:, :, version], versions.bands(version)
-        clipped = Clipped.of(estimate, sigma, white, clipped_ends(values[known], estimate[known], sigma, white))
+        own_ends = clipped_ends(values[known], estimate[known], sigma, white)
+        # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
+        first_ends = first_ends if version else own_ends
+        clipped = Clipped.of(estimate, sigma, white, (own_ends[0] or first_ends[0], own_ends[1] or first_ends[1]))
         own = np.where(known, np.float32(share) / (clipped.variance / clipped.slope**2).mean(axis=2), 0)
         total += own[:, :, None] * (estimate + (values - clipped.added - estimate) / clipped.slope)
         weights += own

@@ -35,6 +35,59 @@ def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("n_bands", [1, 3, 5])
+def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_denoised(
+    clean: NDArray[np.float64], n_bands: int
+) -> None:
+    bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
+    versions, known = damage.damaged_versions(bands, 3, Damage(noise=0.1, holes=0.3), seed=0)
+    weight = np.sum(known, axis=0)[:, :, None]
+    mean = np.divide(np.sum(versions, axis=0), weight, out=np.full_like(bands, bands.mean()), where=weight > 0)
+    assert psnr(restored(versions, masks=known), bands) > psnr(restored([mean]), bands) + 1
+
+
+def test_bands_of_unequal_noise_are_each_denoised(clean: NDArray[np.float64]) -> None:
+    image = noisy(clean, np.array([0.02, 0.05, 0.15]))
+    found = restored([image])
+    for band in range(3):
+        assert psnr(found[:, :, band], clean[:, :, band]) > psnr(image[:, :, band], clean[:, :, band]) + 1.5
+
+
+def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clean: NDArray[np.float64]) -> None:
+    image = noisy(clean, 0.1)
+    assert image.min() < 0
+    found = restored([image])
+    dark = noisy(np.zeros((48, 64)), 0.1)
+    assert abs(restored([dark]).mean()) < 0.01  # noise below 0 counts: nothing is clipped
+    for scale, offset in ((1000.0, 0.0), (1.0, -0.5), (1e-3, 2e-3)):
+        other = restored([scale * image + offset])
+        assert psnr((other - offset) / scale, found) > 48  # groups differ by rounding
+
+
+def test_parts_painted_over_in_one_of_three_versions_come_back(clean: NDArray[np.float64]) -> None:
+    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.05, occlusions=3), seed=3)
+    best = restored([noisy(clean, 0.05, seed) for seed in range(3)])
+    found = restored(versions, masks=known)
+    assert psnr(found, clean) > psnr(best, clean) - 1.5
+    assert psnr(restored(versions, masks=known, hidden="none"), clean) < psnr(found, clean) - 3
+
+
+def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any]) -> None:
+    from scipy.ndimage import shift as moved_by
+
+    shifts = [(0.0, 0.0), (2.4, -3.3), (-1.6, 1.5)]
+    wide = photograph[24:168, 48:208] / 255 * 0.3
+    looks = [moved_by(wide, (*shift, 0), order=3, mode="nearest")[16:-16, 16:-16] for shift in shifts]
+    images = [as_bytes(noisy(look, 0.1, seed)) for seed, look in enumerate(looks)]
+    found = restore(images, detail=True, align=True)
+    np.testing.assert_allclose(found.shifts, np.negative(shifts), atol=0.4)
+    as_if_not_clipped = restored([image / 255 for image in images], align=True)
+    inner = (slice(6, -6), slice(6, -6))
+    shade = looks[0][inner] < 0.1
+    error = ((found.image / 255)[inner] - looks[0][inner])[shade].mean()
+    assert abs(error) < 0.5 * abs((as_if_not_clipped[inner] - looks[0][inner])[shade].mean())
+
+
+@pytest.mark.parametrize("n_bands", [1, 3, 5])
 def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: int) -> None:
     bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
     image = noisy(bands, 0.1)
