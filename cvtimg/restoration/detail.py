@@ -6,7 +6,8 @@ covariances from the noisy patches; later ones from the estimate, as an oracle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise, starmap
 
 import numpy as np
@@ -16,6 +17,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.filters import Block, Noisy, filtered
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
+from cvtimg.restoration.scales import FIRST_BLUR, halved, with_low_frequencies
 from cvtimg.restoration.suspicion import Suspicion, first_estimate
 from cvtimg.restoration.versions import Floats, Versions, fuse
 
@@ -23,8 +25,8 @@ from cvtimg.restoration.versions import Floats, Versions, fuse
 _PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
 #: Largest number of pixels for which these are affordable: a pass over a megapixel takes some seconds.
 _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, "balanced"))
-#: Blur, in pixels, of the first estimate.
-_FIRST_BLUR = 0.7
+#: How often the size is halved to find low frequencies, and the shortest side of a size.
+_HALVINGS, _SHORTEST = 2, 32
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
 #: Longest side, in pixels, of the blocks in which patches are grouped.
@@ -92,7 +94,7 @@ def restore_detail(
     variance = max(variance, versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
     fused, weight = fuse(kept, trust)
-    estimate: Floats = gaussian_filter(fused, (_FIRST_BLUR, _FIRST_BLUR, 0))
+    estimate: Floats = gaussian_filter(fused, (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"):
@@ -109,7 +111,30 @@ def restore_detail(
             kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
+        lower = _with_low_frequencies(done.image, noisy, axes, _PASSES[effort], n_generators, _HALVINGS, rng)
+        estimate = axes.back(lower)
     return Detailed(estimate, done.labels, done.energy), kept
+
+
+def _with_low_frequencies(
+    image: Floats,
+    noisy: Noisy,
+    axes: Axes,
+    passes: Sequence[int],
+    n_generators: int,
+    n_halvings: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """(H, W, C) image whose low frequencies are those of the noisy one restored at half its size, and so on."""
+    if n_halvings == 0 or min(image.shape[:2]) < 2 * _SHORTEST:
+        return image
+    half = halved(noisy)
+    for number, largest in enumerate(passes):
+        kinds = Kinds.of(axes.looks(half.estimate), n_generators, rng)
+        coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0).image
+        half = replace(half, estimate=with_border(coarse))
+    coarse = _with_low_frequencies(coarse, half, axes, passes, n_generators, n_halvings - 1, rng)
+    return with_low_frequencies(image, coarse, noisy.usual_variance)
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Detailed:
