@@ -310,3 +310,6 @@ def test_a_thin_plate_keeps_both_sides(n: int) -> None:
     assert (measures.is_closed, measures.euler_characteristic) == (True, 2)
     assert found.offset < 1
     assert (np.abs(found.points[:, 2]) <= 0.01 + 1e-12).all()
+    # No move folds a triangle over others: those of the upper side face up.
+    above = found.points[found.triangles][(found.points[found.triangles][:, :, 2] > 0.01 - 1e-9).all(axis=1)]
+    assert (np.cross(above[:, 1] - above[:, 0], above[:, 2] - above[:, 0])[:, 2] > -1e-9).all()
