@@ -80,7 +80,8 @@ Marks = Annotated[
     Option(help="What a dot is in .svg: a filled disk, its outline, or a tiny loop or line that a pen dots."),
 ]
 PenWidth = Annotated[
-    float | None, Option(metavar="MM", parser=_length, help="Width of the pen's line in .svg; by default what suits the dots.")
+    float | None,
+    Option(metavar="MM", parser=_length, help="Width of the pen's line in .svg; by default what suits the dots."),
 ]
 Order = Annotated[Literal["tour", "none"], Option(help="Order of dots in files: a short tour of the pen, or none.")]
 Cells = Annotated[
