@@ -78,3 +78,13 @@ def test_points_on_surfaces_keep_their_shape(example: Any, tmp_path: Path) -> No
     assert (tube.euler_characteristic, sheet.euler_characteristic, body.euler_characteristic) == (0, 1, 2)
     assert min(tube.least_angle, sheet.least_angle, body.least_angle) > 18
     Image.open(tmp_path / "s.png").verify()
+
+
+def test_grids_of_the_globe_have_no_obtuse_triangles(example: Any, tmp_path: Path) -> None:
+    grids = example("globe").main(tmp_path / "globe", n=2562)
+    energies = [grids[name].energy for name in ("even", "equator", "pole")]
+    assert energies == pytest.approx([0.0989, 0.0259, 0.0135], rel=0.05)
+    assert [grids[name].measures().n_obtuse for name in ("refined", "lights")] == [0, 0]
+    europe = (np.abs(grids["lights"].lat - 48) < 14) & (np.abs(grids["lights"].lon - 15) < 27)
+    assert europe.mean() > 0.2  # of 4 % of the globe
+    assert len(list((tmp_path / "globe").glob("*.nc"))) == len(grids)

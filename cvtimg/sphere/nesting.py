@@ -33,8 +33,9 @@ _MARGIN, _PUSHES = 0.01, 4
 _CAPS = 6
 #: New points begin no nearer to kept ones than this part of the size of cells there.
 _APART = 0.6
-#: How fast sizes change from those of the parent to those of the new part, on the way through a cell.
-_GROWTH = 0.15
+#: How fast sizes change from those of the parent to those of the new part, on the way through a cell; and by what
+#: factor faster, again and again, where so many points find no room while the finest cells are less than half the mean.
+_GROWTH, _FASTER, _FINEST = 0.15, 1.5, 0.5
 #: Halvings of the range in which the size of cells inside is looked for, and its ends by that of the parent.
 _HALVINGS, _SIZES = 60, (1e-3, 1e3)
 #: Height of the picture of distances from the border of a part that is no cap.
@@ -108,7 +109,8 @@ def nested_grid(
         The part to replace: a `Cap`, or a function from (N, 3) unit vectors to booleans.
     density : callable, (H, 2 H) array, Refinement or sequence of these, optional
         As in `cvtimg.sphere_grid`, for the new points; so that they fit, cells near the border of the part should have
-        the sizes of the parent. By default sizes change by 15 % from cell to cell, from those of the parent on.
+        the sizes of the parent. By default sizes change by 15 % from cell to cell, from those of the parent on,
+        and faster where n asks for it.
     effort, rng, callback
         As in `cvtimg.sphere_grid`.
 
@@ -193,12 +195,16 @@ class _Transition:
         """Return the density by which about n cells fill the part."""
         areas, depths = self.areas[self.inside], self.depth(self.points[self.inside])
         low, high = _SIZES
+        low = max(low, _FINEST * float(np.sqrt(areas.sum() / n)) / self.size)
+        growth = _GROWTH
+        while low < 1 and (areas / self._sizes(depths, low, growth) ** 2).sum() < n and growth < 1:
+            growth *= _FASTER
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(low * high))
-            many = (areas / self._sizes(depths, middle) ** 2).sum() > n
+            many = (areas / self._sizes(depths, middle, growth) ** 2).sum() > n
             low, high = (middle, high) if many else (low, middle)
         finest = min(self.size * high, self.size)
-        return lambda points: (finest / self._sizes(self.depth(points), high)) ** 4
+        return lambda points: (finest / self._sizes(self.depth(points), high, growth)) ** 4
 
     def start(self, wanted: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         """Return the points of a grid by which about n are in the part, fewer and fewer outside."""
@@ -211,9 +217,9 @@ class _Transition:
         n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
         return sphere_grid(n_all, density=fading, effort="fast", polish=False, rng=rng).points
 
-    def _sizes(self, depths: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    def _sizes(self, depths: NDArray[np.float64], factor: float, growth: float = _GROWTH) -> NDArray[np.float64]:
         """Return sizes at depths that go from that at the border to `factor` times that, as fast as they may."""
-        way = _GROWTH * np.maximum(depths, 0) / self.size
+        way = growth * np.maximum(depths, 0) / self.size
         factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
         sizes: NDArray[np.float64] = self.size * factors
         return sizes

@@ -57,6 +57,12 @@ def test_sizes_change_little_from_cell_to_cell() -> None:
     assert np.median(sizes[depths > 0.3]) < 0.6 * np.median(sizes[grid.fixed])
 
 
+def test_many_new_points_have_room() -> None:
+    grid = nested_grid(PARENT, 3000, within=Cap(10, 50, 25))
+    sizes = np.sqrt(grid.areas[~grid.fixed])
+    assert np.median(sizes) < 2.5 * sizes.min()
+
+
 def test_a_density_says_where_new_points_gather() -> None:
     within = Cap(0, 0, 40)
     grid = nested_grid(PARENT, 900, within=within, density=lambda x: 1 + 15 * (x[:, 1] > 0))

@@ -1,0 +1,165 @@
+"""Grids of the sphere: triangulations beside SciPy and stripy, and grids by seconds, energy and angles.
+
+Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids; refined ones, with the energy by the
+quadrature that published figures are given in as well; nested ones; and grids along coasts, if `--land` names a mask.
+
+    python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast] [--land MASK.npy]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import parser, pin_threads, print_table, timed
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, SphericalVoronoi
+
+Row = dict[str, Any]
+Points = NDArray[np.float64]
+PARTS = ("triangulations", "uniform", "refined", "nested", "coast")
+#: The density of one cap with cells four times as fine, and five more.
+CAP = np.array([0.3, -0.5, 0.6]) / 0.7**0.5
+DENSITIES: dict[str, Callable[[Points], Any]] = {
+    "cap x4": lambda x: (
+        (np.tanh((np.pi / 6 - np.arccos(np.clip(x @ CAP, -1, 1))) / (np.pi / 20)) + 1) / 2 * (1 - 4**-4) + 4**-4
+    ),
+    "exp(-6 z^2)": lambda x: np.exp(-6 * x[:, 2] ** 2),
+    "exp(-3 (1 - z)^2)": lambda x: np.exp(-3 * (1 - x[:, 2]) ** 2),
+    "1 + 20 x^2": lambda x: 1 + 20 * x[:, 0] ** 2,
+    "waves": lambda x: np.exp(2 * np.sin(4 * x[:, 0]) * np.cos(3 * x[:, 1])),
+    "two caps": lambda x: 0.01 + np.exp(-8 * (1 - x[:, 0])) + np.exp(-8 * (1 - x[:, 1])),
+}
+
+
+def options() -> argparse.Namespace:
+    """Read the command line."""
+    read = parser(__doc__)
+    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--land", type=Path, help="array (H, 2 H) of the share of land, .npy")
+    return read.parse_args()
+
+
+def triangulations(quick: bool) -> list[Row]:
+    """Triangulate the points of an icosahedral grid, in order and shuffled."""
+    from cvtimg.sphere import triangulate
+    from cvtimg.sphere.starts import bisected, icosahedron, in_order
+    from cvtimg.sphere.triangulation import Triangulation, unit
+
+    rows, mesh = [], icosahedron()
+    while len(mesh.points) < (40_962 if quick else 163_842):
+        mesh = bisected(mesh)
+    rng = np.random.default_rng(0)
+    ordered = in_order(mesh).points
+    noise = 0.1 * (4 * np.pi / len(ordered)) ** 0.5
+    ordered = unit(ordered + noise * rng.normal(size=ordered.shape))
+    for name, points in (("in order", ordered), ("shuffled", rng.permutation(ordered))):
+        least = min(timed(partial(triangulate, points), time.process_time)[1] for _ in range(3))
+        hull = timed(partial(ConvexHull, points), time.process_time)[1]
+        row = {"points": f"{len(points)} {name}", "cvtimg": least, "ConvexHull / cvtimg": hull / least}
+        row["SphericalVoronoi / cvtimg"] = timed(partial(SphericalVoronoi, points), time.process_time)[1] / least
+        try:
+            import stripy
+        except ImportError:
+            row["stripy / cvtimg"] = None
+        else:
+            lon, lat = np.arctan2(points[:, 1], points[:, 0]), np.arcsin(points[:, 2])
+            make = partial(stripy.sTriangulation, lon, lat, permute=True)
+            row["stripy / cvtimg"] = timed(make, time.process_time)[1] / least
+        moving = Triangulation(points)
+        row["step of Lloyd's"] = min(
+            timed(lambda m=moving: m.replace(unit(m.uniform_moments())), time.process_time)[1] for _ in range(3)
+        )
+        rows.append(row)
+    return rows
+
+
+def figures(grid: Any, seconds: float) -> Row:
+    """Say what a grid is like."""
+    measures = grid.measures()
+    return {
+        "n": len(grid.points),
+        "seconds": seconds,
+        "offset": grid.offset,
+        "energy": grid.energy,
+        "least angle": measures.least_angle,
+        "largest angle": measures.largest_angle,
+        "obtuse": measures.n_obtuse,
+        "5 / 7 sides": f"{measures.n_pentagons} / {measures.n_heptagons}",
+    }
+
+
+def uniform(quick: bool) -> list[Row]:
+    """Make grids of even cells."""
+    import cvtimg
+
+    counts = (40_962, 40_000) if quick else (40_962, 163_842, 655_362, 40_000)
+    return [figures(*timed(partial(cvtimg.sphere_grid, n), time.process_time)) for n in counts]
+
+
+def refined(quick: bool) -> list[Row]:
+    """Make grids by densities; "E n" is the energy times n by moments alone, as published figures are."""
+    import cvtimg
+    from cvtimg.sphere.triangulation import Triangulation
+
+    rows = []
+    for name, density in DENSITIES.items():
+        n = 10_242 if quick else 40_962
+        grid, seconds = timed(partial(cvtimg.sphere_grid, n, density=density), time.process_time)
+        mesh = Triangulation(grid.points, grid.triangles)
+        centers = mesh.circumcenters()
+        masses, moments, _ = mesh.weighted_moments(grid.density, centers, density(centers))
+        energy = 2 * (masses.sum() - np.einsum("ij,ij", moments, grid.points))
+        rows.append({"density": name, **figures(grid, seconds), "E n": energy * n})
+    return rows
+
+
+def nested(quick: bool) -> list[Row]:
+    """Replace a part of a grid by 35,270 points, and count kept triangles that were lost."""
+    import cvtimg
+    from cvtimg.sphere import Cap, nested_grid
+
+    parent = cvtimg.sphere_grid(10_242 if quick else 40_962)
+    within = Cap(-96, 38, 30)
+    inside = within(parent.points)
+    n = 8_000 if quick else 35_270
+    grid, seconds = timed(partial(nested_grid, parent, n, within=within), time.process_time)
+    number = np.where(inside, -1, np.cumsum(~inside) - 1)
+    before = _kept(number[parent.triangles])
+    after = _kept(np.where(grid.fixed, np.arange(len(grid.points)), -1)[grid.triangles])
+    same = bool((grid.points[grid.fixed] == parent.points[~inside]).all())
+    return [{**figures(grid, seconds), "same bits": same, "lost triangles": len(before - after)}]
+
+
+def _kept(triangles: NDArray[Any]) -> set[tuple[int, ...]]:
+    return {tuple(row) for row in np.sort(triangles[(triangles >= 0).all(axis=1)], axis=1).tolist()}
+
+
+def coast(quick: bool, land: Path | None) -> list[Row]:
+    """Make a grid along the coasts of a mask."""
+    from cvtimg.sphere import coastal_grid
+
+    if land is None:
+        return []
+    grid, seconds = timed(partial(coastal_grid, 10_242 if quick else 40_962, np.load(land)), time.process_time)
+    on_land, at_sea = grid.on_land[grid.triangles], ~(grid.on_land | grid.on_coast)[grid.triangles]
+    straddling = int((on_land.any(axis=1) & at_sea.any(axis=1)).sum())
+    return [{**figures(grid, seconds), "on the coast": int(grid.on_coast.sum()), "straddling": straddling}]
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    given = options()
+    pin_threads(given.threads)
+    for part in given.only.split(","):
+        rows = coast(given.quick, given.land) if part == "coast" else globals()[part](given.quick)
+        if rows:
+            print_table(part, list(rows[0]), [[_shown(value) for value in row.values()] for row in rows])

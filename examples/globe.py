@@ -1,0 +1,82 @@
+"""Grids of the globe: three densities of 256 points, a refined part, a nested grid, coasts, and the lights of cities.
+
+Takes a map with white land, twice as wide as high, or draws two continents. Of the lights at night, the sample image
+shows Europe.
+
+    python examples/globe.py [--land MAP] [--out FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cvtimg
+from cvtimg.plotting.globes import draw_globe
+from cvtimg.sphere import Cap, Refinement, SphereGrid, by_spacing, coastal_grid, nested_grid
+
+#: The densities of M. Gunzburger's lecture on centroidal Voronoi tessellations.
+LECTURE = {
+    "even": None,
+    "equator": lambda x: np.exp(-6 * x[:, 2] ** 2),
+    "pole": lambda x: np.exp(-3 * (1 - x[:, 2]) ** 2),
+}
+#: Cities of Europe, NASA's, cut out of a map of 4096 x 2048 pixels at this row and column.
+LIGHTS = Path(__file__).parent.parent / "sample_images" / "europe_night.png"
+ROW, COLUMN, HEIGHT = 317, 1911, 2048
+
+
+def lights() -> NDArray[np.float64]:
+    """Put the red of the sample image, which shows cities and little else, into a map of the globe."""
+    red = cvtimg.read_image(LIGHTS)[:, :, 0]
+    globe = np.zeros((HEIGHT, 2 * HEIGHT))
+    globe[ROW : ROW + red.shape[0], COLUMN : COLUMN + red.shape[1]] = red
+    return globe
+
+
+def continents() -> NDArray[np.float64]:
+    """Draw a round continent with bays, and another that is square."""
+    lat, lon = np.meshgrid(np.linspace(89.5, -89.5, 180), np.linspace(-179.5, 179.5, 360), indexing="ij")
+    round_one = np.hypot((lon + 60) * np.cos(np.radians(lat)), lat - 10) < 35 + 6 * np.cos(np.radians(4 * lon))
+    return (round_one | ((np.abs(lon - 60) < 40) & (np.abs(lat - 30) < 20))).astype(np.float64)
+
+
+def grids(n: int, land: NDArray[Any]) -> dict[str, SphereGrid]:
+    """Make all grids by name; n points where it is not said."""
+    found = {name: cvtimg.sphere_grid(256, density=density, rng=1) for name, density in LECTURE.items()}
+    found["refined"] = cvtimg.sphere_grid(n, density=Refinement(-96, 38, radius=25, ratio=3))
+    found["nested"] = nested_grid(cvtimg.sphere_grid(n), n // 2, within=Cap(-96, 38, radius=40))
+    found["coast"] = coastal_grid(n, land)
+    found["lights"] = cvtimg.sphere_grid(n, density=by_spacing(lights(), 10))
+    return found
+
+
+def main(out: Path, n: int = 10_000, land: Path | None = None) -> dict[str, SphereGrid]:
+    """Make the grids, plot each and write it as a mesh of MPAS."""
+    found = grids(n, continents() if land is None else np.atleast_3d(cvtimg.read_image(land)).mean(axis=2))
+    out.mkdir(parents=True, exist_ok=True)
+    for name, grid in found.items():
+        cells = grid.cells()
+        center = (10.0, 40.0) if name in ("coast", "lights") else (-96.0, 38.0)
+        sizes = np.degrees(np.sqrt(grid.areas))
+        drawn = draw_globe([cells[i] for i in range(len(cells))], sizes, ".png", center=center)
+        (out / f"{name}.png").write_bytes(drawn)
+        grid.save(out / f"{name}.nc", overwrite=True)
+        measures = grid.measures()
+        print(
+            f"{name:8} {len(grid.points):6} points, angles {measures.least_angle:.1f} to {measures.largest_angle:.1f}, "
+            f"{measures.n_obtuse} obtuse, energy {grid.energy:.5g}"
+        )
+    return found
+
+
+if __name__ == "__main__":
+    read = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    read.add_argument("--land", type=Path)
+    read.add_argument("--out", type=Path, default=Path("globe"))
+    given = read.parse_args()
+    main(given.out, land=given.land)
