@@ -121,10 +121,16 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
         one(work, number, rows, weights, (lengths[number], blocks.n_dims), common, dask_key_name=f"{token}-{number}")
         for number, (rows, weights) in enumerate(parts)
     ]
-    while len(sums) > 1:
-        sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
-    result: T = _computed(sums[0], blocks)
+    result: T = computed(add_in_tree(sums, total), parts)
     return result
+
+
+def add_in_tree(parts: Sequence[Any], add: Any) -> Any:
+    """Return the delayed sum of delayed values, along a tree that depends only on their number."""
+    sums = list(parts)
+    while len(sums) > 1:
+        sums = [add(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
+    return sums[0]
 
 
 def map_rows(
@@ -202,16 +208,25 @@ def _work(
         raise BlockError(number, one_line(error)) from error
 
 
-def _computed(total: Any, blocks: Blocks) -> Any:
+def computed(total: Any, parts: Sequence[tuple[Any, ...]]) -> Any:
+    """Compute a delayed value that is made of delayed parts, the arrays of each block.
+
+    Raises
+    ------
+    BlockError
+        If a part cannot be read, or its workers were lost.
+    ConnectionError
+        If the cluster was lost.
+    """
     try:
         return _compute(total)[0]
     except BlockError:
         raise
     except Exception as error:
-        _explain(error, blocks)
+        _explain(error, parts)
 
 
-def _explain(error: Exception, blocks: Blocks) -> NoReturn:
+def _explain(error: Exception, parts: Sequence[tuple[Any, ...]]) -> NoReturn:
     """Say which block it was, or that the cluster was lost."""
     kind = type(error).__name__
     if kind == "KilledWorker":
@@ -224,9 +239,9 @@ def _explain(error: Exception, blocks: Blocks) -> NoReturn:
     if type(error).__module__.partition(".")[0] == "distributed" or "Cancelled" in kind:
         raise ConnectionError(f"the Dask cluster was lost ({one_line(error) or kind})") from error
     # Dask does not say where an error comes from: read one block after the other.
-    for number, parts in enumerate(_delayed(blocks)):
+    for number, arrays in enumerate(parts):
         try:
-            _compute(*(_length(part) for part in parts if part is not None))
+            _compute(*(_length(array) for array in arrays if array is not None))
         except Exception as why:
             raise BlockError(number, f"cannot be read ({type(why).__name__}: {one_line(why)})") from why
     raise error

@@ -32,7 +32,7 @@ def share(
     array or None
         What `find` makes of the sum of what `count` returns for each image; None if no image is left.
     """
-    from cvtimg.quantization.sharing import add_samples, in_fixed_order
+    from cvtimg.colors.adding import add_samples, in_fixed_order
 
     check_plan(plan, running)
     if any(is_pipe(task.source) for task in plan.tasks):
@@ -54,9 +54,9 @@ def count_known(
 ) -> ColorSamples:
     """Count the colors of the pixels of an image that are not left out."""
     from cvtimg import read_image
+    from cvtimg.colors.adding import count_picture
     from cvtimg.pictures import image_info
     from cvtimg.pictures.formats.opening import pixels_limited
-    from cvtimg.quantization.sharing import count_picture
 
     with nullcontext() if max_pixels is None else pixels_limited(max_pixels):
         image = read_image(task.source)

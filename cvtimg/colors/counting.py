@@ -13,7 +13,7 @@ from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 
-__all__ = ["MOST_COLORS", "Counter"]
+__all__ = ["MOST_COLORS", "Counter", "coarser"]
 
 #: Beyond this many distinct colors neighbors are merged: the engine needs about 200 bytes for each.
 MOST_COLORS = 1 << 22
@@ -58,7 +58,7 @@ class Counter:
         self.n_distinct = max(self.n_distinct, total.n_colors)
         if total.n_colors > self._most:
             self.exact = False
-            total = _coarser(total, self._most)
+            total = coarser(total, self._most)
         self._sum = replace(total, inverse=_NO_PIXELS)
 
     def samples(self) -> ColorSamples:
@@ -76,7 +76,7 @@ def _samples(table: CountTable, alpha: bool) -> ColorSamples:
     return ColorSamples(colors, density, True, _NO_PIXELS, alpha)
 
 
-def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
+def coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     """Merge neighbors along a space-filling curve to at most this many colors, rounded to the type of the image."""
     colors, density = samples.colors, samples.density
     if not samples.in_order:

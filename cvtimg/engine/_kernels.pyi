@@ -87,6 +87,7 @@ def divide_cells(
 def draw_means(
     tiles: NDArray[np.float32],
     drawn: NDArray[np.int64],
+    weights: NDArray[np.float64],
     means: NDArray[np.float64],
     counts: NDArray[np.float64],
     squares: NDArray[np.float64],

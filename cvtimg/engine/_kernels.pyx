@@ -331,14 +331,15 @@ def divide_cells(
 def draw_means(
     const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const int64_t[::1] drawn,       # IN (n,): points, in the order in which they were drawn
+    const double[::1] weights,      # IN (n,): of each of them, >= 0
     double[:, ::1] means,           # INOUT (D, K)
-    double[::1] counts,             # INOUT (K,): points that each mean is the mean of
+    double[::1] counts,             # INOUT (K,): weight of the points that each mean is the mean of
     double[::1] squares,            # OUT (K,): scratch
     Py_ssize_t n_locked,            # IN: the first means stay in place
 ):
     """Add one point after the other to the mean that is nearest to it by then, the first one on a tie."""
     cdef Py_ssize_t n_drawn = drawn.shape[0], dims = tiles.shape[1], n_cells = counts.shape[0], n, d, k, t, i, nearest
-    cdef double step, least
+    cdef double step, least, total
     with nogil:
         for n in range(n_drawn):
             t = drawn[n] // LANES
@@ -355,11 +356,12 @@ def draw_means(
             nearest = 0
             while squares[nearest] != least:
                 nearest += 1
-            if nearest < n_locked:
+            if nearest < n_locked or weights[n] == 0:
                 continue
+            total = counts[nearest] + weights[n]
             for d in range(dims):
-                means[d, nearest] = (counts[nearest] * means[d, nearest] + tiles[t, d, i]) / (counts[nearest] + 1)
-            counts[nearest] += 1
+                means[d, nearest] = (counts[nearest] * means[d, nearest] + weights[n] * tiles[t, d, i]) / total
+            counts[nearest] = total
 
 
 cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, Py_ssize_t end) noexcept nogil:

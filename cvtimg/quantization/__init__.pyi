@@ -1,5 +1,5 @@
 from .animations import QuantizedFrames, quantize_frames
-from .blocks import quantize_blocks
+from .blocks import QuantizedBlocks, quantize_blocks
 from .dithering import DITHERS
 from .images import quantize, quantize_to_size
 from .palette_search import EngineOptions, Palette, find_palette
@@ -12,6 +12,7 @@ __all__ = [
     "EngineOptions",
     "Palette",
     "Quantized",
+    "QuantizedBlocks",
     "QuantizedFile",
     "QuantizedFrames",
     "find_palette",

@@ -1,25 +1,73 @@
-"""Color quantization of Dask arrays, block by block, wherever the blocks are computed."""
+"""Color quantization of images in blocks, wherever the blocks are computed: the counts of their colors are added."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_image_shape
+from cvtimg._shared.checks import check_excluded, check_one_of, check_that
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import with_mark
-from cvtimg.colors.samples import ColorSamples
+from cvtimg._shared.pixels import peak
+from cvtimg.blocks.images import PixelBlocks
+from cvtimg.colors.adding import count_blocks
+from cvtimg.colors.fidelity import psnr
+from cvtimg.engine.tessellation import Tessellation
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
 from cvtimg.quantization.remapping import map_to_palette
-from cvtimg.quantization.sharing import add_samples, count_picture, in_fixed_order
 
 if TYPE_CHECKING:
     import dask.array as da
 
-__all__ = ["quantize_blocks"]
+__all__ = ["QuantizedBlocks", "in_blocks", "quantize_blocks"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuantizedBlocks:
+    """An image in blocks in few colors: the palette is known, and the pixels are computed when they are needed.
+
+    Attributes
+    ----------
+    palette, energy, tessellation, n_distinct, alpha
+        As in `Quantized`; the energy is that of all pixels that count.
+    indices : dask.array.Array or xarray.DataArray
+        Index of the color of each pixel, without the dimension of the bands; 0 for pixels that do not count.
+    image : dask.array.Array or xarray.DataArray
+        The image in its new colors, with its dimensions and coordinates; pixels that do not count are 0.
+    n_pixels : int
+        Number of pixels that count.
+    exact : bool
+        Whether all colors were distinguished. Beyond 2^22, near ones are merged while they are counted; the energy is
+        then that of the merged colors.
+    """
+
+    palette: NDArray[Any]
+    indices: Any
+    image: Any
+    energy: float
+    tessellation: Tessellation | None
+    n_distinct: int
+    n_pixels: int
+    alpha: bool = False
+    exact: bool = True
+
+    def __repr__(self) -> str:
+        """Tell size, colors and error in one line."""
+        shape = " x ".join(map(str, self.image.shape))
+        return f"QuantizedBlocks({shape}, {len(self.palette)} of {self.n_distinct} colors, PSNR {self.psnr:.2f} dB)"
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error per sample, alpha not counted."""
+        return float(self.energy / (self.n_pixels * (self.palette.shape[1] - self.alpha)))
+
+    @property
+    def psnr(self) -> float:
+        """Peak signal-to-noise ratio in dB, as in `Quantized`."""
+        return float(psnr(self.mse, peak(self.palette.dtype)))
 
 
 def quantize_blocks(
@@ -27,31 +75,36 @@ def quantize_blocks(
     n_colors: int,
     *,
     alpha: bool = False,
+    nodata: float | None = None,
     space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
     **engine: Unpack[EngineOptions],
 ) -> tuple[Palette, da.Array]:
-    """Find the palette that represents a Dask array with the least error, and map its pixels to it lazily.
+    """Find the palette that represents an image in blocks with the least error, and map its pixels to it lazily.
 
-    Dask's cluster counts the colors of the blocks and adds the counts in pairs; the palette is found here. `quantize`
-    accepts a Dask array too, but loads it into memory first.
+    Dask counts the colors of the blocks and adds the counts along a tree; the palette is found here, and no pixel is
+    moved. `quantize` takes such images too, and returns more.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, C) dask.array.Array
-        Of any integer or floating point type.
+    image : dask.array.Array or xarray.DataArray
+        (H, W), (H, W, C) or a stack (T, ..., H, W, C), or a DataArray with any dimensions, of which one named "band" or
+        "channel" holds the bands: of any integer or floating point type. A stack gets one palette.
     n_colors : int
         Size of the palette, in 1..65536.
     alpha : bool
         Whether the last channel is alpha.
-    space, locked, method, init, effort, volume_power, rng, callback
+    nodata : float, optional
+        Pixels with this value in all bands do not count; by default what the attributes of a DataArray say. Nor do
+        pixels that are not finite.
+    space, locked, method, init, effort, volume_power, rng
         As in `find_palette`.
 
     Returns
     -------
     Palette
         The same, bit for bit, for any blocks.
-    dask.array.Array, (H, W)
+    dask.array.Array or xarray.DataArray
         Index of the color of each pixel, uint8, or uint16 for more than 256 colors: not computed yet, in the blocks of
         the image.
 
@@ -70,30 +123,57 @@ def quantize_blocks(
     >>> palette.colors.ravel().tolist(), indices.compute().tolist()
     ([11, 201], [[0, 0, 1], [0, 1, 1]])
     """
-    import dask.array
-    from dask.delayed import delayed
-
-    check_image_shape("image", image.shape)
-    whole: Any = image
-    if image.ndim == 3:
-        whole = whole.rechunk({2: -1})
-    sums = [delayed(_count_block)(block, alpha) for block in whole.to_delayed().ravel()]
-    while len(sums) > 1:
-        pairs = [delayed(add_samples)(*sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
-        sums = pairs + sums[2 * len(pairs) :]
-    samples = in_fixed_order(sums[0].compute())
+    blocks = PixelBlocks.of(image, nodata)
+    samples, _ = count_blocks(blocks, alpha)
     palette = find_palette(samples, n_colors, space=space, locked=locked, **engine)
-    colors = palette.colors
-    dtype = np.uint8 if len(colors) <= 256 else np.uint16
-    library: Any = dask.array
-    map_block = partial(_map_block, palette=colors, alpha=alpha, space=space)
-    indices: da.Array = library.map_blocks(map_block, whole, dtype=dtype, drop_axis=[2] if image.ndim == 3 else [])
-    return palette, indices
+    return palette, _indices(blocks, palette.colors, alpha, space)
 
 
-def _count_block(block: NDArray[Any], alpha: bool) -> ColorSamples:
-    return count_picture(with_mark(block, alpha))
+def in_blocks(
+    image: Any,
+    n_colors: int | str | None,
+    alpha: bool | None,
+    space: SpaceName,
+    palette: ArrayLike | None,
+    locked: ArrayLike | None,
+    engine: EngineOptions,
+    **others: object,
+) -> QuantizedBlocks:
+    """Quantize an image in blocks; the parameters are those of `quantize`."""
+    check_excluded("an image in blocks", True, **{name: value is not None for name, value in others.items()})
+    check_one_of(n_colors=n_colors, palette=palette)
+    check_that("n_colors", n_colors != "auto", "be a number for an image in blocks")
+    blocks, alpha = PixelBlocks.of(image), bool(alpha)
+    samples, exact = count_blocks(blocks, alpha)
+    tessellation = None
+    if palette is None:
+        assert isinstance(n_colors, int)
+        found = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+        palette, tessellation = found.colors, found.tessellation
+    mapped = map_to_palette(samples, palette, space=space)  # whose energy is that of all pixels
+    colors = mapped.palette
+    same = partial(_colors_of, palette=colors, alpha=alpha, space=space)
+    return QuantizedBlocks(
+        palette=colors,
+        indices=_indices(blocks, colors, alpha, space),
+        image=blocks.mapped(same, colors.dtype, colors.shape[1]),
+        energy=mapped.energy,
+        tessellation=tessellation,
+        n_distinct=samples.n_colors,
+        n_pixels=int(samples.density.sum()),
+        alpha=mapped.alpha,
+        exact=exact,
+    )
 
 
-def _map_block(block: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
-    return map_to_palette(block, palette, alpha=alpha, space=space).indices
+def _indices(blocks: PixelBlocks, palette: NDArray[Any], alpha: bool, space: SpaceName) -> Any:
+    nearest = partial(_indices_of, palette=palette, alpha=alpha, space=space)
+    return blocks.mapped(nearest, np.uint8 if len(palette) <= 256 else np.uint16)
+
+
+def _indices_of(pixels: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
+    return map_to_palette(pixels[None], palette, alpha=alpha, space=space).indices[0]
+
+
+def _colors_of(pixels: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
+    return palette[_indices_of(pixels, palette=palette, alpha=alpha, space=space)]

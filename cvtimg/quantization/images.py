@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal, Unpack
+from typing import Any, Literal, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +21,12 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import DitherName, EffortName, SpaceName
 from cvtimg._shared.pixels import array_of
+from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.engine.tessellation import Tessellation
+from cvtimg.quantization.blocks import in_blocks
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.palette_search import EngineOptions, check_room, find_palette, fixed_colors
 from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
@@ -60,7 +62,8 @@ def quantize(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type and byte order; white is the largest integer of the type, or 1 for floats.
-        Also masked arrays, and objects with ``__array__`` or the DLPack protocol.
+        Also masked arrays, and objects with ``__array__`` or the DLPack protocol. A Dask array or an
+        `xarray.DataArray`, of any dimensions, is quantized block by block, and never loaded: see Notes.
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
         the transparent color. "auto" uses the elbow of the energy curve, which the result then contains; see
@@ -97,11 +100,18 @@ def quantize(
     Returns
     -------
     Quantized
+        `QuantizedBlocks` for an image in blocks.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is invalid, or `psnr` is not reached; the message names it, its value and what is allowed.
+
+    Notes
+    -----
+    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `space`, `locked` and the options of the engine.
+    The result has the same palette as in memory, and pixels that are computed when they are needed. Pixels of a
+    `DataArray` that have its nodata value in all bands do not count.
 
     Examples
     --------
@@ -117,6 +127,10 @@ def quantize(
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0
     check_keywords("quantize", engine, EngineOptions.__annotations__)
+    if is_image_in_blocks(image):
+        others = {"mask": mask, "psnr": psnr, "dither": dither, "weights": weights}
+        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine, **others)
+        return cast(Quantized, found)
     source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
     if palette is not None:
         others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
+from cvtimg.colors.adding import count_blocks
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -101,7 +103,8 @@ def find_palette(
     Parameters
     ----------
     samples : ColorSamples, or (H, W) or (H, W, C) array
-        An image, its samples from `color_samples`, or from `merge_samples` for one palette of several images or frames.
+        An image, also one in blocks as in `quantize`, its samples from `color_samples`, or from `merge_samples` for one
+        palette of several images or frames.
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if a sample is fully transparent, the
         transparent color.
@@ -132,7 +135,9 @@ def find_palette(
     [11, 201]
     """
     check_keywords("find_palette", engine, EngineOptions.__annotations__)
-    if not isinstance(samples, ColorSamples):
+    if is_image_in_blocks(samples):
+        samples = count_blocks(PixelBlocks.of(samples))[0]
+    elif not isinstance(samples, ColorSamples):
         samples = color_samples(samples)
     samples, fixed, least = fixed_colors(samples, locked)
     check_room(n_colors, least)

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Unpack
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import refuse
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import array_of, says_alpha
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg.colors.places import widen_samples, without_idle_alpha
-from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
-from cvtimg.colors.spaces import to_depth
+from cvtimg.colors.adding import add_samples, count_picture, in_fixed_order
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.files import read_image
 from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
 
-__all__ = ["add_samples", "count_picture", "in_fixed_order", "shared_palette"]
+__all__ = ["shared_palette"]
 
 
 def shared_palette(
@@ -70,47 +63,3 @@ def shared_palette(
     if samples is None:
         refuse("pictures", [], "at least one")
     return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
-
-
-def count_picture(
-    picture: StrPath | ArrayLike, depth: str | None = None, *, mask: ArrayLike | None = None
-) -> ColorSamples:
-    """Count the colors of an image, at this many bits per sample, without `inverse`.
-
-    This is what workers exchange: a few megabytes for a photograph of any size.
-    """
-    image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
-    alpha = says_alpha(image)
-    if depth:
-        image = to_depth(array_of(image), np.dtype(f"uint{depth}"))
-    if alpha:
-        seen = without_idle_alpha(array_of(image))
-        image, alpha = seen, seen.shape[2] in (2, 4)
-    samples = color_samples(image, alpha=alpha, mask=mask)
-    return replace(samples, inverse=np.empty((0, 0), np.int32), inside=None)
-
-
-def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
-    """Add two densities. Counts of pixels are integers, whose sums are exact in any order."""
-    merged = merge_samples(_alike(first, second))
-    return replace(merged, inverse=np.empty((0, 0), np.int32))
-
-
-def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
-    """Bring samples to one type and number of channels, if possible."""
-    pair = [first, second]
-    dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
-    if dtypes == {"uint8", "uint16"}:
-        pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
-    n_colors = [one.colors.shape[1] - one.alpha for one in pair]
-    if len(channels) > 1 and set(n_colors) <= {1, 3}:
-        alpha = any(one.alpha for one in pair)
-        pair = [widen_samples(one, max(n_colors), alpha) for one in pair]
-    return pair
-
-
-def in_fixed_order(samples: ColorSamples) -> ColorSamples:
-    """Sort colors: a table of counts has its own order, a hash table that of the first occurrences."""
-    order = np.lexsort(samples.colors.T[::-1])
-    in_order = replace(samples, rows=samples.colors[order], density=samples.density[order])
-    return merge_samples([in_order]) if samples.in_order else in_order

@@ -1,4 +1,5 @@
 from .averaging import Averaging
+from .blocks import segment_blocks
 from .grid_cells import superpixels
 from .hierarchy.building import segment_hierarchy
 from .hierarchy.tree import RegionHierarchy
@@ -16,6 +17,7 @@ __all__ = [
     "SegmentedFile",
     "estimate_noise",
     "segment",
+    "segment_blocks",
     "segment_curve",
     "segment_file",
     "segment_hierarchy",

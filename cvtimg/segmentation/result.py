@@ -27,7 +27,7 @@ class Segmentation:
     labels : (H, W) int32 array
         Labels start at 1; 0 marks pixels outside the mask and, with `objects`, the background. Segments are sorted by
         the brightness of their generators, the sum of the bands, from dark to bright. Ties are broken by the bands in
-        turn, then by reading order.
+        turn, then by reading order. For an image in blocks a Dask array, or an `xarray.DataArray`.
     generators : (K, C) float64 array
         Mean of each segment, in the units of the image; row ``label - 1`` belongs to a label. K can be less than the
         number requested.
@@ -58,7 +58,8 @@ class Segmentation:
 
     def __post_init__(self) -> None:
         for array in (self.labels, self.generators, self.masses):
-            array.flags.writeable = False
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
     @property
     def n_segments(self) -> int:
@@ -67,7 +68,7 @@ class Segmentation:
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the labels to a .png, .tif or .npy file, as `write_labels` does."""
-        write_labels(path, self.labels, overwrite=overwrite)
+        write_labels(path, np.asarray(self.labels), overwrite=overwrite)
 
     def draw(self) -> NDArray[np.uint8]:
         """Draw each segment in its mean color, stretched to 8 bits from the least to the greatest value.
@@ -84,16 +85,17 @@ class Segmentation:
             shown = self.generators[:, :n_shown]
             span = float(np.ptp(shown)) or 1.0
             colors[1:] = np.rint((shown - shown.min()) * (255 / span))
-        return colors[self.labels] if n_shown == 3 else colors[self.labels, 0]
+        labels = np.asarray(self.labels)
+        return colors[labels] if n_shown == 3 else colors[labels, 0]
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())
 
     def __repr__(self) -> str:
-        height, width = self.labels.shape
+        size = " x ".join(map(str, self.labels.shape[::-1]))
         ending = "converged" if self.converged else "not converged"
         return (
-            f"Segmentation({self.n_segments} segments of {width} x {height} pixels, energy={self.energy:.6g}, "
+            f"Segmentation({self.n_segments} segments of {size} pixels, energy={self.energy:.6g}, "
             f"edge_weight={self.edge_weight:.4g}, {ending})"
         )
 

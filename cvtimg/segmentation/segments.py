@@ -8,14 +8,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative, check_that
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
+from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
 from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.blocks import segment_blocks
 from cvtimg.segmentation.curves import curve_of_segments
 from cvtimg.segmentation.prepared import Prepared, Smoothness
 from cvtimg.segmentation.result import Segmentation, from_labels, from_tessellation
@@ -53,7 +55,9 @@ def segment(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type, with any number of bands. Pixels that are NaN or infinite in any band, or
-        masked in a masked array, are left out.
+        masked in a masked array, are left out. A Dask array or an `xarray.DataArray`, of any dimensions, is segmented
+        block by block, and never loaded, by its colors alone: without averaging, edges, pieces or a mask; see
+        `cvtimg.segmentation.segment_blocks`.
     n_segments : int or "auto"
         K; an image with fewer distinct colors has one segment per color. "auto" takes the elbow of `segment_curve`,
         which the result then holds.
@@ -109,6 +113,12 @@ def segment(
     >>> result.labels.tolist(), result.generators.ravel().tolist()
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
+    if is_image_in_blocks(image):
+        others = {"averaging": averaging, "edge_weight": edge_weight, "components": components, "min_size": min_size}
+        check_excluded("an image in blocks", True, **others, objects=objects, mask=mask is not None)
+        check_that("n_segments", n_segments != "auto", "be a number for an image in blocks")
+        assert n_segments != "auto"
+        return segment_blocks(image, n_segments, space=space, volume_power=volume_power, effort=effort, rng=rng)
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius)
     pieces = _Pieces.checked(components, min_size, border_price, objects)
     if n_segments != "auto":

@@ -15,6 +15,7 @@ from cvtimg._shared.checks import check_count, check_needs, check_shape, check_t
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
+from cvtimg.engine.methods.macqueen import meet
 from cvtimg.engine.points import assign, cell_energies, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -164,6 +165,56 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self.masses_ = np.bincount(self.labels_, weights, len(generators)).astype(np.float64, copy=False)
         self.energies_ = np.array(result.energies)
         self.n_iter_ = result.n_iter
+        return self
+
+    def partial_fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
+        """Let the generators meet more samples, one by one, and move: MacQueen's online method.
+
+        A generator is always the mean of the samples that it has met. The first samples, at least as many distinct ones
+        as there are clusters, are fitted as a whole; generators from `fit` go on as they are.
+
+        Parameters
+        ----------
+        X : (n_samples, n_features) array-like
+            Samples, finite and dense, in the order in which they come.
+        y : ignored
+            Present for compatibility with scikit-learn.
+        sample_weight : (n_samples,) array-like, optional
+            Density: weights >= 0, 1 each by default.
+
+        Returns
+        -------
+        self
+            With the generators and their masses; `labels_` and `inertia_` are those of these samples, by the generators
+            after they have met them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or an argument is invalid.
+
+        References
+        ----------
+        J. MacQueen, Proc. 5th Berkeley Symposium on Mathematical Statistics and Probability 1 (1967) 281-297.
+
+        Examples
+        --------
+        >>> from cvtimg import CVT
+        >>> cvt = CVT(n_clusters=2).partial_fit([[0.0], [9.0]])
+        >>> cvt.partial_fit([[2.0], [9.0], [4.0]]).cluster_centers_.tolist(), cvt.masses_.tolist()
+        ([[2.0], [9.0]], [3.0, 2.0])
+        """
+        if not hasattr(self, "cluster_centers_"):
+            return self.fit(X, y, sample_weight)
+        rows = self._rows(X)
+        weights = _weights(sample_weight, len(rows))
+        centers = self.cluster_centers_
+        points = pack(rows, weights, center=np.mean(centers, axis=0, dtype=np.float64))
+        moving, masses = points.frame.inward(centers), self.masses_.copy()
+        meet(points, np.arange(len(rows)), weights, moving, masses)
+        self.cluster_centers_ = points.frame.outward(moving).astype(centers.dtype)
+        self.masses_ = masses
+        self.labels_, self.inertia_ = _measure(self.cluster_centers_, rows, weights)
         return self
 
     def predict(self, X: Any) -> Any:  # noqa: N803

@@ -11,9 +11,9 @@ import pytest
 from cvtimg import find_palette, read_image, write_image
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg.cli import app as cli
+from cvtimg.colors.adding import add_samples
 from cvtimg.colors.samples import color_samples
 from cvtimg.quantization import shared_palette
-from cvtimg.quantization.sharing import add_samples
 
 RNG = np.random.default_rng(21)
 PICTURES = [RNG.normal(center, 25, (20, 30, 3)).clip(0, 255).astype(np.uint8) for center in (40, 90, 150, 220, 60)]

@@ -317,3 +317,57 @@ def test_a_long_fit_keeps_its_state(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.cluster_centers_, cvt.cluster_centers_)
     with pytest.raises(ValueError, match="checkpoint needs samples in blocks"):
         cvt.fit(SAMPLES)
+
+
+# Online: MacQueen's method
+
+
+def test_each_generator_is_the_mean_of_what_it_has_met() -> None:
+    rng = np.random.default_rng(2)
+    cvt = CVT(3).partial_fit(SAMPLES[:20])
+    centers, masses = cvt.cluster_centers_.copy(), cvt.masses_.copy()
+    weights = rng.integers(0, 3, 280)
+    cvt.partial_fit(SAMPLES[20:], sample_weight=weights)
+    for row, weight in zip(SAMPLES[20:], weights, strict=True):
+        near = squared_distances(row[None], centers)[0].argmin()
+        centers[near] = (masses[near] * centers[near] + weight * row) / max(masses[near] + weight, 1)
+        masses[near] += weight
+    np.testing.assert_allclose(cvt.cluster_centers_, centers, rtol=1e-6)
+    np.testing.assert_allclose(cvt.masses_, masses)
+
+
+def test_a_stream_converges_to_a_tessellation() -> None:
+    rng = np.random.default_rng(6)
+    held = rng.random((100_000, 2))
+    cvt = CVT(6)
+    defects = []
+    for number in range(60):
+        cvt.partial_fit(rng.random((100 if number < 10 else 4000, 2)))
+        if number in (0, 59):
+            labels = cvt.predict(held)
+            means = np.stack([held[labels == k].mean(axis=0) for k in range(6)])
+            defects.append(np.sqrt(((cvt.cluster_centers_ - means) ** 2).sum(axis=1)).max())
+    assert defects[1] < 0.02
+    assert defects[1] < defects[0] / 3
+    assert cvt.score(held) >= 1.02 * CVT(6).fit(held).score(held)
+
+
+def test_a_stream_in_parts_is_the_same_stream() -> None:
+    first, second = CVT(4).fit(SAMPLES[:50]), CVT(4).fit(SAMPLES[:50])
+    first.partial_fit(SAMPLES[50:])
+    for start in range(50, 300, 25):
+        second.partial_fit(SAMPLES[start : start + 25])
+    np.testing.assert_allclose(first.cluster_centers_, second.cluster_centers_, rtol=1e-8)  # places are float32
+    assert first.masses_.sum() == pytest.approx(300)
+
+
+def test_searches_and_pipelines_take_it() -> None:
+    from sklearn.experimental import enable_halving_search_cv  # noqa: F401
+    from sklearn.model_selection import HalvingRandomSearchCV
+
+    options = {"cvt__n_clusters": [2, 3, 4], "cvt__effort": ["fast", "balanced"]}
+    pipeline = make_pipeline(StandardScaler(), CVT())
+    pipeline.steps[1] = ("cvt", pipeline.steps[1][1])
+    found = HalvingRandomSearchCV(pipeline, options, cv=3, random_state=0, min_resources=60).fit(SAMPLES)
+    assert found.best_params_["cvt__n_clusters"] == 4
+    assert clone(found.best_estimator_).fit(SAMPLES).predict(SAMPLES).shape == (300,)

@@ -22,8 +22,23 @@ def macqueen(points: Points, generators: NDArray[np.float64], conditions: Condit
     """Iterate until the best energy converges; the generator z nearest to the point y becomes (j z + y) / (j + 1)."""
 
     def move(moving: NDArray[np.float64], counts: NDArray[np.float64], drawn: NDArray[np.int64]) -> None:
-        columns = np.ascontiguousarray(moving.T)
-        _kernels.draw_means(points.tiles, drawn, columns, counts, np.empty(len(counts)), conditions.n_locked)
-        moving[:] = columns.T
+        meet(points, drawn, np.ones(len(drawn)), moving, counts, conditions.n_locked)
 
     return follow_draws(points, generators, conditions, 1, move)
+
+
+def meet(
+    points: Points,
+    members: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    moving: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    n_locked: int = 0,
+) -> None:
+    """Let generators meet points one by one: a generator z of mass j that is nearest to y of weight w moves, in place.
+
+    It becomes (j z + w y) / (j + w), and its mass j + w.
+    """
+    columns = np.ascontiguousarray(moving.T)
+    _kernels.draw_means(points.tiles, members, weights, columns, masses, np.empty(len(masses)), n_locked)
+    moving[:] = columns.T

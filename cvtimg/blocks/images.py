@@ -1,0 +1,165 @@
+"""Images in blocks: Dask arrays of pixels, and labeled arrays of xarray, of any number of dimensions."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_numbers, check_shape
+from cvtimg._shared.messages import one_line
+from cvtimg._shared.threads import one_thread
+from cvtimg.blocks.passes import BlockError, add_in_tree, computed
+from cvtimg.blocks.rows import dask_arrays
+
+__all__ = ["PixelBlocks", "is_image_in_blocks"]
+
+T = TypeVar("T")
+
+#: Names of dimensions that hold the bands of a pixel.
+BAND_DIMS = ("band", "bands", "channel", "channels", "c", "rgb", "wavelength")
+#: Where a labeled array says which value means that there is none.
+_NODATA = ("_FillValue", "nodata", "missing_value")
+
+
+def is_image_in_blocks(image: object) -> bool:
+    """Whether an image is a Dask array, or a labeled array of xarray."""
+    return type(image).__module__.partition(".")[0] in ("dask", "xarray")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PixelBlocks:
+    """Pixels in blocks, their bands last.
+
+    Attributes
+    ----------
+    pixels : (..., C) dask.array.Array
+        All bands of a pixel are in one block.
+    nodata : float or None
+        The value of pixels that do not count: those that have it in all bands. Nor do those that are not finite.
+    band : int or None
+        Which dimension of the image holds the bands; None if each pixel is a single value.
+    like : xarray.DataArray or None
+        What the results are labeled like.
+    """
+
+    pixels: Any
+    nodata: float | None
+    band: int | None
+    like: Any
+
+    @classmethod
+    def of(cls, image: Any, nodata: float | None = None) -> PixelBlocks:
+        """Return an image in blocks.
+
+        Parameters
+        ----------
+        image : dask.array.Array or xarray.DataArray
+            A Dask array is (H, W), (H, W, C) or a stack (T, ..., H, W, C). The bands of a DataArray are its dimension
+            of one of the names in `BAND_DIMS`; any others, such as time, y and x, make the pixels.
+        nodata : float, optional
+            By default what the attributes of a DataArray say.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no such image.
+        """
+        da = dask_arrays()
+        like, array = None, image
+        if type(image).__module__.partition(".")[0] == "xarray":
+            like, array = image, image.data
+            names = [str(name).lower() for name in image.dims]
+            band = next((names.index(name) for name in BAND_DIMS if name in names), None)
+            if nodata is None:
+                said = {**image.encoding, **image.attrs}
+                nodata = next((said[name] for name in _NODATA if name in said), None)
+        else:
+            band = None if image.ndim == 2 else image.ndim - 1
+        if not isinstance(array, da.Array):
+            array = da.from_array(np.asarray(array), chunks=-1)
+        allowed = "(H, W), (H, W, C) or (T, ..., H, W, C), none of them 0"
+        check_shape("image", array.shape, array.ndim - (band is not None) >= 1 and 0 not in array.shape, allowed)
+        check_numbers("image", array.dtype)
+        pixels = array[..., None] if band is None else da.moveaxis(array, band, -1)
+        return cls(pixels.rechunk({pixels.ndim - 1: -1}), nodata, band, like)
+
+    def total(self, count: Callable[[NDArray[Any]], T], add: Callable[[Sequence[T]], T]) -> T:
+        """Return the sum of what `count` makes of the (n, C) pixels of each block that count, as in `over_blocks`."""
+        from dask.delayed import delayed
+
+        one = delayed(_counted, pure=False)
+        parts = self.pixels.to_delayed().ravel().tolist()
+        sums = [one(part, number, self.nodata, count) for number, part in enumerate(parts)]
+        result: T = computed(add_in_tree(sums, delayed(add, pure=False)), [(part,) for part in parts])
+        return result
+
+    def mapped(self, function: Callable[[NDArray[Any]], NDArray[Any]], dtype: Any, n_bands: int | None = None) -> Any:
+        """Return what a function makes of the (n, C) pixels of each block that count, labeled as the image is.
+
+        It makes (n,) values, or (n, n_bands); pixels that do not count become 0.
+        """
+        from dask.delayed import delayed
+
+        ndim = self.pixels.ndim - (n_bands is None)
+        found = self.pixels.map_blocks(
+            _mapped_block,
+            function=delayed(function, traverse=False, pure=True),
+            nodata=self.nodata,
+            out=np.dtype(dtype),
+            n_bands=n_bands,
+            dtype=dtype,
+            drop_axis=[self.pixels.ndim - 1] if n_bands is None else [],
+            chunks=(*self.pixels.chunks[:-1], *(() if n_bands is None else ((n_bands,),))),
+            meta=np.empty((0,) * ndim, dtype),
+        )
+        return self._labeled(found, n_bands)
+
+    def _labeled(self, found: Any, n_bands: int | None) -> Any:
+        if n_bands is not None and self.band is not None:
+            found = dask_arrays().moveaxis(found, -1, self.band)
+        elif n_bands is not None:
+            found = found[..., 0]
+        if self.like is None:
+            return found
+        library: Any = sys.modules["xarray"]
+        lazy = isinstance(self.like.data, dask_arrays().Array)
+        dims = [name for at, name in enumerate(self.like.dims) if n_bands is not None or at != self.band]
+        coords = {name: coord for name, coord in self.like.coords.items() if set(coord.dims) <= set(dims)}
+        return library.DataArray(found if lazy else found.compute(), coords, dims, name=self.like.name)
+
+
+def known_pixels(block: NDArray[Any], nodata: float | None) -> NDArray[np.bool_]:
+    """Return which pixels of an (..., C) block count."""
+    inside = np.isfinite(block).all(axis=-1) if block.dtype.kind == "f" else np.ones(block.shape[:-1], bool)
+    if nodata is not None and not np.isnan(nodata):
+        inside &= (block != nodata).any(axis=-1)
+    return inside
+
+
+def _counted(block: Any, number: int, nodata: float | None, count: Callable[[NDArray[Any]], T]) -> T:
+    try:
+        with one_thread():
+            return count(np.ascontiguousarray(block[known_pixels(block, nodata)]))
+    except ValueError as error:
+        raise BlockError(number, one_line(error)) from error
+
+
+def _mapped_block(
+    block: NDArray[Any],
+    *,
+    function: Callable[[NDArray[Any]], NDArray[Any]],
+    nodata: float | None,
+    out: np.dtype[Any],
+    n_bands: int | None,
+) -> NDArray[Any]:
+    inside = known_pixels(block, nodata)
+    result = np.zeros((*inside.shape, *(() if n_bands is None else (n_bands,))), out)
+    if inside.any():
+        with one_thread():
+            result[inside] = function(np.ascontiguousarray(block[inside]))
+    return result
