@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from time import time
 from typing import Any, TypeAlias
 
 from cvtimg.batch.report import reason
@@ -26,6 +29,9 @@ _FOR_SHORT = {
         ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
     ),
 }
+#: Tasks that a worker takes at a time, at most, and how often each of its threads takes some.
+_MOST_AT_A_TIME = 16
+_GROUPS_PER_THREAD = 16
 #: Seconds to wait for the scheduler.
 _PATIENCE = 10
 
@@ -45,10 +51,28 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
         Number of processes of a local cluster, each with one thread.
     """
     with _client(address, n_workers) as client:
-        places = _submitted(client, attempt, tasks)
-        for future in _as_completed(places):
-            yield places[future], _outcome(future, tasks[places[future]])
+        n_each = _tasks_at_a_time(len(tasks), sum(client.nthreads().values()))
+        whole = range(len(tasks))
+        groups = [list(whole[first : first + n_each]) for first in range(0, len(tasks), n_each)]
+        started = time()
+        futures = {
+            client.submit(_several, attempt, _pick(tasks, group), started, pure=False): group for group in groups
+        }
+        suspects: list[int] = []
+        for future in _library().as_completed(list(futures)):
+            group = futures[future]
+            if future.status == "finished":
+                yield from zip(group, future.result(), strict=True)
+            elif future.status == "cancelled":
+                yield from ((place, Outcome.failed(tasks[place], "the Dask cluster was lost")) for place in group)
+            else:
+                suspects += group
             future.release()
+        # One of them ends its workers, or cannot be sent back. One after the other, the others are done without it.
+        for place in suspects:
+            alone = client.submit(_several, attempt, [tasks[place]], started, pure=False)
+            _library().wait(alone)
+            yield place, alone.result()[0] if alone.status == "finished" else _outcome(alone, tasks[place])
 
 
 def sum_on_dask(
@@ -62,7 +86,7 @@ def sum_on_dask(
     with _client(address, n_workers) as client:
         places = _submitted(client, attempt, tasks)
         why: dict[int, str] = {}
-        for future in _as_completed(places):
+        for future in _library().as_completed(list(places)):
             # Only the reason is transferred; results stay on the workers.
             failed = client.submit(_why, future).result() if future.status == "finished" else ""
             if failed or future.status != "finished":
@@ -78,6 +102,39 @@ def sum_on_dask(
 def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[Future, int]:
     alone = partial(_alone, attempt=attempt)
     return {client.submit(alone, task, pure=False): place for place, task in enumerate(tasks)}
+
+
+def _tasks_at_a_time(n_tasks: int, n_threads: int) -> int:
+    """Several, so that handing them over costs little, but no more than let all workers end at about the same time."""
+    return min(_MOST_AT_A_TIME, max(1, n_tasks // (_GROUPS_PER_THREAD * max(1, n_threads))))
+
+
+def _pick(tasks: Sequence[Task], places: Sequence[int]) -> list[Task]:
+    return [tasks[place] for place in places]
+
+
+def _several(attempt: Attempt, tasks: Sequence[Task], started: float) -> list[Outcome]:
+    """Do some tasks; rows tell which worker did them."""
+    from distributed import get_worker
+
+    library: Any = get_worker
+    name = str(library().name)
+    outcomes = []
+    for task in tasks:
+        for path in task.outputs.values():
+            _remove_own(path, started)
+        outcome = _alone(task, attempt=attempt)
+        if isinstance(outcome.result, dict):
+            outcome = replace(outcome, result={**outcome.result, "worker": name})
+        outcomes.append(outcome)
+    return outcomes
+
+
+def _remove_own(path: Path, started: float) -> None:
+    """Remove an output that was written since this run started: by a worker that was lost before it could say so."""
+    with suppress(OSError):
+        if path.is_file() and path.stat().st_mtime > started:
+            path.unlink()
 
 
 def _alone(task: Task, *, attempt: Attempt) -> Outcome:
@@ -97,12 +154,11 @@ def _result(outcome: Outcome) -> Any:
     return outcome.result
 
 
-def _as_completed(futures: Any) -> Iterator[Future]:
+def _library() -> Any:
+    """Import distributed, which is not typed."""
     import distributed
 
-    library: Any = distributed
-    completed: Iterator[Future] = library.as_completed(list(futures))
-    return completed
+    return distributed
 
 
 def _outcome(future: Future, task: Task) -> Outcome:

@@ -172,8 +172,10 @@ def _indices(blocks: PixelBlocks, palette: NDArray[Any], alpha: bool, space: Spa
 
 
 def _indices_of(pixels: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
-    return map_to_palette(pixels[None], palette, alpha=alpha, space=space).indices[0]
+    indices: NDArray[Any] = map_to_palette(pixels[None], palette, alpha=alpha, space=space).indices[0]
+    return indices
 
 
 def _colors_of(pixels: NDArray[Any], *, palette: NDArray[Any], alpha: bool, space: SpaceName) -> NDArray[Any]:
-    return palette[_indices_of(pixels, palette=palette, alpha=alpha, space=space)]
+    colors: NDArray[Any] = palette[_indices_of(pixels, palette=palette, alpha=alpha, space=space)]
+    return colors

@@ -128,8 +128,8 @@ def quantize(
         dither_strength = STRENGTH if palette is None else 1.0
     check_keywords("quantize", engine, EngineOptions.__annotations__)
     if is_image_in_blocks(image):
-        others = {"mask": mask, "psnr": psnr, "dither": dither, "weights": weights}
-        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine, **others)
+        unable = {"mask": mask, "psnr": psnr, "dither": dither, "weights": weights}
+        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine, **unable)
         return cast(Quantized, found)
     source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
     if palette is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,11 +11,14 @@ import numpy as np
 import pytest
 
 from cvtimg import find_palette, quantize, read_image, tessellate, write_image
+from cvtimg.batch import Task, on_dask
+from cvtimg.batch.tasks import Outcome
 from cvtimg.cli import app as cli
 from cvtimg.colors import color_samples
 from cvtimg.quantization import quantize_blocks
 
 distributed = pytest.importorskip("distributed")
+import dask  # noqa: E402
 import dask.array as da  # noqa: E402
 
 RNG = np.random.default_rng(41)
@@ -67,6 +71,40 @@ def test_a_bad_picture_fails_alone(
     assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", scheduler, "--quiet", *options]) == 1
     assert capsys.readouterr().err == "cvtimg: in/bad.png: cannot be read: unknown image format\n"
     assert len(list(Path("out").iterdir())) == len(PICTURES)
+
+
+def test_rows_tell_which_worker_did_what(scheduler: str, folder: Path) -> None:
+    command = ["quantize", "in", "-k", "9", "--quiet", "--report", "r.jsonl", "--out-dir", "out", "--dask", scheduler]
+    assert cli.main(command) == 0
+    rows = [json.loads(line) for line in Path("r.jsonl").read_text().splitlines()]
+    assert len(rows) == len(PICTURES)
+    assert {row["worker"] for row in rows} <= {"0", "1"}
+
+
+def _ends_its_worker(task: Task) -> Outcome:
+    if task.source.name == "bad":
+        os._exit(9)
+    task.output.write_text(task.source.name)
+    return Outcome({"input": task.source.name})
+
+
+@pytest.mark.slow
+def test_a_task_that_ends_its_workers_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_dask, "_GROUPS_PER_THREAD", 1)
+    names = ["a", "b", "bad", "c", "d", "e", "f", "g"]
+    tasks = [Task((Path(name),), {"-o": tmp_path / name}) for name in names]
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+        found = dict(on_dask.on_dask(_ends_its_worker, tasks, "local", 2))
+    assert sorted(found) == list(range(len(tasks)))
+    assert [names[place] for place, outcome in found.items() if outcome.why] == ["bad"]
+    assert found[2].why == "2 workers were lost while they worked on it"
+    assert {path.name for path in tmp_path.iterdir()} == {*names} - {"bad"}
+
+
+def test_several_small_tasks_are_handed_over_at_a_time() -> None:
+    assert on_dask._tasks_at_a_time(200, 2) == 6
+    assert on_dask._tasks_at_a_time(5, 2) == 1
+    assert on_dask._tasks_at_a_time(10**6, 2) == 16
 
 
 def test_no_scheduler_is_wrong_usage(

@@ -1,0 +1,97 @@
+"""One worker or two, in whatever order they end, and even when one is killed: the bits are the same."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg import tessellate
+from cvtimg.blocks import Blocks, as_blocks
+
+distributed = pytest.importorskip("distributed")
+import dask  # noqa: E402
+import dask.array as da  # noqa: E402
+
+ROWS = np.random.default_rng(3).normal(size=(1200, 3)).cumsum(axis=0)
+# Distributed leaves sockets to the garbage collector.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.timeout(280),
+]
+
+
+def read(start: int, folder: str, kill_at: int = -1) -> NDArray[np.float64]:
+    """Read some rows, after a while; the first to come to some place kills its worker."""
+    time.sleep(random.random() / 50)
+    if start == kill_at:
+        try:
+            Path(folder, "killed").touch(exist_ok=False)
+        except FileExistsError:
+            pass
+        else:
+            os.kill(os.getpid(), signal.SIGKILL)
+    return ROWS[start : start + 100]
+
+
+def blocks(folder: Path, kill_at: int = -1) -> Blocks:
+    parts = [dask.delayed(read, pure=False)(start, str(folder), kill_at) for start in range(0, 1200, 100)]
+    return as_blocks(da.concatenate([da.from_delayed(part, (100, 3), np.float64) for part in parts]))
+
+
+@pytest.fixture
+def threads() -> Iterator[Any]:
+    options = {"threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(n_workers=2, **options) as cluster, distributed.Client(cluster) as client:
+        yield client
+
+
+def test_bits_are_equal_for_one_and_two_workers_and_for_any_order(threads: Any, tmp_path: Path) -> None:
+    results = [tessellate(blocks(tmp_path), 7, effort="best")]
+    results.append(tessellate(blocks(tmp_path), 7, effort="best"))
+    threads.cluster.scale(1)
+    results.append(tessellate(blocks(tmp_path), 7, effort="best"))
+    with dask.config.set(scheduler="sync"):
+        results.append(tessellate(blocks(tmp_path), 7, effort="best"))
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].generators, other.generators)
+        assert results[0].energies == other.energies
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_time_and_no_bit(tmp_path: Path) -> None:
+    with dask.config.set(scheduler="sync"):
+        expected = tessellate(blocks(tmp_path), 7)
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster):
+        result = tessellate(blocks(tmp_path, kill_at=500), 7)
+    assert (tmp_path / "killed").exists()
+    np.testing.assert_array_equal(result.generators, expected.generators)
+    assert result.energies == expected.energies
+
+
+def _slowly(start: int) -> NDArray[np.float64]:
+    time.sleep(0.2)
+    return ROWS[start : start + 100]
+
+
+def test_a_lost_cluster_is_said_in_one_error() -> None:
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    parts = [dask.delayed(_slowly, pure=False)(start) for start in range(0, 1200, 100)]
+    rows = da.concatenate([da.from_delayed(part, (100, 3), np.float64) for part in parts])
+    cluster = distributed.LocalCluster(**options)
+    with distributed.Client(cluster):
+        timer = threading.Timer(1, cluster.close)
+        timer.start()
+        with pytest.raises(ConnectionError, match="the Dask cluster was lost"):
+            tessellate(rows, 7)
+        timer.join()
