@@ -95,7 +95,9 @@ class PixelBlocks:
         one = delayed(_counted, pure=False)
         parts = self.pixels.to_delayed().ravel().tolist()
         sums = [one(part, number, self.nodata, count) for number, part in enumerate(parts)]
-        result: T = computed(add_in_tree(sums, delayed(add, pure=False)), [(part,) for part in parts])
+        total = add_in_tree(sums, delayed(add, pure=False))
+        # What is in memory is worked on where it is, perhaps by a task of a cluster.
+        result: T = computed(total, [(part,) for part in parts], None if self._is_lazy else "sync")
         return result
 
     def mapped(self, function: Callable[[NDArray[Any]], NDArray[Any]], dtype: Any, n_bands: int | None = None) -> Any:
@@ -119,18 +121,30 @@ class PixelBlocks:
         )
         return self._labeled(found, n_bands)
 
+    @property
+    def _is_lazy(self) -> bool:
+        return self.like is None or isinstance(self.like.data, dask_arrays().Array)
+
     def _labeled(self, found: Any, n_bands: int | None) -> Any:
+        dims = [] if self.like is None else [name for at, name in enumerate(self.like.dims) if at != self.band]
         if n_bands is not None and self.band is not None:
             found = dask_arrays().moveaxis(found, -1, self.band)
-        elif n_bands is not None:
+            dims = [] if self.like is None else list(self.like.dims)
+        elif n_bands == 1:
             found = found[..., 0]
+        elif n_bands is not None:
+            dims.append(BAND_DIMS[0])
         if self.like is None:
             return found
+        sizes = dict(zip(dims, found.shape, strict=True))
+        coords = {
+            name: coord
+            for name, coord in self.like.coords.items()
+            if all(sizes.get(dim) == size for dim, size in coord.sizes.items())
+        }
+        values = found if self._is_lazy else found.compute(scheduler="sync")
         library: Any = sys.modules["xarray"]
-        lazy = isinstance(self.like.data, dask_arrays().Array)
-        dims = [name for at, name in enumerate(self.like.dims) if n_bands is not None or at != self.band]
-        coords = {name: coord for name, coord in self.like.coords.items() if set(coord.dims) <= set(dims)}
-        return library.DataArray(found if lazy else found.compute(), coords, dims, name=self.like.name)
+        return library.DataArray(values, coords, dims, name=self.like.name)
 
 
 def known_pixels(block: NDArray[Any], nodata: float | None) -> NDArray[np.bool_]:

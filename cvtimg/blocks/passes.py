@@ -208,8 +208,8 @@ def _work(
         raise BlockError(number, one_line(error)) from error
 
 
-def computed(total: Any, parts: Sequence[tuple[Any, ...]]) -> Any:
-    """Compute a delayed value that is made of delayed parts, the arrays of each block.
+def computed(total: Any, parts: Sequence[tuple[Any, ...]], scheduler: str | None = None) -> Any:
+    """Compute a delayed value that is made of delayed parts, the arrays of each block; by the current scheduler.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def computed(total: Any, parts: Sequence[tuple[Any, ...]]) -> Any:
         If the cluster was lost.
     """
     try:
-        return _compute(total)[0]
+        return _compute(total, scheduler=scheduler)[0]
     except BlockError:
         raise
     except Exception as error:
@@ -253,9 +253,9 @@ def _length(part: Any) -> Any:
     return delayed(len, pure=False)(part)
 
 
-def _compute(*values: Any) -> tuple[Any, ...]:
+def _compute(*values: Any, scheduler: str | None = None) -> tuple[Any, ...]:
     import dask.base
 
     library: Any = dask.base
-    computed: tuple[Any, ...] = library.compute(*values)
+    computed: tuple[Any, ...] = library.compute(*values, scheduler=scheduler)
     return computed

@@ -70,6 +70,17 @@ def test_a_given_palette_is_used_as_it_is() -> None:
     assert result.energy == pytest.approx(whole.energy)
 
 
+def test_gray_becomes_color_by_a_palette_of_colors() -> None:
+    xr = pytest.importorskip("xarray")
+    palette = [[0, 0, 90], [120, 120, 10], [255, 255, 255]]
+    whole = quantize(IMAGE[..., 0], palette=palette)
+    np.testing.assert_array_equal(quantize(blocks(IMAGE[..., 0]), palette=palette).image.compute(), whole.image)
+    labeled = xr.DataArray(IMAGE[..., 0], {"y": np.arange(30)}, ("y", "x"))
+    image = quantize(labeled, palette=palette).image
+    assert image.dims == ("y", "x", "band")
+    np.testing.assert_array_equal(image.to_numpy(), whole.image)
+
+
 def test_a_stack_has_one_palette_and_one_set_of_segments_without_nodata() -> None:
     stack = np.stack([IMAGE, IMAGE + 30, IMAGE // 2])
     stack[0, :5] = 9  # as nodata
