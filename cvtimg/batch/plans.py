@@ -14,6 +14,8 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
+from cvtimg.files.finding import image_suffixes
+from cvtimg.files.remote import find_remote, is_remote
 
 __all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
 
@@ -162,7 +164,10 @@ def find(
     outside = out_dir.resolve() if out_dir else None
     for text, root in _listed(inputs, missing):
         try:
-            found = [Path(text)] if is_pipe(Path(text)) else expand(text)
+            if is_remote(text):
+                found = find_remote(text, image_suffixes())
+            else:
+                found = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:
             missing.append((text, error))
             continue
@@ -191,7 +196,7 @@ def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path
 def _root(text: str) -> Path:
     """Return the folder that an argument names or is in; for a pattern, the folder before the first wildcard."""
     path = Path(text)
-    if path.is_dir():
+    if path.is_dir() or (is_remote(text) and not path.suffix and not glob.has_magic(text)):
         return path
     if glob.has_magic(text) and not path.exists():
         return Path(*takewhile(lambda part: not glob.has_magic(part), path.parts))

@@ -16,6 +16,7 @@ from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
+from cvtimg.files.remote import check_is_new, fetch, is_remote, remote_exists, send, url_of
 
 __all__ = ["Running", "check_plan", "fold", "run"]
 
@@ -184,7 +185,11 @@ def _n_bytes(column: str, files: Sequence[Path]) -> Row:
 
 
 def _is_done(task: Task) -> bool:
-    return bool(task.outputs) and all(path.exists() for path in task.outputs.values())
+    return bool(task.outputs) and all(_exists(path) for path in task.outputs.values())
+
+
+def _exists(path: Path) -> bool:
+    return remote_exists(path) if is_remote(path) else path.exists()
 
 
 def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
@@ -202,7 +207,47 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
             row |= _n_bytes("output_bytes", tuple(task.outputs.values()))
         return {**row, "seconds": stopwatch.laps} if stopwatch.laps else row
 
+    if any(map(is_remote, (*task.sources, *task.outputs.values()))):
+        return _attempt_elsewhere(task, checked, running.overwrite or running.in_place)
     return _call(task, work=checked)
+
+
+def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], overwrite: bool) -> Outcome:
+    """Do the work on copies of files that are elsewhere, where the work is, and send the outputs once all is done."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        fetched = _call(task, work=partial(_fetched, folder=Path(folder), overwrite=overwrite))
+        if fetched.why:
+            return fetched
+        outcome = _call(fetched.result, work=work)
+        if outcome.why:
+            return outcome
+        sent = _call(task, work=partial(_send, copies=fetched.result, overwrite=overwrite))
+        return sent if sent.why else outcome
+
+
+def _fetched(task: Task, *, folder: Path, overwrite: bool) -> Task:
+    """Return the task with copies of its inputs, and with files here for its outputs."""
+    copies: dict[Path, Path] = {}
+    for number, path in enumerate(filter(is_remote, (*task.sources, *task.outputs.values()))):
+        copies[path] = folder / str(number) / path.name
+        copies[path].parent.mkdir()
+    for path in task.outputs.values():
+        if path in copies and not overwrite:
+            check_is_new(path)
+    for path in task.sources:
+        if path in copies:
+            fetch(path, copies[path])
+    shown = {**task.shown, **{copy: url_of(path) for path, copy in copies.items()}}
+    sources = tuple(copies.get(path, path) for path in task.sources)
+    return Task(sources, {option: copies.get(path, path) for option, path in task.outputs.items()}, shown)
+
+
+def _send(task: Task, *, copies: Task, overwrite: bool) -> None:
+    for option, path in task.outputs.items():
+        if is_remote(path) and copies.outputs[option].exists():
+            send(copies.outputs[option], path, overwrite=overwrite)
 
 
 def _worked(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
@@ -288,9 +333,10 @@ def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
     """Create folders for outputs, clear what killed runs left there, and at the end remove folders that are empty."""
     from cvtimg.files.whole import remove_leftovers
 
-    wanted = dict.fromkeys(path.parent for task in tasks for path in task.outputs.values())
+    outputs = [path for task in tasks for path in task.outputs.values()]
+    wanted = dict.fromkeys(path.parent for path in outputs if not is_remote(path))
     made: list[Path] = []
-    for folder in [out_dir, *wanted] if out_dir else []:
+    for folder in [out_dir, *wanted] if out_dir and not is_remote(out_dir) else []:
         missing = [above for above in (folder, *folder.parents) if not above.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         made += reversed(missing)

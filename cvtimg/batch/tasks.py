@@ -8,6 +8,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias
 
+from cvtimg.files.remote import url_of
+
 __all__ = ["Attempt", "InputsFailedError", "Missing", "Outcome", "Row", "Stopwatch", "Task", "Work", "WrongUsageError"]
 
 #: Row of a report: values by column.
@@ -57,7 +59,7 @@ class Task:
 
     def shown_name(self, path: Path) -> str:
         """Return the name to show for a file."""
-        return self.shown.get(path, str(path))
+        return self.shown.get(path, url_of(path))
 
     @property
     def facts(self) -> Row:

@@ -55,7 +55,7 @@ def _expand(path: StrPath) -> list[Path]:
         inside = sorted(
             file
             for file in given.rglob("*")
-            if file.suffix.lower() in _picture_suffixes()
+            if file.suffix.lower() in image_suffixes()
             and not any(part.startswith(".") for part in file.relative_to(given).parts)
             and file.is_file()
         )
@@ -74,7 +74,8 @@ def _expand(path: StrPath) -> list[Path]:
 
 
 @lru_cache(maxsize=1)
-def _picture_suffixes() -> frozenset[str]:
+def image_suffixes() -> frozenset[str]:
+    """Return the suffixes of images that Pillow reads."""
     from PIL import Image  # imported late: writing a table does not need Pillow
 
     formats = Image.registered_extensions()

@@ -1,0 +1,130 @@
+"""Files elsewhere, such as s3://, gs:// and https://, by fsspec: found from here, read and written where the work is.
+
+A path keeps a URL with a single slash, as `pathlib` has it: ``Path("s3://bucket/a.png")`` is ``s3:/bucket/a.png``.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from cvtimg._shared.messages import one_line
+from cvtimg.files.whole import StrPath
+
+__all__ = ["check_is_new", "fetch", "find_remote", "is_remote", "remote_exists", "send", "url_of"]
+
+#: A scheme has two letters or more: one is a drive of Windows.
+_URL = re.compile(r"([a-z][a-z0-9+.-]+):/+(.*)", re.DOTALL)
+
+
+def is_remote(path: StrPath) -> bool:
+    """Whether a path is a URL of a file elsewhere."""
+    return _URL.fullmatch(str(path)) is not None
+
+
+def url_of(path: StrPath) -> str:
+    """Return the URL that a path was made of.
+
+    Examples
+    --------
+    >>> url_of(Path("s3://bucket/a.png"))
+    's3://bucket/a.png'
+    """
+    found = _URL.fullmatch(str(path))
+    return f"{found[1]}://{found[2]}" if found else str(path)
+
+
+def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
+    """List the files that a URL names: itself, those that a pattern matches, or those in a folder with such suffixes.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none.
+    OSError
+        If nothing answers.
+    """
+    files, place = _opened(url)
+    try:
+        if glob.has_magic(place):
+            found = [name for name in files.glob(place) if not files.isdir(name)]
+        elif Path(place).suffix.lower() not in suffixes and files.isdir(place):
+            found = [name for name in files.find(place) if Path(name).suffix.lower() in suffixes]
+        else:
+            found = [place] if files.exists(place) else []
+    except Exception as error:  # of many libraries
+        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
+    if not found:
+        raise FileNotFoundError(f"{url}: no such file")
+    return [Path(files.unstrip_protocol(name)) for name in sorted(found)]
+
+
+def remote_exists(path: StrPath) -> bool:
+    """Whether there is such a file."""
+    files, place = _opened(url_of(path))
+    return bool(files.exists(place))
+
+
+def check_is_new(path: StrPath) -> None:
+    """Refuse to replace a file.
+
+    Raises
+    ------
+    FileExistsError
+        If there is one.
+    """
+    if remote_exists(path):
+        raise FileExistsError(f"{url_of(path)}: exists already; pass overwrite (--overwrite) to replace it")
+
+
+def fetch(path: StrPath, target: Path) -> None:
+    """Copy a file from elsewhere.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    files, place = _opened(url_of(path))
+    try:
+        with files.open(place, "rb") as source, target.open("wb") as copy:
+            shutil.copyfileobj(source, copy, 1 << 20)
+    except Exception as error:
+        raise OSError(f"{url_of(path)}: cannot be read ({one_line(error)})") from error
+
+
+def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
+    """Copy a whole file elsewhere. Stores of objects show it once it is complete.
+
+    Raises
+    ------
+    FileExistsError
+        If it exists and `overwrite` is false.
+    OSError
+        If it cannot be written.
+    """
+    if not overwrite:
+        check_is_new(path)
+    files, place = _opened(url_of(path))
+    try:
+        if parent := place.rpartition("/")[0]:
+            files.makedirs(parent, exist_ok=True)
+        files.put_file(str(source), place)
+    except Exception as error:
+        raise OSError(f"{url_of(path)}: cannot be written ({one_line(error)})") from error
+
+
+def _opened(url: str) -> tuple[Any, str]:
+    """Return the file system of a URL, and the place in it."""
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise OSError(f"{url}: needs fsspec: pip install 'cvtimg[remote]'") from error
+    try:
+        files, place = url_to_fs(url)
+    except (ImportError, ValueError) as error:  # s3fs, gcsfs, aiohttp; or no such scheme
+        raise OSError(f"{url}: cannot be opened ({one_line(error)})") from error
+    return files, str(place)

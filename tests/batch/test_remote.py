@@ -1,0 +1,106 @@
+"""Files elsewhere are read and written where the work is, whole or not at all."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cvtimg import quantize, read_image, write_image
+from cvtimg.cli import app as cli
+from cvtimg.files.remote import is_remote, url_of
+
+fsspec = pytest.importorskip("fsspec")
+RNG = np.random.default_rng(9)
+PICTURES = {name: RNG.integers(0, 256, (9, 12, 3), np.uint8) for name in ("a.png", "deep/b.png", "c.bmp")}
+
+
+@pytest.fixture
+def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
+    """Put pictures into a file system in memory; work in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    files = fsspec.filesystem("memory")
+    for name, picture in PICTURES.items():
+        write_image(f"x{Path(name).suffix}", picture, overwrite=True)
+        files.makedirs(f"/in/{Path(name).parent}", exist_ok=True)
+        files.put_file(f"x{Path(name).suffix}", f"/in/{name}")
+    files.pipe_file("/in/notes.txt", b"no picture")
+    yield files
+    files.store.clear()
+    files.pseudo_dirs[:] = [""]
+
+
+def test_urls_are_paths_and_come_back() -> None:
+    for url in ("s3://bucket/a b.png", "https://host:80/a/b.png", "memory://x"):
+        assert is_remote(url)
+        assert is_remote(Path(url))
+        assert url_of(Path(url)) == url
+    for path in ("a.png", "/a/b.png", "C:/a.png", "a:b.png", "-"):
+        assert not is_remote(path)
+        assert url_of(path) == path
+
+
+def test_a_folder_in_memory_becomes_another(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["quantize", "memory://in", "-k", "4", "--out-dir", "memory://out", "--json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert sorted(row["input"] for row in rows) == ["memory://in/a.png", "memory://in/c.bmp", "memory://in/deep/b.png"]
+    assert sorted(row["output"] for row in rows) == [
+        "memory://out/a.png",
+        "memory://out/c.png",
+        "memory://out/deep/b.png",
+    ]
+    with fsspec.open("memory://out/deep/b.png", "rb") as file:
+        Path("b.png").write_bytes(file.read())
+    np.testing.assert_array_equal(read_image("b.png"), quantize(PICTURES["deep/b.png"], 4).image)
+    assert not any("memory:" in path.name for path in Path().iterdir())
+
+
+def test_a_file_is_not_replaced_unless_asked(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["quantize", "memory://in/a.png", "-o", "memory://out/a.png", "--quiet"]
+    assert cli.main([*command, "-k", "4"]) == 0
+    assert cli.main([*command, "-k", "2"]) == 1
+    assert "cvtimg: memory://in/a.png: memory://out/a.png: exists already" in capsys.readouterr().err
+    assert cli.main([*command, "-k", "2", "--skip-existing"]) == 0
+    assert cli.main([*command, "-k", "2", "--overwrite"]) == 0
+    with fsspec.open("memory://out/a.png", "rb") as file:
+        Path("a.png").write_bytes(file.read())
+    assert len(np.unique(read_image("a.png").reshape(-1, 3), axis=0)) == 2
+
+
+def test_a_bad_file_is_named_by_its_url_and_writes_nothing(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
+    with fsspec.open("memory://in/bad.png", "wb") as file:
+        file.write(b"no picture")
+    assert cli.main(["quantize", "memory://in", "-k", "4", "--out-dir", "memory://out", "--quiet"]) == 1
+    assert capsys.readouterr().err == "cvtimg: memory://in/bad.png: cannot be read: unknown image format\n"
+    assert len(fsspec.filesystem("memory").find("/out")) == 3
+    assert cli.main(["info", "memory://in/none.png", "--quiet"]) == 1
+    assert "memory://in/none.png: no such file" in capsys.readouterr().err
+
+
+def test_a_server_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("aiohttp")
+    monkeypatch.chdir(tmp_path)
+    Path("site").mkdir()
+    write_image("site/a.png", PICTURES["a.png"])
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory="site"))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        url = f"http://127.0.0.1:{server.server_port}/a.png"
+        assert cli.main(["quantize", url, "-k", "4", "-o", "b.png", "--quiet"]) == 0
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    np.testing.assert_array_equal(read_image("b.png"), quantize(PICTURES["a.png"], 4).image)
