@@ -98,7 +98,7 @@ def uniform(quick: bool) -> list[Row]:
     """Make grids of even cells."""
     import cvtimg
 
-    counts = (40_962, 40_000) if quick else (40_962, 163_842, 655_362, 40_000)
+    counts = (40_962, 40_000) if quick else (40_962, 163_842, 655_362, 2_621_442, 40_000)
     return [figures(*timed(partial(cvtimg.sphere_grid, n), time.process_time)) for n in counts]
 
 

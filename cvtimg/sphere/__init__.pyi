@@ -5,6 +5,7 @@ from .formats.polygons import cell_polygons
 from .grids import EFFORTS, Effort, sphere_grid
 from .measures import GridMeasures, measure_grid
 from .nesting import Cap, nested_grid
+from .patches import move_in_patches
 from .result import SphereGrid
 from .triangulation import LEAST_DISTANCE, SphereCells, triangulate
 
@@ -24,6 +25,7 @@ __all__ = [
     "cell_polygons",
     "coastal_grid",
     "measure_grid",
+    "move_in_patches",
     "nested_grid",
     "sphere_grid",
     "triangulate",
