@@ -56,6 +56,26 @@ def test_a_field_around_a_slit_is_interpolated_better_from_a_tessellation(exampl
     Image.open(tmp_path / "s.png").verify()
 
 
+@pytest.mark.slow
+def test_residuals_lead_to_meshes_that_are_as_good_as_they_can_be(example: Any, tmp_path: Path) -> None:
+    pytest.importorskip("skfem")
+    for name, found in example("adaptive").main(["interfaces", "gear"], 1000, tmp_path).items():
+        adaptive, uniform = (np.array(found[kind]) for kind in ("adaptive", "uniform"))
+        assert adaptive[-1, 0] == uniform[-1, 0] == 1000
+        assert (adaptive[-1, 1:] < 0.7 * uniform[-1, 1:]).all(), name
+        slopes = [np.polyfit(*np.log(adaptive[2:, [0, column]].T), 1)[0] for column in (1, 2)]
+        assert slopes[0] < -0.9, name
+        assert slopes[1] < -0.45, name
+        Image.open(tmp_path / f"adaptive_{name}.png").verify()
+
+
+def test_an_ocean_is_meshed_from_two_images(example: Any, tmp_path: Path) -> None:
+    (mesh,) = example("ocean").main(None, None, (3000,), tmp_path, side=128)
+    assert len(mesh.points) == 3000
+    assert mesh.qualities.mean() > 0.95
+    Image.open(tmp_path / "ocean.png").verify()
+
+
 def test_anisotropic_meshes_resolve_a_boundary_layer(example: Any, tmp_path: Path) -> None:
     pytest.importorskip("skfem")
     *_, (n, l2, h1, plain_l2, plain_h1) = example("boundary_layer").main(tmp_path / "b.png", (63, 170, 515))

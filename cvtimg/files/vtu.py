@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["vtu_content"]
 
 #: VTK's numbers of kinds of cells.
-TRIANGLE, POLYGON = 5, 7
+TRIANGLE, POLYGON, TETRAHEDRON = 5, 7, 10
 _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 

@@ -4,6 +4,7 @@ from .measures import MeshMeasures, TriangleMeasures, measure_mesh, measure_tria
 from .meshing import EFFORTS, Effort, mesh_labels, mesh_region
 from .result import Mesh
 from .sizes import MeshSize
+from .volumes import VolumeMesh, mesh_volume
 
 __all__ = [
     "EFFORTS",
@@ -15,8 +16,10 @@ __all__ = [
     "MeshSize",
     "RecoveredHessian",
     "TriangleMeasures",
+    "VolumeMesh",
     "measure_mesh",
     "measure_triangles",
     "mesh_labels",
     "mesh_region",
+    "mesh_volume",
 ]

@@ -15,6 +15,8 @@ from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
 
+#: A closed smooth line of a polygon has at least so many edges.
+_ROUND = 6
 #: A line is sampled at steps of at most this part of an edge.
 _STEP = 0.34
 #: A vertex must not be nearer to the edge of another line than this part of that edge.
@@ -64,7 +66,7 @@ def place_on_borders(
 
 def _spaced(outline: Outline, field: Field, share: float) -> Borders:
     """Place vertices at equal steps, in the metric, along each line."""
-    places, line_of = _sampled(outline.lines, field)
+    places, line_of = sampled(outline.lines, field)
     starts = np.flatnonzero(np.append(True, np.diff(line_of) > 0))
     stops = np.append(starts[1:], len(places)) - 1
     steps = np.diff(places, axis=0)
@@ -73,7 +75,9 @@ def _spaced(outline: Outline, field: Field, share: float) -> Borders:
     along = np.append(0, np.cumsum(lengths))
     totals = along[stops] - along[starts]
     is_closed = (places[starts] == places[stops]).all(axis=1)
-    n_edges = np.maximum(np.rint(totals * share).astype(np.intp), np.where(is_closed, 3, 1))
+    n_edges = np.maximum(
+        np.rint(totals * share).astype(np.intp), np.where(is_closed, 3 if outline.mask is not None else _ROUND, 1)
+    )
     own = np.repeat(np.arange(len(starts)), n_edges - 1)
     number = np.arange(len(own)) - np.repeat(np.cumsum(n_edges - 1) - (n_edges - 1), n_edges - 1) + 1
     at = along[starts][own] + number / n_edges[own] * totals[own]
@@ -135,7 +139,7 @@ def _cross(a: Points, b: Points) -> NDArray[np.float64]:
     return product
 
 
-def _sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
+def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])

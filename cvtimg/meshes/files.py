@@ -65,10 +65,10 @@ def _msh(mesh: MeshContent) -> bytes:
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n",
         f"$PhysicalNames\n{len(names)}\n" + "\n".join(names) + "\n$EndPhysicalNames\n",
         f"$Nodes\n{n}\n",
-        _rows("%d %.17g %.17g %g\n", np.column_stack([np.arange(1, n + 1), _in_space(mesh.points)])),
+        rows_of("%d %.17g %.17g %g\n", np.column_stack([np.arange(1, n + 1), _in_space(mesh.points)])),
         f"$EndNodes\n$Elements\n{n_edges + n_triangles}\n",
-        _rows("%d %d %d %d %d %d %d\n", edges),
-        _rows("%d %d %d %d %d %d %d %d\n", triangles),
+        rows_of("%d %d %d %d %d %d %d\n", edges),
+        rows_of("%d %d %d %d %d %d %d %d\n", triangles),
         "$EndElements\n",
     ]
     return "".join(parts).encode()
@@ -76,9 +76,9 @@ def _msh(mesh: MeshContent) -> bytes:
 
 def _obj(mesh: MeshContent) -> bytes:
     """Wavefront's format: a group for each tag."""
-    parts = [_rows("v %.17g %.17g %g\n", _in_space(mesh.points))]
+    parts = [rows_of("v %.17g %.17g %g\n", _in_space(mesh.points))]
     for tag in np.unique(mesh.tags):
-        parts.append(f"g {tag}\n" + _rows("f %d %d %d\n", mesh.triangles[mesh.tags == tag] + 1))
+        parts.append(f"g {tag}\n" + rows_of("f %d %d %d\n", mesh.triangles[mesh.tags == tag] + 1))
     return "".join(parts).encode()
 
 
@@ -135,5 +135,6 @@ def _in_space(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])
 
 
-def _rows(form: str, rows: NDArray[np.generic]) -> str:
+def rows_of(form: str, rows: NDArray[np.generic]) -> str:
+    """Write each row of numbers by a form."""
     return (form * len(rows)) % tuple(rows.ravel().tolist())

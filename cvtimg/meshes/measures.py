@@ -190,6 +190,14 @@ def boundary_edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return outer
 
 
+def boundary_faces(tetrahedra: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the (S, 3) faces that only one tetrahedron has, counter-clockwise seen from outside."""
+    faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
+    _, inverse, counts = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    outer: NDArray[np.int32] = faces[counts[inverse.reshape(-1)] == 1]
+    return outer
+
+
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:
     """Polygons that cover a mesh: its rings, where they are nested, as a polygon with holes."""
     import shapely

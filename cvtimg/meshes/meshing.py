@@ -23,6 +23,7 @@ from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
+from cvtimg.meshes.projection import project_to_borders
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike, size_field
@@ -57,6 +58,8 @@ EFFORTS: dict[str, Effort] = {
     "balanced": Effort(15, 1e-3, 3, 4),
     "best": Effort(300, 1e-4, 5, 24),
 }
+#: How vertices come to the boundary.
+BOUNDARIES = ("placed", "projected")
 #: Logarithm of the ratio of metrics from which on sizes vary.
 _VARIES = 0.4
 #: Small meshes of one size take more moves and sweeps: as many as move this many vertices in all, at most.
@@ -80,6 +83,7 @@ def mesh_region(
     min_size: float = 0.0,
     fixed: ArrayLike | None = None,
     metric: MatrixFunction | None = None,
+    boundary: str = "placed",
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -107,6 +111,10 @@ def mesh_region(
         From (M, 2) points to (M, 2, 2) positive definite matrices, by which all edges should have length 1, for edges
         that are longer in some directions; with `n`, only its ratios count. `HuangMetric` makes one of a Hessian.
         Instead of `edge_length` and `size`; `grade` and `min_size` do not limit it.
+    boundary : {"placed", "projected"}
+        How vertices come to the boundary: placed there first, by sizes; or, as in the lecture cited below, generators
+        whose cells reach the boundary are projected to it after each round of Lloyd's method. The latter is there to be
+        compared with: its meshes are less regular, and the number of vertices is met only nearly.
     effort : {"fast", "balanced", "best"}
         How long vertices move.
     rng : int or numpy.random.Generator
@@ -137,6 +145,8 @@ def mesh_region(
     Q. Du, M. Gunzburger, Grid generation and optimization based on centroidal Voronoi tessellations, Applied
     Mathematics and Computation 133 (2002) 591-607, doi 10.1016/S0096-3003(01)00260-0.
 
+    M. Gunzburger, Centroidal Voronoi tessellations, lecture.
+
     Examples
     --------
     >>> from cvtimg import mesh_region
@@ -146,7 +156,12 @@ def mesh_region(
     """
     least = check_non_negative("min_size", min_size)
     outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
-    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least, metric), fixed, effort, rng)
+    check_choice("boundary", boundary, BOUNDARIES)
+    wanted = _Wanted.checked(n, edge_length, size, grade, least, metric)
+    if boundary == "projected":
+        check_that("metric", metric is None, "not be given with boundary='projected'")
+        return _projected(outline, wanted, fixed, np.random.default_rng(rng))
+    return _mesh(outline, wanted, fixed, effort, rng)
 
 
 #: How far contours of masks and labels are moved to make them smoother, in pixels.
@@ -159,7 +174,7 @@ def mesh_labels(
     *,
     n: int | None = None,
     edge_length: float | None = None,
-    size: ArrayLike | None = None,
+    size: SizeLike | None = None,
     grade: float = 0.2,
     min_size: float = 0.0,
     tolerance: float = _TOLERANCE,
@@ -175,7 +190,7 @@ def mesh_labels(
     image : (H, W) or (H, W, C) array, optional
         The segmented image, for borders between the centers of pixels, as `cvtimg.find_contours` has them.
     n, edge_length, size, grade, min_size, effort, rng
-        As in `mesh_region`; sizes as an image.
+        As in `mesh_region`.
     tolerance : float
         How far borders may be moved to make them smoother, in pixels; 0 for the sides of pixels.
 
@@ -284,6 +299,19 @@ def _made(
         mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
     )
     return _Made(made, varies)
+
+
+def _projected(outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, rng: np.random.Generator) -> Mesh:
+    """Make a mesh in whose rounds vertices are projected to borders."""
+    outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
+    placed, field = _borders(outline, wanted, alone, 1.0)
+    n = wanted.n if wanted.n is not None else _number(placed, field)
+    ends = [line[[0, -1]] for line in outline.lines if (line[0] != line[-1]).any()]
+    corners = np.unique(np.concatenate([alone, *ends]), axis=0)
+    borders, inner = project_to_borders(outline, field, n, corners, rng)
+    mesh = Triangulation.constrained(replace(borders, points=np.concatenate([borders.points, alone])), inner)
+    rest = relax(mesh, field.metric, isotropic=True, most=0, tolerance=0.0)
+    return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), rest.energies, rest.converged, n)
 
 
 def _irregularity(mesh: Mesh) -> float:

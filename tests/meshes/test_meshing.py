@@ -64,6 +64,18 @@ def test_vertices_slide_along_borders_but_for_corners() -> None:
     assert_is_a_triangulation(mesh)
 
 
+def test_vertices_that_are_projected_to_the_boundary_make_a_less_regular_mesh() -> None:
+    region = shapely.Polygon([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], [ring(0.4, 100)])
+    placed, projected = (mesh_region(region, n=200, boundary=name, effort="fast") for name in ("placed", "projected"))
+    assert_is_a_triangulation(projected)
+    assert len(projected.points) == pytest.approx(200, rel=0.05)
+    assert projected.area == pytest.approx(region.area, rel=0.02)
+    for corner in region.exterior.coords:
+        assert (np.abs(projected.points - corner).max(axis=1) < 1e-12).any(), corner
+    assert placed.qualities.min() > projected.qualities.min()
+    assert placed.qualities.mean() > projected.qualities.mean()
+
+
 def test_holes_stay_open() -> None:
     mesh = mesh_region(FRAME, edge_length=0.3)
     assert mesh.area == pytest.approx(12)

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.meshes import VolumeMesh, mesh_volume
+
+
+def shapes(side: int = 32) -> dict[str, NDArray[np.bool_]]:
+    z, y, x = ((np.mgrid[:side, :side, :side] + 0.5) / side * 2 - 1)[:]
+    turns = 2 * np.pi / 1.6
+    waves = (
+        np.sin(turns * x) * np.cos(turns * y)
+        + np.sin(turns * y) * np.cos(turns * z)
+        + np.sin(turns * z) * np.cos(turns * x)
+    )
+    return {
+        "sphere": x * x + y * y + z * z < 0.64,
+        "torus": (np.hypot(x, y) - 0.6) ** 2 + z * z < 0.0625,
+        "gyroid": (np.abs(waves) < 0.6) & (x * x + y * y + z * z < 0.7),
+        "box": np.maximum(np.maximum(abs(x), abs(y)), abs(z)) < 0.6,
+        "two": (x - 0.5) ** 2 + y * y + z * z < 0.16,
+        "whole": np.ones((side, side, side), bool),
+    }
+
+
+def volume_of_surface(mesh: VolumeMesh) -> float:
+    """Volume that the surface encloses, by the divergence theorem."""
+    a, b, c = (mesh.points[mesh.surface[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+@pytest.mark.parametrize(
+    ("name", "n"), [("sphere", 800), ("torus", 800), ("gyroid", 3000), ("box", 800), ("two", 800), ("whole", 800)]
+)
+def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: str, n: int) -> None:
+    mask = shapes()[name]
+    mesh = mesh_volume(mask, n=n)
+    assert len(mesh.points) == pytest.approx(n, rel=0.03)
+    assert mesh.dihedral_angles.min() > 12
+    assert mesh.is_manifold
+    assert mesh.volume == pytest.approx(mask.sum(), rel=0.01)
+    assert volume_of_surface(mesh) == pytest.approx(mesh.volume, rel=1e-9)
+
+
+def test_the_surface_is_where_the_mask_ends() -> None:
+    mask = shapes()["sphere"]
+    mesh = mesh_volume(mask, edge_length=3)
+    radii = np.linalg.norm(mesh.points[np.unique(mesh.surface)] - 16, axis=1)
+    assert np.abs(radii - 12.8).max() < 0.6
+
+
+def test_axes_of_points_are_those_of_the_mask_from_last_to_first() -> None:
+    mask = np.zeros((12, 20, 30), bool)
+    mask[2:8, 3:15, 5:25] = True
+    mesh = mesh_volume(mask, edge_length=2)
+    assert np.abs(mesh.points.min(axis=0) - [5, 3, 2]).max() < 0.7
+    assert np.abs(mesh.points.max(axis=0) - [25, 15, 8]).max() < 0.7
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
+def test_other_programs_read_the_same_tetrahedra(tmp_path: Path, suffix: str) -> None:
+    mesh = mesh_volume(shapes()["sphere"], edge_length=6)
+    mesh.save(tmp_path / f"a{suffix}")
+    found = meshio.read(tmp_path / f"a{suffix}")
+    assert (found.cells_dict["tetra"] == mesh.tetrahedra).all()
+    assert np.abs(found.points - mesh.points).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mask": np.zeros((4, 4, 4), bool), "n": 9}, "mask must not be empty"),
+        ({"mask": np.ones((4, 4), bool), "n": 9}, r"must be \(D, H, W\)"),
+        ({"mask": np.ones((4, 4, 4)), "n": 9}, "mask must be a bool array"),
+        ({"mask": np.ones((8, 8, 8), bool)}, "must be one of them"),
+        ({"mask": np.ones((8, 8, 8), bool), "edge_length": 0}, "edge_length=0 must be"),
+        ({"mask": shapes()["gyroid"], "n": 200}, "n=200 must let tetrahedra be smaller"),
+        ({"mask": np.pad(np.ones((1, 9, 9), bool), 4), "n": 50}, "three voxels thick"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        mesh_volume(**arguments)
