@@ -7,6 +7,7 @@ Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,14 +159,14 @@ def _oriented(points: Points, cells: Cells) -> Cells:
     return cells
 
 
-def volumes(points: Points, cells: Cells) -> NDArray[np.float64]:
+def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
     """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise ."""
     a, b, c, d = (points[cells[..., k]] for k in range(4))
     found: NDArray[np.float64] = (np.cross(b - a, c - a) * (d - a)).sum(axis=-1) / 6
     return found
 
 
-def dihedral_angles(points: Points, cells: Cells) -> Points:
+def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
     """Return the six dihedral angles (..., 6) of tetrahedra, in degrees."""
     corners = points[cells]
     a, b = corners[..., _PAIRS[:, 0], :], corners[..., _PAIRS[:, 1], :]

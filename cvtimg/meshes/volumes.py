@@ -153,7 +153,7 @@ def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | N
 
 def _spacing_for(level: _Level, n: int) -> float:
     """Find the spacing with which there are about n vertices."""
-    spacing = best = (level.volume * _PER_VOLUME / n) ** (1 / 3)
+    spacing = best = float((level.volume * _PER_VOLUME / n) ** (1 / 3))
     least = np.inf
     for _ in range(_ROUNDS):
         ratio = max(len(stuff(level, level.low, level.high, spacing)[0]), 1) / n
