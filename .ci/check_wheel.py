@@ -11,7 +11,8 @@ NOT_INSTALLED = {".build", ".h", ".pyx"}
 
 def main(wheel: str) -> None:
     """Compare the files of the wheel with the package, and its extension modules with their sources."""
-    names = set(zipfile.ZipFile(wheel).namelist())
+    # auditwheel lists folders, too.
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if not name.endswith("/")}
     wanted = {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "cvtimg").rglob("*")
