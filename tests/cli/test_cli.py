@@ -24,7 +24,7 @@ import cvtimg
 from cvtimg import read_image, write_image
 from cvtimg._shared import choices as named
 from cvtimg.cli import app as cli
-from cvtimg.cli import commands, elbow_command, quantize_options, restore_command, segment_command
+from cvtimg.cli import commands, elbow_command, quantize_options, restore_command, segment_options
 from cvtimg.cli import options as _options
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
@@ -534,8 +534,8 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
         (named.InitName, cvtimg.engine.SEEDINGS),
         (named.SpaceName, SPACES),
         (_options.AveragingChoice, ["none", *WHEN]),
-        (segment_command.Kernel, KERNELS),
-        (segment_command.EdgeMode, EDGE_MODES),
+        (segment_options.Kernel, KERNELS),
+        (segment_options.EdgeMode, EDGE_MODES),
         (quantize_options.Dither, ["none", *DITHERS]),
         (elbow_command.RuleName, RULES),
         (restore_command.Renormalize, RENORMALIZATIONS),
