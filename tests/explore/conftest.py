@@ -21,7 +21,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome")
 SAMPLES = Path(__file__).parent.parent.parent / "sample_images"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
     """Start Chromium, or skip the test where there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
