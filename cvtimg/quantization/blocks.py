@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_excluded, check_one_of, check_that
+from cvtimg._shared.checks import check_one_of
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.blocks.images import PixelBlocks
@@ -131,23 +131,20 @@ def quantize_blocks(
 
 def in_blocks(
     image: Any,
-    n_colors: int | str | None,
+    n_colors: int | None,
     alpha: bool | None,
     space: SpaceName,
     palette: ArrayLike | None,
     locked: ArrayLike | None,
     engine: EngineOptions,
-    **others: object,
 ) -> QuantizedBlocks:
     """Quantize an image in blocks; the parameters are those of `quantize`."""
-    check_excluded("an image in blocks", True, **{name: value is not None for name, value in others.items()})
     check_one_of(n_colors=n_colors, palette=palette)
-    check_that("n_colors", n_colors != "auto", "be a number for an image in blocks")
     blocks, alpha = PixelBlocks.of(image), bool(alpha)
     samples, exact = count_blocks(blocks, alpha)
     tessellation = None
     if palette is None:
-        assert isinstance(n_colors, int)
+        assert n_colors is not None
         found = find_palette(samples, n_colors, space=space, locked=locked, **engine)
         palette, tessellation = found.colors, found.tessellation
     mapped = map_to_palette(samples, palette, space=space)  # whose energy is that of all pixels

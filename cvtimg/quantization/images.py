@@ -109,9 +109,9 @@ def quantize(
 
     Notes
     -----
-    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `space`, `locked` and the options of the engine.
-    The result has the same palette as in memory, and pixels that are computed when they are needed. Pixels of a
-    `DataArray` that have its nodata value in all bands do not count.
+    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `space`, `locked` and the options of the engine;
+    with any other option they are loaded. The result has the same palette as in memory, and pixels that are computed
+    when they are needed. Pixels of a `DataArray` that have its nodata value in all bands do not count.
 
     Examples
     --------
@@ -127,9 +127,9 @@ def quantize(
     if dither_strength is None:
         dither_strength = STRENGTH if palette is None else 1.0
     check_keywords("quantize", engine, EngineOptions.__annotations__)
-    if is_image_in_blocks(image):
-        unable = {"mask": mask, "psnr": psnr, "dither": dither, "weights": weights}
-        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine, **unable)
+    whole = (mask, psnr, dither, weights)
+    if is_image_in_blocks(image) and n_colors != "auto" and all(option is None for option in whole):
+        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine)
         return cast(Quantized, found)
     source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
     if palette is not None:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative, check_that
+from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
@@ -56,8 +56,8 @@ def segment(
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type, with any number of bands. Pixels that are NaN or infinite in any band, or
         masked in a masked array, are left out. A Dask array or an `xarray.DataArray`, of any dimensions, is segmented
-        block by block, and never loaded, by its colors alone: without averaging, edges, pieces or a mask; see
-        `cvtimg.segmentation.segment_blocks`.
+        block by block by its colors, and never loaded, as `cvtimg.segmentation.segment_blocks` does; for averaging,
+        edges, pieces, a mask and "auto" it is loaded.
     n_segments : int or "auto"
         K; an image with fewer distinct colors has one segment per color. "auto" takes the elbow of `segment_curve`,
         which the result then holds.
@@ -113,11 +113,8 @@ def segment(
     >>> result.labels.tolist(), result.generators.ravel().tolist()
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
-    if is_image_in_blocks(image):
-        others = {"averaging": averaging, "edge_weight": edge_weight, "components": components, "min_size": min_size}
-        check_excluded("an image in blocks", True, **others, objects=objects, mask=mask is not None)
-        check_that("n_segments", n_segments != "auto", "be a number for an image in blocks")
-        assert n_segments != "auto"
+    needs_neighbors = averaging or edge_weight or components or min_size or objects or mask is not None
+    if is_image_in_blocks(image) and n_segments != "auto" and not needs_neighbors:
         return segment_blocks(image, n_segments, space=space, volume_power=volume_power, effort=effort, rng=rng)
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius)
     pieces = _Pieces.checked(components, min_size, border_price, objects)

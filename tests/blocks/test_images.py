@@ -135,13 +135,13 @@ def test_very_many_colors_are_merged(monkeypatch: pytest.MonkeyPatch) -> None:
     assert squares.sum() == pytest.approx(quantize(IMAGE, 6).energy, rel=0.05)
 
 
-def test_what_blocks_do_not_have_is_refused() -> None:
-    with pytest.raises(ValueError, match="an image in blocks takes no psnr or dither"):
-        quantize(blocks(IMAGE), 4, psnr=30, dither="blue-noise")
-    with pytest.raises(ValueError, match="an image in blocks takes no edge_weight or min_size"):
-        segment(blocks(IMAGE), 4, edge_weight=1, min_size=3)
-    with pytest.raises(ValueError, match="n_colors must be a number for an image in blocks"):
-        quantize(blocks(IMAGE), "auto")
+def test_options_that_need_the_whole_image_load_it() -> None:
+    np.testing.assert_array_equal(quantize(blocks(IMAGE), psnr=25).image, quantize(IMAGE, psnr=25).image)
+    whole = segment(IMAGE, 3, edge_weight=9.0, min_size=3)
+    np.testing.assert_array_equal(segment(blocks(IMAGE), 3, edge_weight=9.0, min_size=3).labels, whole.labels)
+
+
+def test_images_that_are_wrong_are_refused() -> None:
     with pytest.raises(ValueError, match="image must have at least one pixel that is finite and not nodata"):
         segment_blocks(blocks(np.full((20, 20), np.nan)), 2)
     with pytest.raises(ValueError, match=r"image of shape \(4,\) must be"):
