@@ -26,7 +26,7 @@ def main(names: list[str]) -> None:
         with contextlib.chdir(GALLERY):
             left = runpy.run_path(f"plot_{name}.py")
         drawn = np.asarray(Image.open(BytesIO(left["figure"])).convert("RGB")) if "figure" in left else left["sheet"]
-        few = cvtimg.quantize(drawn, 256)
+        few = cvtimg.quantize(drawn, 256, dither="edge-aware")
         cvtimg.write_image(DOCS / f"{name}.png", few.indices, palette=few.palette, overwrite=True)
 
 
