@@ -9,7 +9,10 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
+
+import cvtimg
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "examples"))
@@ -17,7 +20,7 @@ sys.path.insert(0, str(DOCS.parent / "examples"))
 import globe  # noqa: E402  (an example is no package)
 
 NAMES = ("refined", "nested", "coast", "lights")
-HEIGHT, COLORS = 560, 128
+HEIGHT = 560
 
 
 def main(land: Path | None) -> None:
@@ -30,7 +33,8 @@ def main(land: Path | None) -> None:
     sheet = Image.new("RGB", (2 * width, 2 * HEIGHT), "white")
     for number, panel in enumerate(panels):
         sheet.paste(panel, (number % 2 * width, number // 2 * HEIGHT))
-    sheet.quantize(COLORS).save(DOCS / "sphere.png", optimize=True)
+    few = cvtimg.quantize(np.asarray(sheet), 256)
+    cvtimg.write_image(DOCS / "sphere.png", few.indices, palette=few.palette, overwrite=True)
 
 
 if __name__ == "__main__":

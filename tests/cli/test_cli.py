@@ -563,7 +563,8 @@ def test_h_is_help_and_arguments_read_as_they_are_typed(run: Run, command: str) 
     assert short == long
     assert short.status == 0
     usage = short.out.splitlines()[0]
-    assert re.fullmatch(rf"Usage: cvtimg ?{command} \[OPTIONS\]( [A-Z|]+(\.\.\.)?| COMMAND \[ARGS\]\.\.\.)?", usage)
+    arguments = r" [A-Z|]+(\.\.\.)?| \[[A-Z]+\.\.\.\]| COMMAND \[ARGS\]\.\.\."
+    assert re.fullmatch(rf"Usage: cvtimg ?{command} \[OPTIONS\]({arguments})?", usage)
 
 
 def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
