@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 #: Rows of a chunk on disk; Dask reads some at a time.
 CHUNK_BYTES = 1 << 22
 #: Settings of workers: as few surprises of memory as there are on a real cluster of one thread per worker.
-WORKERS = {"threads_per_worker": 1, "memory_limit": "4GiB", "dashboard_address": None}
+WORKERS = {"threads_per_worker": 1, "memory_limit": "4GiB", "dashboard_address": ":0"}
 ONE_THREAD = dict.fromkeys(("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
 

@@ -207,7 +207,7 @@ def _on_dask(run: Any) -> list[Row]:
         from distributed import Client, LocalCluster
     except ImportError:
         return []
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster, Client(cluster) as client:
         run(client.get_executor(), 1)
         workers = list(client.run(os.getpid).values())
         before = _seconds_of(workers)

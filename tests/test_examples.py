@@ -97,7 +97,8 @@ def test_errors_in_an_l_shape_fall_as_fast_as_they_can(example: Any, tmp_path: P
 def test_points_on_surfaces_keep_their_shape(example: Any, tmp_path: Path) -> None:
     tube, sheet, body = example("surfaces").main(tmp_path / "s.png", n_body=600).values()
     assert (tube.euler_characteristic, sheet.euler_characteristic, body.euler_characteristic) == (0, 1, 2)
-    assert min(tube.least_angle, sheet.least_angle, body.least_angle) > 18
+    assert min(tube.least_angle, body.least_angle) > 30
+    assert sheet.below_30 < 0.01  # a triangle at its border may be thin
     Image.open(tmp_path / "s.png").verify()
 
 

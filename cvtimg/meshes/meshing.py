@@ -152,7 +152,7 @@ def mesh_region(
     >>> from cvtimg import mesh_region
     >>> mesh = mesh_region([[0, 0], [3, 0], [3, 1], [0, 1]], n=100)
     >>> mesh, round(mesh.area, 9)
-    (Mesh(100 vertices, 158 triangles), 3.0)
+    (Mesh(100 vertices, 160 triangles), 3.0)
     """
     least = check_non_negative("min_size", min_size)
     outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)

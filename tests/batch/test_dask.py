@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,7 +34,7 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """Run a scheduler and two workers in threads of this process."""
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     threads = os.environ.get("CVTIMG_THREADS")
     with distributed.LocalCluster(protocol="tcp", **options) as cluster:
         yield cluster.scheduler_address
@@ -90,6 +91,8 @@ def _ends_its_worker(task: Task) -> Outcome:
 
 @pytest.mark.slow
 def test_a_task_that_ends_its_workers_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Workers are processes that import this module.
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
     monkeypatch.setattr(on_dask, "_GROUPS_PER_THREAD", 1)
     names = ["a", "b", "bad", "c", "d", "e", "f", "g"]
     tasks = [Task((Path(name),), {"-o": tmp_path / name}) for name in names]

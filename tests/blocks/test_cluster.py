@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -50,7 +51,7 @@ def blocks(folder: Path, kill_at: int = -1) -> Blocks:
 
 @pytest.fixture
 def threads() -> Iterator[Any]:
-    options = {"threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {"threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     with distributed.LocalCluster(n_workers=2, **options) as cluster, distributed.Client(cluster) as client:
         yield client
 
@@ -68,10 +69,12 @@ def test_bits_are_equal_for_one_and_two_workers_and_for_any_order(threads: Any, 
 
 
 @pytest.mark.slow
-def test_a_killed_worker_costs_time_and_no_bit(tmp_path: Path) -> None:
+def test_a_killed_worker_costs_time_and_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Workers are processes that import this module.
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
     with dask.config.set(scheduler="sync"):
         expected = tessellate(blocks(tmp_path), 7)
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster):
         result = tessellate(blocks(tmp_path, kill_at=500), 7)
     assert (tmp_path / "killed").exists()
@@ -85,7 +88,7 @@ def _slowly(start: int) -> NDArray[np.float64]:
 
 
 def test_a_lost_cluster_is_said_in_one_error() -> None:
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     parts = [dask.delayed(_slowly, pure=False)(start) for start in range(0, 1200, 100)]
     rows = da.concatenate([da.from_delayed(part, (100, 3), np.float64) for part in parts])
     cluster = distributed.LocalCluster(**options)

@@ -21,7 +21,7 @@ SAMPLE = Path(__file__).parent.parent.parent / "sample_images" / "drawing.png"
 
 @pytest.fixture
 def program() -> Iterator[subprocess.Popen[str]]:
-    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", str(SAMPLE)]
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", str(SAMPLE)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as started:
         yield started
         started.kill()

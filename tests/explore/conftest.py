@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def address(folder: Path) -> Iterator[str]:
     """Start the server, with one picture, and return its address."""
-    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
     with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         yield program.stdout.readline().strip()

@@ -344,7 +344,7 @@ def test_two_pages_do_not_disturb_each_other(visit: Go) -> None:
 
 
 def test_the_page_says_when_the_server_has_ended(chromium: Any, folder: Path) -> None:
-    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
     with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         one = Visit(chromium.new_page())

@@ -33,9 +33,11 @@ def test_patches_follow_a_density() -> None:
     assert one.energy < grid.energy
 
 
+# Distributed leaves sockets to the garbage collector.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_workers_of_dask_give_the_same_bits() -> None:
     distributed = pytest.importorskip("distributed")
-    with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+    with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=":0") as client:
         found = move_in_patches(GRID, 2, n_patches=2, client=client)
     assert (found.points == move_in_patches(GRID, 2).points).all()
 
