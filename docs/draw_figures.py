@@ -25,9 +25,8 @@ def main(names: list[str]) -> None:
     for name in names or drawn:
         with contextlib.chdir(GALLERY):
             left = runpy.run_path(f"plot_{name}.py")
-        drawn = np.asarray(Image.open(BytesIO(left["figure"])).convert("RGB")) if "figure" in left else left["sheet"]
-        few = cvtimg.quantize(drawn, 256, dither="edge-aware")
-        cvtimg.write_image(DOCS / f"{name}.png", few.indices, palette=few.palette, overwrite=True)
+        shown = np.asarray(Image.open(BytesIO(left["figure"])).convert("RGB")) if "figure" in left else left["sheet"]
+        cvtimg.quantize(shown, 256, dither="edge-aware").save(DOCS / f"{name}.png", overwrite=True)
 
 
 if __name__ == "__main__":

@@ -33,8 +33,7 @@ def main(land: Path | None) -> None:
     sheet = Image.new("RGB", (2 * width, 2 * HEIGHT), "white")
     for number, panel in enumerate(panels):
         sheet.paste(panel, (number % 2 * width, number // 2 * HEIGHT))
-    few = cvtimg.quantize(np.asarray(sheet), 256)
-    cvtimg.write_image(DOCS / "sphere.png", few.indices, palette=few.palette, overwrite=True)
+    cvtimg.quantize(np.asarray(sheet), 256).save(DOCS / "sphere.png", overwrite=True)
 
 
 if __name__ == "__main__":
