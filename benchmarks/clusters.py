@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +59,16 @@ class Cost:
     worker_gib: float
 
 
+@cache
+def photographs() -> NDArray[np.uint8]:
+    """Read the pixels of some photographs, one after the other."""
+    sets = common.picture_sets(None, 12)
+    return np.concatenate([picture.pixels.reshape(-1, 3) for picture in next(iter(sets.values()))])
+
+
 def photograph_pixels(n_rows: int, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Draw pixels of photographs, in runs, with a little noise."""
-    sets = common.picture_sets(None, 12)
-    pixels = np.concatenate([picture.pixels.reshape(-1, 3) for picture in next(iter(sets.values()))])
+    pixels = photographs()
     starts = rng.integers(0, len(pixels) - 512, -(-n_rows // 512))
     rows = pixels[(starts[:, None] + np.arange(512)).reshape(-1)[:n_rows]]
     return np.clip(rows + rng.integers(-3, 4, rows.shape, np.int8), 0, 255).astype(np.uint8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -125,20 +125,18 @@ class Basis:
         """
         given = as_snapshots(snapshots)
         check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
-        parts = list(self._projected(given))
-        return Projection(*(np.concatenate([part[at] for part in parts]) for at in range(3)))
+        return given.total(self._project_block, _joined)
 
-    def _projected(self, given: Snapshots) -> Iterator[tuple[_Floats, NDArray[np.int64], _Floats]]:
-        for _, block in given.blocks():
-            rows = block.astype(np.float64)
-            apart = distances(rows, self.centers, self.modes)
-            cells = apart.argmin(axis=1)
-            coordinates = np.empty((len(rows), self.n_modes))
-            for cell in np.unique(cells):
-                coordinates[cells == cell] = (rows[cells == cell] - self.centers[cell]) @ self.modes[cell].T
-            sizes = ((rows - self.mean) ** 2).sum(axis=1)
-            residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(rows)), where=sizes > 0)
-            yield coordinates, cells, np.sqrt(residuals)
+    def _project_block(self, rows: slice, block: NDArray[Any]) -> Projection:
+        given = block.astype(np.float64)
+        apart = distances(given, self.centers, self.modes)
+        cells = apart.argmin(axis=1)
+        coordinates = np.empty((len(given), self.n_modes))
+        for cell in np.unique(cells):
+            coordinates[cells == cell] = (given[cells == cell] - self.centers[cell]) @ self.modes[cell].T
+        sizes = ((given - self.mean) ** 2).sum(axis=1)
+        residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(given)), where=sizes > 0)
+        return Projection(coordinates, cells, np.sqrt(residuals))
 
     def reconstruct(self, projection: Projection) -> _Floats:
         """(m, ...) snapshots of which only the projections are known."""
@@ -165,6 +163,11 @@ class Basis:
                 allow_pickle=False,
                 **{field.name: np.asarray(getattr(self, field.name)) for field in fields(self)},
             )
+
+
+def _joined(parts: Iterable[Projection]) -> Projection:
+    columns = zip(*((part.coordinates, part.cells, part.residuals) for part in parts), strict=True)
+    return Projection(*map(np.concatenate, columns))
 
 
 def read_basis(path: StrPath) -> Basis:
