@@ -93,7 +93,8 @@ class Snapshots:
         if self.in_dask is None:
             return add(work(rows, block) for rows, block in self.blocks())
         ends = np.cumsum([0, *(self.in_dask.lengths or ())])
-        return over_blocks(self.in_dask, _worked, add, work, ends, self.dtype)
+        total: T = over_blocks(self.in_dask, _worked, add, work, ends, self.dtype)
+        return total
 
 
 def _worked(block: Block, work: Callable[[slice, NDArray[Any]], T], ends: NDArray[np.int64], dtype: np.dtype[Any]) -> T:

@@ -44,6 +44,9 @@ EFFORTS: dict[str, Effort] = {
     "best": Effort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
+#: From so many rows for each that is searched, a pass over all takes longer than the best search.
+_FAR_MORE = 8
+
 #: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
@@ -52,6 +55,12 @@ _COARSER = (32, 16, 8, 4, 2)
 _POINTS_PER_GENERATOR = 50
 _ENOUGH_POINTS = 1 << 14
 _STARTS_TIMES_GENERATORS = 512
+
+
+def effort_beyond(effort: Effort, n_rows: int, n_searched: int) -> Effort:
+    """Return how much to search on a sample of many more rows: as much as the best effort, unless it is to be fast."""
+    worthwhile = n_rows >= _FAR_MORE * n_searched and any(effort.breaths)
+    return EFFORTS["best"] if worthwhile else effort
 
 
 def search(

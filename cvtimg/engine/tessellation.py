@@ -32,7 +32,7 @@ from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.ordering import pack_in_order
 from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.engine.search import EFFORTS, search
+from cvtimg.engine.search import EFFORTS, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
 from cvtimg.files.whole import StrPath
 
@@ -156,9 +156,10 @@ def tessellate(
 
     Notes
     -----
-    Of samples in blocks, about a million rows are drawn for the search, and Lloyd's method then descends over all
-    blocks, on the Dask cluster or scheduler that is current. `energy` and `masses` are those of all samples. The same
-    blocks give the same result, bit for bit, with any number of workers.
+    Of samples in blocks, about a million rows are drawn for the search, which is as long as that of "best" if there are
+    many more rows. Lloyd's method then descends over all blocks, on the Dask cluster or scheduler that is current.
+    `energy` and `masses` are those of all samples. The same blocks give the same result, bit for bit, with any number
+    of workers.
 
     References
     ----------
@@ -197,7 +198,8 @@ def tessellate(
         check_choice("init", init, SEEDINGS)
         if move.exact_in_one_dimension:
             return np.zeros((n_generators, points.n_dims))  # only their number matters
-        return search(points, fixed, n_generators, init, move, settings, conditions)
+        searching = effort_beyond(settings, found.n_rows, len(found.rows)) if found else settings
+        return search(points, fixed, n_generators, init, move, searching, conditions)
 
     if blocks and found:
         options = (n_generators, effort, np.asarray(init).tolist(), fixed.tolist(), numbers.bit_generator.state)

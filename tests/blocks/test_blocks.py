@@ -13,7 +13,7 @@ from reference import squared_distances
 
 from cvtimg import tessellate
 from cvtimg.blocks import BlockError, Blocks, as_blocks, is_blocked, open_blocks, passes
-from cvtimg.engine import Tessellation, block_descent
+from cvtimg.engine import Tessellation, block_descent, search
 
 dask = pytest.importorskip("dask")
 import dask.array as da  # noqa: E402
@@ -57,6 +57,22 @@ def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
     assert all(
         after <= before * (1 + 1e-7) for before, after in zip(result.energies, result.energies[1:], strict=False)
     )
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_many_more_rows_than_are_searched_on_are_worth_the_best_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched = []
+
+    def spy(*arguments: Any) -> NDArray[np.float64]:
+        searched.append(arguments[5])
+        return search.search(*arguments)
+
+    monkeypatch.setattr("cvtimg.engine.tessellation.search", spy)
+    efforts: tuple[tuple[Any, str], ...] = (("fast", "fast"), ("balanced", "best"), ("best", "best"))
+    for effort, expected in efforts:
+        tessellate(blocks(np.tile(ROWS, (3, 1)), None), 6, effort=effort)
+        tessellate(blocks(weights=None), 6, effort=effort)
+        assert searched[-2:] == [search.EFFORTS[expected], search.EFFORTS[effort]]
 
 
 def test_each_generator_is_the_mean_of_its_cell() -> None:
