@@ -20,11 +20,19 @@ from common import parser, pin_threads, print_table, timed
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, SphericalVoronoi
 
+from cvtimg.sphere import Refinement
+
 Row = dict[str, Any]
 Points = NDArray[np.float64]
 PARTS = ("triangulations", "uniform", "refined", "nested", "coast")
 #: The density of one cap with cells four times as fine, and five more.
 CAP = np.array([0.3, -0.5, 0.6]) / 0.7**0.5
+#: The regional grids of J. Burkardt's lecture "Gridding the Earth": 65,026 points, 40 km apart in the United States
+#: and 120 km elsewhere, which is what a radius of 26.8 degrees comes to.
+PLACE = (-96.0, 38.0)
+UNITED_STATES = Refinement(*PLACE, radius=26.8, ratio=3)
+#: Radius in kilometers.
+EARTH = 6371.0
 DENSITIES: dict[str, Callable[[Points], Any]] = {
     "cap x4": lambda x: (
         (np.tanh((np.pi / 6 - np.arccos(np.clip(x @ CAP, -1, 1))) / (np.pi / 20)) + 1) / 2 * (1 - 4**-4) + 4**-4
@@ -120,20 +128,45 @@ def refined(quick: bool) -> list[Row]:
 
 
 def nested(quick: bool) -> list[Row]:
-    """Replace a part of a grid by 35,270 points, and count kept triangles that were lost."""
+    """Refine the United States three times, to cells of 40 and 120 km: as a new grid, and as a part of an even one.
+
+    The even grid has 40,962 points. All triangles that have no corner in the nested region must stay.
+    """
     import cvtimg
     from cvtimg.sphere import Cap, nested_grid
 
     parent = cvtimg.sphere_grid(10_242 if quick else 40_962)
-    within = Cap(-96, 38, 30)
+    # Outside of the circle around all but 29,756 points, the density is next to even.
+    n_inside = len(parent.points) - (7_440 if quick else 29_756)
+    depths = np.sort(Cap(*PLACE, 90).depth(parent.points))
+    within = Cap(*PLACE, 90 - float(np.degrees(depths[-n_inside - 1 : -n_inside + 1].mean())))
+    n = 8_818 if quick else 35_270
+    total = len(parent.points) - n_inside + n
+    new, seconds = timed(partial(cvtimg.sphere_grid, total, density=UNITED_STATES), time.process_time)
+    rows = [{"scenario": "new", **_regional(new, seconds, within), "same bits": None, "lost triangles": None}]
+    make = partial(nested_grid, parent, n, within=within, density=UNITED_STATES)
+    grid, seconds = timed(make, time.process_time)
     inside = within(parent.points)
-    n = 8_000 if quick else 35_270
-    grid, seconds = timed(partial(nested_grid, parent, n, within=within), time.process_time)
     number = np.where(inside, -1, np.cumsum(~inside) - 1)
     before = _kept(number[parent.triangles])
     after = _kept(np.where(grid.fixed, np.arange(len(grid.points)), -1)[grid.triangles])
     same = bool((grid.points[grid.fixed] == parent.points[~inside]).all())
-    return [{**figures(grid, seconds), "same bits": same, "lost triangles": len(before - after)}]
+    lost = f"{len(before - after)} of {len(before)}"
+    found = {**_regional(grid, seconds, within), "in the region": n, "same bits": same, "lost triangles": lost}
+    return [*rows, {"scenario": "nested", **found}]
+
+
+def _regional(grid: Any, seconds: float, within: Any) -> Row:
+    """Say what a regional grid is like: mean distances of neighbors in kilometers by the areas of cells."""
+    distances = EARTH * np.sqrt(grid.areas / 0.75**0.5)
+    inside = within.depth(grid.points)
+    middle = inside > np.radians(within.radius - UNITED_STATES.radius / 2)
+    return {
+        **figures(grid, seconds),
+        "in the region": int((inside > 0).sum()),
+        "km inside": float(distances[middle].mean()),
+        "km outside": float(distances[inside < 0].mean()),
+    }
 
 
 def _kept(triangles: NDArray[Any]) -> set[tuple[int, ...]]:

@@ -19,7 +19,7 @@ sys.path.insert(0, str(DOCS.parent / "examples"))
 
 import globe  # noqa: E402  (an example is no package)
 
-NAMES = ("refined", "nested", "coast", "lights")
+NAMES = ("regional", "nested", "coast", "lights")
 HEIGHT = 560
 
 

@@ -1,9 +1,13 @@
-"""Grids of the globe: three densities of 256 points, a refined part, a nested grid, coasts, and the lights of cities.
+"""Grids of the globe: three densities of 256 points, two regional grids, coasts, and the lights of cities.
+
+The regional grids are those of J. Burkardt's lecture "Gridding the Earth": cells in the United States are three times
+as fine as elsewhere, once in a new grid and once in a part of an even grid, the rest of which stays. With -n 40962, as
+in the lecture, points are 40 and 120 km apart.
 
 Takes a map with white land, twice as wide as high, or draws two continents. Of the lights at night, the sample image
 shows Europe.
 
-    python examples/globe.py [--land MAP] [--out FOLDER]
+    python examples/globe.py [-n N] [--land MAP] [--out FOLDER]
 """
 
 from __future__ import annotations
@@ -25,6 +29,9 @@ LECTURE = {
     "equator": lambda x: np.exp(-6 * x[:, 2] ** 2),
     "pole": lambda x: np.exp(-3 * (1 - x[:, 2]) ** 2),
 }
+UNITED_STATES = Refinement(-96, 38, radius=26.8, ratio=3)
+#: Points of the even grid that are replaced, and new ones, by the number of all; and the radius around them in degrees.
+REPLACED, NEW, RADIUS = 11_206 / 40_962, 35_270 / 40_962, 63.078
 #: Cities of Europe, NASA's, cut out of a map of 4096 x 2048 pixels at this row and column.
 LIGHTS = Path(__file__).parent.parent / "sample_images" / "europe_night.png"
 ROW, COLUMN, HEIGHT = 317, 1911, 2048
@@ -46,16 +53,18 @@ def continents() -> NDArray[np.float64]:
 
 
 def grids(n: int, land: NDArray[Any]) -> dict[str, SphereGrid]:
-    """Make all grids by name; n points where it is not said."""
+    """Make all grids by name; n points in the even grid, along coasts and by lights."""
     found = {name: cvtimg.sphere_grid(256, density=density, rng=1) for name, density in LECTURE.items()}
-    found["refined"] = cvtimg.sphere_grid(n, density=Refinement(-96, 38, radius=25, ratio=3))
-    found["nested"] = nested_grid(cvtimg.sphere_grid(n), n // 2, within=Cap(-96, 38, radius=40))
+    n_new, n_kept = round(NEW * n), n - round(REPLACED * n)
+    found["regional"] = cvtimg.sphere_grid(n_kept + n_new, density=UNITED_STATES)
+    within = Cap(UNITED_STATES.lon, UNITED_STATES.lat, RADIUS)
+    found["nested"] = nested_grid(cvtimg.sphere_grid(n), n_new, within=within, density=UNITED_STATES)
     found["coast"] = coastal_grid(n, land)
     found["lights"] = cvtimg.sphere_grid(n, density=by_spacing(lights(), 10))
     return found
 
 
-def main(out: Path, n: int = 10_000, land: Path | None = None) -> dict[str, SphereGrid]:
+def main(out: Path, n: int = 10_242, land: Path | None = None) -> dict[str, SphereGrid]:
     """Make the grids, plot each and write it as a mesh of MPAS."""
     found = grids(n, continents() if land is None else np.atleast_3d(cvtimg.read_image(land)).mean(axis=2))
     out.mkdir(parents=True, exist_ok=True)
@@ -76,7 +85,8 @@ def main(out: Path, n: int = 10_000, land: Path | None = None) -> dict[str, Sphe
 
 if __name__ == "__main__":
     read = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    read.add_argument("-n", type=int, default=10_242)
     read.add_argument("--land", type=Path)
     read.add_argument("--out", type=Path, default=Path("globe"))
     given = read.parse_args()
-    main(given.out, land=given.land)
+    main(given.out, given.n, given.land)

@@ -106,7 +106,12 @@ def test_grids_of_the_globe_have_no_obtuse_triangles(example: Any, tmp_path: Pat
     grids = example("globe").main(tmp_path / "globe", n=2562)
     energies = [grids[name].energy for name in ("even", "equator", "pole")]
     assert energies == pytest.approx([0.0989, 0.0259, 0.0135], rel=0.05)
-    assert [grids[name].measures().n_obtuse for name in ("refined", "lights")] == [0, 0]
+    assert [grids[name].measures().n_obtuse for name in ("regional", "nested", "lights")] == [0, 0, 0]
+    assert len(grids["regional"].points) == pytest.approx(len(grids["nested"].points), rel=0.01)
+    for name in ("regional", "nested"):
+        near = np.hypot(grids[name].lat - 38, grids[name].lon + 96) < 10
+        far = grids[name].lat < -40
+        assert np.sqrt(grids[name].areas[far].mean() / grids[name].areas[near].mean()) == pytest.approx(3, rel=0.05)
     europe = (np.abs(grids["lights"].lat - 48) < 14) & (np.abs(grids["lights"].lon - 15) < 27)
     assert europe.mean() > 0.2  # of 4 % of the globe
     assert len(list((tmp_path / "globe").glob("*.nc"))) == len(grids)
