@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
+from cvtimg._shared.extras import optional
 from cvtimg.blocks.passes import Block, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks
 from cvtimg.files.finding import find_images
@@ -184,7 +185,7 @@ def _of_array(array: Any) -> Snapshots:
 def _of_path(path: Path) -> Snapshots:
     suffix = path.suffix.lower()
     if suffix == ".zarr":
-        import zarr
+        zarr = optional("zarr", "zarr")
 
         return _of_array(zarr.open_array(str(path), mode="r"))
     if path.is_dir():

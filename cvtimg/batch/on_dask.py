@@ -10,6 +10,7 @@ from pathlib import Path
 from time import time
 from typing import Any, TypeAlias
 
+from cvtimg._shared.extras import needs
 from cvtimg.batch.report import reason
 from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
 
@@ -179,7 +180,7 @@ def _client(address: str, n_workers: int) -> Iterator[Client]:
         import dask
         import distributed
     except ImportError as error:
-        raise WrongUsageError("--dask needs the package distributed: pip install 'cvtimg[dask]'") from error
+        raise WrongUsageError(f"--dask needs {needs('distributed', 'dask')}") from error
     library: Any = distributed
     if address == LOCAL:
         options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": ":0"}

@@ -200,7 +200,7 @@ def reason(path: str | Path, error: Exception) -> str:
         return "needs more memory than there is"
     text = one_line(error).removeprefix(f"{path}: ")
     name = type(error).__name__
-    return text if isinstance(error, (OSError, ValueError)) or text in ("", name) else f"{name}: {text}"
+    return text if isinstance(error, (OSError, ValueError, ImportError)) or text in ("", name) else f"{name}: {text}"
 
 
 def complain(text: str) -> None:

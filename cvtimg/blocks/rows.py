@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_alone, check_choice, check_numbers, check_shape, check_that
+from cvtimg._shared.extras import needs
 
 if TYPE_CHECKING:
     Array: TypeAlias = Any  # dask.array.Array, which is not typed
@@ -200,7 +201,7 @@ def _open_zarr(path: Path) -> Any:
     try:
         import zarr
     except ImportError as error:
-        raise ImportError(f"{path}: needs zarr 3.1 or newer: pip install 'cvtimg[zarr]'") from error
+        raise ImportError(f"{path}: needs {needs('zarr 3.1 or newer', 'zarr')}") from error
     return zarr.open_array(str(path), mode="r")
 
 
@@ -213,7 +214,7 @@ def _of_parquet(path: Path, columns: Sequence[str] | None, weight: str | None) -
     try:
         from pyarrow import parquet
     except ImportError as error:
-        raise ImportError(f"{path}: needs pyarrow: pip install 'cvtimg[parquet]'") from error
+        raise ImportError(f"{path}: needs {needs('pyarrow', 'parquet')}") from error
     files = sorted(path.rglob("*.parquet")) if path.is_dir() else [path]
     check_that(f"{path}", bool(files), "have at least one .parquet file in it")
     schema = parquet.read_schema(files[0])
@@ -270,5 +271,5 @@ def dask_arrays() -> Any:
     try:
         import dask.array
     except ImportError as error:
-        raise ImportError("samples in blocks need Dask: pip install 'cvtimg[dask]'") from error
+        raise ImportError(f"samples in blocks need {needs('Dask', 'dask')}") from error
     return dask.array

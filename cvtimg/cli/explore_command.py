@@ -8,6 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, complain, reason
 from cvtimg.cli import options
 
@@ -42,7 +43,7 @@ def explore(inputs: Pictures = None, port: Port = 0, no_browser: NoBrowser = Fal
 
     for name in ("starlette", "uvicorn", "websockets"):
         if find_spec(name) is None:
-            raise WrongUsageError("explore needs more packages: pip install 'cvtimg[explore]'")
+            raise WrongUsageError(f"explore needs {needs(name, 'explore')}")
     paths: list[Path] = []
     n_failed = 0
     for given in inputs or []:

@@ -16,7 +16,10 @@ POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
 def read_region(path: Path) -> Any:
     """Read polygons: GeoJSON, well-known text or binary, or a ring as a table with columns x and y."""
     import numpy as np
-    import shapely
+
+    from cvtimg._shared.extras import optional
+
+    shapely = optional("shapely", "mesh")
 
     suffix = path.suffix.lower()
     try:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, check_suffix, plan_each, reason
 from cvtimg.cli import options
 from cvtimg.cli import quantize_options as own
@@ -195,7 +196,7 @@ def _check_optimize(output: Path | None) -> None:
     if output and output.suffix.lower() != ".png":
         raise WrongUsageError(f"--optimize is for .png, and not for {output}")
     if find_spec("oxipng") is None:
-        raise WrongUsageError("--optimize needs oxipng: pip install 'cvtimg[oxipng]'")
+        raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
 
 
 def _palette_of_all(samples: ColorSamples, *, how: QuantizeOptions) -> NDArray[Any]:

@@ -84,11 +84,9 @@ class Lanes:
                 await self._refuse(request["seq"], lane, "")
             except UnfitRequestError as error:
                 await self._refuse(request["seq"], lane, str(error))
-            except ModuleNotFoundError as error:
-                await self._refuse(request["seq"], lane, f"needs a package that is not installed: {error.name}")
             except MemoryError:
                 await self._refuse(request["seq"], lane, "needs more memory than there is")
-            except (ValueError, TypeError, OSError) as error:
+            except (ValueError, TypeError, OSError, ImportError) as error:
                 await self._refuse(request["seq"], lane, one_line(error))
             except (WebSocketDisconnect, RuntimeError):
                 return  # the page is gone

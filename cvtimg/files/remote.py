@@ -11,6 +11,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath
 
@@ -122,7 +123,7 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError as error:
-        raise OSError(f"{url}: needs fsspec: pip install 'cvtimg[remote]'") from error
+        raise OSError(f"{url}: needs {needs('fsspec', 'remote')}") from error
     try:
         files, place = url_to_fs(url)
     except (ImportError, ValueError) as error:  # s3fs, gcsfs, aiohttp; or no such scheme

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.extras import optional
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, turns_of
 from cvtimg.meshes.sliding import Tracks
@@ -157,7 +158,7 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
 
 def _crowded(borders: Borders, lengths: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those that have a vertex of another line near."""
-    import shapely
+    shapely = optional("shapely", "mesh")
 
     points, edges = borders.points, borders.edges
     segments = shapely.linestrings(points[edges])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.extras import needs
 from cvtimg.files.vtu import TRIANGLE, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, write_whole
 
@@ -121,7 +122,7 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     try:
         import meshio
     except ImportError as error:
-        raise ImportError(f"{path}: {suffix} needs meshio: pip install meshio") from error
+        raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
         points = _in_space(mesh.points)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
+from cvtimg._shared.extras import optional
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.triangulation import Borders, Triangulation
 
@@ -66,14 +67,14 @@ class _Edges:
     """The border edges of a frame, to find the nearest place on them."""
 
     def __init__(self, frame: Triangulation) -> None:
-        import shapely
+        shapely = optional("shapely", "mesh")
 
         self._edges = shapely.linestrings(frame.points[frame.border_edges()])
         self._tree = shapely.STRtree(self._edges)
 
     def nearest(self, points: Points) -> Points:
         """Return the nearest place (M, 2) for each of (M, 2) points."""
-        import shapely
+        shapely = optional("shapely", "mesh")
 
         places = shapely.points(points)
         nearest = self._tree.query_nearest(places, all_matches=False)[1]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_have_area, check_places, check_shape, check_triangles
+from cvtimg._shared.extras import optional
 from cvtimg.placement.measures import measure_cells
 from cvtimg.regions import PolygonRegion
 
@@ -157,7 +158,7 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     >>> round(measures.alpha, 9), round(measures.beta, 9), round(measures.q, 9), round(measures.chi, 9)
     (1.0, 1.0, 1.0, 1.0)
     """
-    import shapely
+    shapely = optional("shapely", "mesh")
 
     places = check_places("points", points, 2)
     corners = check_triangles("triangles", triangles, len(places))
@@ -200,7 +201,7 @@ def boundary_faces(tetrahedra: NDArray[np.int32]) -> NDArray[np.int32]:
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:
     """Polygons that cover a mesh: its rings, where they are nested, as a polygon with holes."""
-    import shapely
+    shapely = optional("shapely", "mesh")
 
     rings = shapely.get_parts(shapely.polygonize(shapely.linestrings(points[boundary_edges(triangles)])))
     # Faces between rings: those that hold the middle of a triangle are inside.

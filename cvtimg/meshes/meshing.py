@@ -130,7 +130,7 @@ def mesh_region(
     TypeError, ValueError
         If an argument is not what is said here, or if the boundary needs more than `n` vertices; the message names it.
     ImportError
-        If PythonCDT or shapely is not installed: ``pip install cvtimg[mesh]``.
+        If PythonCDT or shapely is not installed: ``pip install 'cvtimg[mesh]'``.
 
     Notes
     -----

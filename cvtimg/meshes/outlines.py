@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, check_that, refuse_type
+from cvtimg._shared.extras import optional
 from cvtimg.labels.contours import find_contours
 from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region
 
@@ -107,7 +108,7 @@ def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Ou
 
 
 def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
-    import shapely
+    shapely = optional("shapely", "mesh")
 
     geometry = region.geometry
     if min_size > 0:
@@ -122,7 +123,7 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
 
 def _traced(region: ImplicitRegion) -> PolygonRegion:
     """Trace the boundary of an implicit region on a grid, and move it to where the function is 0."""
-    import shapely
+    shapely = optional("shapely", "mesh")
     from skimage.measure import find_contours as trace
 
     low, sides = region.bounds[0], region.box.sides
@@ -227,7 +228,7 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     """Cut lines at those of (F, 2) points that lie on them; also return the other points, which must be inside."""
     if not len(points):
         return outline, points
-    import shapely
+    shapely = optional("shapely", "mesh")
 
     alone = []
     lines, sides = list(outline.lines), list(outline.sides)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import needs
 from cvtimg.meshes import _triangles
 from cvtimg.meshes.sliding import Tracks
 
@@ -216,7 +217,7 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
     try:
         import pythoncdt as cdt
     except ImportError as error:
-        raise ImportError("meshes need PythonCDT: pip install 'cvtimg[mesh]'") from error
+        raise ImportError(f"meshes need {needs('PythonCDT', 'mesh')}") from error
     found: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
     found.insert_vertices(np.ascontiguousarray(points, np.float64))
     if edges is not None and len(edges):

@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
+from cvtimg._shared.extras import needs
+from cvtimg.pictures.formats.opening import UnfitContentError
+
 __all__ = ["apply_profile", "convert_deep", "kept_profile", "profile_name", "profile_space"]
 
 # Relative colorimetric leaves colors within the sRGB gamut unchanged; the perceptual intent shifts all colors to make
@@ -41,8 +44,11 @@ def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
             return values
     except UNREADABLE:
         return values
-    import imagecodecs
-
+    try:
+        import imagecodecs
+    except ImportError as error:
+        package = needs("imagecodecs", "codecs")
+        raise UnfitContentError(f"has a color profile at 16 bits, which needs {package}") from error
     colors = imagecodecs.cms_transform(
         np.ascontiguousarray(values[..., :3]),
         icc,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_needs, check_places
+from cvtimg._shared.extras import optional
 from cvtimg.regions import Box, Density, ImplicitRegion, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
@@ -73,7 +74,7 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
 
     In the plane generators are rho^(-1/4) apart, and so are these.
     """
-    import shapely
+    shapely = optional("shapely", "regions")
 
     lines = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(_outline(region)))]
     spacing = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines) / (32 * n_points)
@@ -99,7 +100,7 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
 
 
 def _outline(region: Region) -> object:
-    import shapely
+    shapely = optional("shapely", "regions")
 
     if isinstance(region, PolygonRegion):
         return region.geometry
@@ -114,7 +115,7 @@ def _outline(region: Region) -> object:
 
 def _traced(region: ImplicitRegion) -> object:
     """Trace the boundary on a grid, and move it to where the function is 0."""
-    import shapely
+    shapely = optional("shapely", "regions")
 
     (low, high), cell = region.bounds, float(region.box.sides.max()) / _TRACED
     columns, rows = np.maximum(1, np.round((high - low) / cell)).astype(int)

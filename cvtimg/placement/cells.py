@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, refuse_type
+from cvtimg._shared.extras import optional
 from cvtimg.placement.moments import Moments
 from cvtimg.placement.sums import by_mass, sum_by_cell
 from cvtimg.regions import Box, ConstantDensity, Density, PictureRegion, PolygonRegion, Region
@@ -33,7 +34,7 @@ def voronoi_cells(points: Points, region: Region) -> Polygons:
     In a periodic box a cell is around its generator and may reach over the side. Of several generators at one place
     the first has the cell, and the others an empty one.
     """
-    import shapely
+    shapely = optional("shapely", "regions")
 
     check_in_range("region", region, region.n_dims == 2, "in the plane: cells are polygons there")
     periodic = isinstance(region, Box) and any(region.periodic)
@@ -64,7 +65,7 @@ def _with_copies(sites: Points, box: Box) -> Points:
 
 
 def _outline(region: Region, grown: bool = False) -> Any:
-    import shapely
+    shapely = optional("shapely", "regions")
 
     if isinstance(region, PolygonRegion):
         return region.geometry
@@ -118,7 +119,7 @@ class PolygonMoments:
 
 def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
     """Area, first moments and polar second moment of polygons about their generators, by Green's theorem."""
-    import shapely
+    shapely = optional("shapely", "regions")
 
     rings, own = _oriented_rings(cells)
     places, ring = shapely.get_coordinates(rings, return_index=True)
@@ -134,7 +135,7 @@ def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
 
 def _oriented_rings(cells: Polygons) -> tuple[Polygons, NDArray[np.intp]]:
     """Rings of polygons, outer ones counter-clockwise and holes clockwise, and the polygon of each."""
-    import shapely
+    shapely = optional("shapely", "regions")
 
     pieces, own = shapely.get_parts(cells, return_index=True)
     flat = shapely.get_dimensions(pieces) == 2  # a cell may touch its region in a line
@@ -144,7 +145,7 @@ def _oriented_rings(cells: Polygons) -> tuple[Polygons, NDArray[np.intp]]:
 
 def cell_rings(cells: Polygons) -> tuple[list[Points], NDArray[np.intp]]:
     """Coordinates of the rings of polygons, as of `_oriented_rings`, and the polygon of each."""
-    import shapely
+    shapely = optional("shapely", "regions")
 
     rings, own = _oriented_rings(cells)
     return [shapely.get_coordinates(ring) for ring in rings], own

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.extras import optional
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import cell_rings, voronoi_cells
 from cvtimg.placement.descent import Descent
@@ -78,7 +79,7 @@ class Placement:
 
         Notes
         -----
-        Needs shapely: ``pip install cvtimg[regions]``. Cells of the Euclidean metric, for regions of the plane.
+        Needs shapely: ``pip install 'cvtimg[regions]'``. Cells of the Euclidean metric, for regions of the plane.
 
         Examples
         --------
@@ -87,7 +88,7 @@ class Placement:
         >>> [cell.area for cell in place_generators(Box([0, 0], [2, 2]), 1).cells()]
         [4.0]
         """
-        import shapely
+        shapely = optional("shapely", "regions")
 
         self._refuse_figures()
         pieces, own = shapely.get_parts(voronoi_cells(self.points, self.region), return_index=True)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import needs
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -145,7 +147,7 @@ def figure_file(width: float, height: float, suffix: str) -> Iterator[tuple[Figu
         from matplotlib import rc_context
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ImportError("plots need matplotlib: pip install 'cvtimg[plot]'") from error
+        raise ImportError(f"plots need {needs('matplotlib', 'plot')}") from error
     content = BytesIO()
     # Text stays text in an SVG, and equal charts have equal bytes.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):

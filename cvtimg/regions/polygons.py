@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that
+from cvtimg._shared.extras import needs
 from cvtimg.labels.contours import find_contours
 from cvtimg.regions.base import Points, Region
 
@@ -34,7 +35,7 @@ class PolygonRegion(Region):
 
     Notes
     -----
-    Needs shapely: ``pip install cvtimg[regions]``.
+    Needs shapely: ``pip install 'cvtimg[regions]'``.
 
     Examples
     --------
@@ -195,5 +196,5 @@ def _shapely() -> Any:
     try:
         import shapely
     except ImportError as error:
-        raise ImportError("polygons need shapely: pip install cvtimg[regions]") from error
+        raise ImportError(f"polygons need {needs('shapely', 'regions')}") from error
     return shapely

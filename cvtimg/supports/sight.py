@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
+from cvtimg._shared.extras import optional
 from cvtimg.regions import Box, PictureRegion, PolygonRegion, Region
 from cvtimg.supports import _plane
 from cvtimg.supports.rows import Rows, as_rows, empty_rows
@@ -123,7 +124,7 @@ def _checked_slits(slits: ArrayLike) -> _Floats:
 
 def _rings(region: PolygonRegion) -> list[_Floats]:
     """Corners of the rings of polygons, the region to the left of each."""
-    import shapely
+    shapely = optional("shapely", "regions")
 
     rings = []
     for part in shapely.get_parts(region.geometry):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath
 from cvtimg.surfaces.triangulated import TriangulatedSurface
@@ -38,7 +39,7 @@ def read_surface(path: StrPath) -> TriangulatedSurface:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(f"{path}: needs trimesh: pip install 'cvtimg[surfaces]'") from error
+        raise ImportError(f"{path}: needs {needs('trimesh', 'surfaces')}") from error
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
     with Path(path).open("rb") as file:
         try:

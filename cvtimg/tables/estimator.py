@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that
 from cvtimg._shared.choices import EffortName, InitName, MethodName
+from cvtimg._shared.extras import needs
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
@@ -28,7 +29,7 @@ try:
     from sklearn.utils import check_array, check_random_state
     from sklearn.utils.validation import check_is_fitted, validate_data
 except ImportError as error:
-    raise ImportError("cvtimg.CVT needs scikit-learn 1.6 or newer: pip install 'cvtimg[sklearn]'") from error
+    raise ImportError(f"cvtimg.CVT needs {needs('scikit-learn 1.6 or newer', 'sklearn')}") from error
 
 __all__ = ["CVT"]
 

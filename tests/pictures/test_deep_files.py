@@ -62,6 +62,25 @@ def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_image(tmp_path / name), RGBA[..., [0, 0, 0, 1]], strict=True)
 
 
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (33, 65)])
+def test_deep_png_agrees_with_libpng(tmp_path: Path, size: tuple[int, int]) -> None:
+    image = np.cumsum(RNG.integers(0, 900, (*size, 3)), axis=1).astype(np.uint16)
+    (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(image, 6))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), image, strict=True)
+    write_image(tmp_path / "b.png", image)
+    np.testing.assert_array_equal(imagecodecs.png_decode((tmp_path / "b.png").read_bytes()), image)
+
+
+def test_the_transparent_color_of_a_deep_png_is_exact(tmp_path: Path) -> None:
+    image = RGB.copy()
+    image[0, 0], image[0, 1] = (1, 258, 3), (1, 259, 3)  # equal in their upper bytes
+    (tmp_path / "a.png").write_bytes(deep_png(image, b"tRNS", struct.pack(">3H", 1, 258, 3)))
+    read = read_image(tmp_path / "a.png")
+    np.testing.assert_array_equal(read[..., :3], image)
+    assert read[0, 0, 3] == 0
+    assert (read[..., 3] == 65535).sum() == image[..., 0].size - 1
+
+
 def test_premultiplied_alpha_is_divided_out(tmp_path: Path) -> None:
     alpha = RNG.integers(1, 65536, (5, 7, 1))
     stored = np.dstack([np.rint(RGB * (alpha / 65535)), alpha]).astype(np.uint16)

@@ -1,7 +1,7 @@
 """Decode image files to upright sRGB arrays.
 
-Pillow decodes most files. Those that it would reduce to 8 bits or to three bands are decoded by tifffile and
-imagecodecs, which are imported on first use.
+Pillow decodes most files. TIFF that it would reduce to 8 bits or to three bands is decoded by tifffile, which is
+imported on first use, and rare compression by imagecodecs.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.arrays import as_samples
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 
@@ -28,7 +29,7 @@ def decode_planes(file: BinaryIO) -> NDArray[Any]:
     try:
         from astropy.io import fits
     except ImportError as error:
-        raise UnfitContentError("is a FITS file, which needs astropy: pip install 'cvtimg[fits]'") from error
+        raise UnfitContentError(f"is a FITS file, which needs {needs('astropy', 'fits')}") from error
     file.seek(0)
     with fits.open(file, memmap=False) as units:
         for unit in units:

@@ -17,6 +17,7 @@ from typing import BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 
+from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.whole import StrPath
@@ -198,4 +199,6 @@ def _why_unread(source: Source, error: Exception) -> str:
         return f"has over {_most_pixels():.0f} pixels, the limit for safety; --max-pixels raises it"
     if isinstance(error, MemoryError):
         return "needs more memory than there is"
+    if "'imagecodecs' package" in str(error):  # how tifffile says it
+        return f"is compressed in a way that needs {needs('imagecodecs', 'codecs')}"
     return f"is truncated or damaged ({one_line(error)})"

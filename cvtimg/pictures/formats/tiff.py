@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -242,13 +243,14 @@ def encode_tiff(
     """Write an array (H, W) or (H, W, C); `alpha` tells whether the last band is transparency."""
     import tifffile
 
-    # The predictor (differences of neighbors) makes all of these types smaller.
+    # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
+    predicted = values.dtype.kind != "f" or find_spec("imagecodecs") is not None
     tifffile.imwrite(
         file,
         values,
         **sample_options(values.shape, alpha),
         compression="adobe_deflate",
-        predictor=values.dtype.itemsize < 8,
+        predictor=predicted and values.dtype.itemsize < 8,
         iccprofile=icc_profile,
         resolution=dpi,
         resolutionunit="inch" if dpi else None,

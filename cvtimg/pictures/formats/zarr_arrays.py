@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.extras import needs
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.bands import SAMPLES, Band, Bands, Form, band_height, in_heights
 
@@ -41,7 +42,7 @@ def _zarr_array(path: StrPath) -> Any:
         found = zarr.open(str(path), mode="r")
         return found["0"] if isinstance(found, zarr.Group) else found
     except ImportError as error:
-        raise OSError(f"{path}: needs the package zarr: pip install 'cvtimg[zarr]'") from error
+        raise OSError(f"{path}: needs {needs('zarr', 'zarr')}") from error
     except Exception as error:  # zarr raises many kinds of errors for damaged metadata
         raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
 
