@@ -7,6 +7,6 @@ RUN pip wheel --no-deps --wheel-dir /wheels /source
 
 FROM python:3.13-slim
 RUN --mount=type=bind,from=build,source=/wheels,target=/wheels \
-    pip install --no-cache-dir "$(ls /wheels/*.whl)[fits,mesh,oxipng,plot,regions]"
+    pip install --no-cache-dir "$(ls /wheels/*.whl)[codecs,fits,mesh,oxipng,plot,regions]"
 WORKDIR /work
 ENTRYPOINT ["cvtimg"]

@@ -88,7 +88,7 @@ for module in pkgutil.walk_packages(cvtimg.__path__, "cvtimg."):
     assert all(name.startswith("cvtimg.explore.") for name in failed), failed
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "lzw.tif", "deep.png", "deep.tif", "folder"])
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "lzw.tif", "pages.tif", "deep.png", "deep.tif", "folder"])
 def test_quantize_needs_no_extra(name: str) -> None:
     folder = Path("folder")
     folder.mkdir()
@@ -96,7 +96,9 @@ def test_quantize_needs_no_extra(name: str) -> None:
         write_image(path, RGB)
     for path in ("deep.png", "deep.tif"):
         write_image(path, DEEP)
-    Image.fromarray(RGB).save("lzw.tif", compression="tiff_lzw")
+    page = Image.fromarray(RGB)
+    page.save("lzw.tif", compression="tiff_lzw")
+    page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])
     done = command("quantize", name, "-k", "4", "--out-dir", "out")
     assert (done.returncode, done.stderr) == (0, "")
     assert len(list(Path("out").iterdir())) == 1

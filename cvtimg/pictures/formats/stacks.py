@@ -71,7 +71,8 @@ def decode_stack(file: BinaryIO) -> Stack:
         scale = _scale(tiff)
         numbers = main_pages(file)
         check_size(size * tiff.pages.first.imagelength * tiff.pages.first.imagewidth)
-        if not is_plain(tags):
+        known = tiff.pages.first.compression in tifffile.TIFF.DECOMPRESSORS
+        if not is_plain(tags) or (layout.for_pillow and not known):
             axes, shape, images = "Q", (size,), None
         else:
             axes, values = _series(tiff)
