@@ -16,9 +16,27 @@ def insert(
     stack: _Indices,
 ) -> int: ...
 def find_twins(triangles: _Indices, twins: _Indices, heads: _Indices, following: _Indices) -> int: ...
-def find_wrong(points: _Floats, triangles: _Indices, twins: _Indices, start: int, stop: int, wrong: _Flags) -> int: ...
+def sort_triangles(
+    triangles: _Indices,
+    twins: _Indices,
+    counts: _Indices,
+    places: _Indices,
+    sorted_triangles: _Indices,
+    sorted_twins: _Indices,
+) -> None: ...
+def half_arcs_of_edges(points: _Floats, triangles: _Indices, start: int, stop: int, arcs: _Floats) -> int: ...
+def find_wrong(
+    points: _Floats, triangles: _Indices, twins: _Indices, arcs: _Floats, start: int, stop: int, wrong: _Flags
+) -> None: ...
 def flip(
-    points: _Floats, triangles: _Indices, twins: _Indices, stack: _Indices, depth: int, waiting: _Flags, most: int
+    points: _Floats,
+    triangles: _Indices,
+    twins: _Indices,
+    arcs: _Floats,
+    stack: _Indices,
+    depth: int,
+    waiting: _Flags,
+    most: int,
 ) -> int: ...
 def circumcenters(points: _Floats, triangles: _Indices, start: int, stop: int, centers: _Floats) -> None: ...
 def first_edges(triangles: _Indices, firsts: _Indices) -> None: ...
@@ -26,7 +44,7 @@ def sum_uniform(
     points: _Floats,
     triangles: _Indices,
     twins: _Indices,
-    centers: _Floats,
+    arcs: _Floats,
     firsts: _Indices,
     start: int,
     stop: int,

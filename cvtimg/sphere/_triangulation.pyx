@@ -13,12 +13,17 @@ cdef extern from "half_edges.h" nogil:
         int32_t *twins
 
     int32_t next_edge(int32_t e)
+    int32_t last_edge(int32_t e)
+    int32_t least_edge(const int32_t *vertices, int32_t t)
     double determinant(const double *a, const double *b, const double *c)
     double squared_distance(const double *a, const double *b)
 
 cdef extern from "flips.h" nogil:
     int should_flip(const c_globe *globe, int32_t e)
-    Py_ssize_t flip_waiting(c_globe *globe, int32_t *stack, uint8_t *waiting, int32_t depth, Py_ssize_t most)
+    int may_flip(const double *arcs, int32_t e, int32_t f)
+    Py_ssize_t flip_waiting(
+        c_globe *globe, double *arcs, int32_t *stack, uint8_t *waiting, int32_t depth, Py_ssize_t most,
+    )
 
 cdef extern from "insertion.h" nogil:
     void start_from_four(c_globe *globe, const int32_t *four)
@@ -31,7 +36,8 @@ cdef extern from "insertion.h" nogil:
 
 cdef extern from "dual_cells.h" nogil:
     void circumcenter(const c_globe *globe, int32_t t, double *center)
-    void uniform_moment(const c_globe *globe, const double *centers, int32_t first, double *moment)
+    bint half_arcs(const c_globe *globe, int32_t t, double *arcs)
+    void uniform_moment(const c_globe *globe, const double *arcs, int32_t first, double *moment)
     void weighted_moment(
         const c_globe *globe, const double *centers, const double *at_points, const double *at_centers,
         int32_t first, double *mass, double *moment, double *energy,
@@ -107,32 +113,81 @@ def find_twins(
     return n_open
 
 
+def sort_triangles(
+    const int32_t[:, ::1] triangles,     # IN (T, 3)
+    const int32_t[:, ::1] twins,         # IN (T, 3)
+    int32_t[::1] counts,                 # scratch (N + 1,)
+    int32_t[::1] places,                 # scratch (3 T,)
+    int32_t[:, ::1] sorted_triangles,    # OUT (T, 3)
+    int32_t[:, ::1] sorted_twins,        # OUT (T, 3)
+):
+    """Sort triangles by their least vertex, which becomes their first: neighbors are near in memory, as vertices are."""
+    cdef int32_t e, t, n = <int32_t>triangles.shape[0], first
+    cdef const int32_t *vertices = &triangles[0, 0]
+    cdef const int32_t *twin = &twins[0, 0]
+    cdef int32_t *to_vertices = &sorted_triangles[0, 0]
+    cdef int32_t *to_twins = &sorted_twins[0, 0]
+    with nogil:
+        counts[:] = 0
+        for t in range(n):
+            counts[vertices[least_edge(vertices, t)] + 1] += 1
+        for e in range(1, <int32_t>counts.shape[0]):
+            counts[e] += counts[e - 1]
+        for t in range(n):
+            e = least_edge(vertices, t)
+            first = 3 * counts[vertices[e]]
+            counts[vertices[e]] += 1
+            places[e] = first
+            places[next_edge(e)] = first + 1
+            places[last_edge(e)] = first + 2
+        for e in range(3 * n):
+            to_vertices[places[e]] = vertices[e]
+            to_twins[places[e]] = places[twin[e]]
+
+
+def half_arcs_of_edges(
+    const double[:, ::1] points,   # IN (N, 3)
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    Py_ssize_t start,              # IN
+    Py_ssize_t stop,               # IN
+    double[:, ::1] arcs,           # OUT (T, 3), in rows start..stop
+):
+    """For each edge, compute the arc from its middle to the circumcenter of its triangle, divided by its length.
+
+    Returns how many triangles do not turn counterclockwise.
+    """
+    cdef c_globe globe = as_globe(points, triangles, triangles)
+    cdef int32_t t
+    cdef Py_ssize_t n_turned = 0
+    with nogil:
+        for t in range(<int32_t>start, <int32_t>stop):
+            n_turned += not half_arcs(&globe, t, &arcs[0, 0])
+    return n_turned
+
+
 def find_wrong(
     const double[:, ::1] points,   # IN (N, 3)
     int32_t[:, ::1] triangles,     # IN (T, 3)
     int32_t[:, ::1] twins,         # IN (T, 3)
+    const double[:, ::1] arcs,     # IN (T, 3): of half_arcs_of_edges
     Py_ssize_t start,              # IN
     Py_ssize_t stop,               # IN
     uint8_t[::1] wrong,            # OUT (3 T,): edges to flip, each once, of triangles start..stop
 ):
-    """Mark edges that are not Delaunay; return how many triangles do not turn counterclockwise."""
+    """Mark edges that are not Delaunay."""
     cdef c_globe globe = as_globe(points, triangles, twins)
-    cdef int32_t t, e, f
-    cdef Py_ssize_t n_turned = 0
+    cdef int32_t e, f
     with nogil:
-        for t in range(<int32_t>start, <int32_t>stop):
-            n_turned += determinant(
-                &points[triangles[t, 0], 0], &points[triangles[t, 1], 0], &points[triangles[t, 2], 0]) <= 0
-            for e in range(3 * t, 3 * t + 3):
-                f = globe.twins[e]
-                wrong[e] = f > e and should_flip(&globe, e)
-    return n_turned
+        for e in range(<int32_t>(3 * start), <int32_t>(3 * stop)):
+            f = globe.twins[e]
+            wrong[e] = may_flip(&arcs[0, 0], e, f) and f > e and should_flip(&globe, e)
 
 
 def flip(
     const double[:, ::1] points,   # IN (N, 3)
     int32_t[:, ::1] triangles,     # INOUT (T, 3)
     int32_t[:, ::1] twins,         # INOUT (T, 3)
+    double[:, ::1] arcs,           # INOUT (T, 3): of half_arcs_of_edges
     int32_t[::1] stack,            # INOUT (3 T,): begins with the edges to flip
     Py_ssize_t depth,              # IN: how many
     uint8_t[::1] waiting,          # INOUT (3 T,): 1 for those
@@ -142,7 +197,7 @@ def flip(
     cdef c_globe globe = as_globe(points, triangles, twins)
     cdef Py_ssize_t n_flips
     with nogil:
-        n_flips = flip_waiting(&globe, &stack[0], &waiting[0], <int32_t>depth, most)
+        n_flips = flip_waiting(&globe, &arcs[0, 0], &stack[0], &waiting[0], <int32_t>depth, most)
     return n_flips
 
 
@@ -180,7 +235,7 @@ def sum_uniform(
     const double[:, ::1] points,   # IN (N, 3)
     int32_t[:, ::1] triangles,     # IN (T, 3)
     int32_t[:, ::1] twins,         # IN (T, 3)
-    const double[:, ::1] centers,  # IN (T, 3)
+    const double[:, ::1] arcs,     # IN (T, 3): of half_arcs_of_edges
     const int32_t[::1] firsts,     # IN (N,)
     Py_ssize_t start,              # IN
     Py_ssize_t stop,               # IN
@@ -191,7 +246,7 @@ def sum_uniform(
     cdef Py_ssize_t i
     with nogil:
         for i in range(start, stop):
-            uniform_moment(&globe, &centers[0, 0], firsts[i], &moments[i, 0])
+            uniform_moment(&globe, &arcs[0, 0], firsts[i], &moments[i, 0])
 
 
 def sum_weighted(

@@ -6,16 +6,12 @@
 
 /* Below this, series are exact to rounding. */
 #define SMALL 0.02
+#define HALF_CIRCLE 3.14159265358979323846
 
-/* The circumcenter of a triangle: the unit normal of its plane. It begins at the least vertex, so that its bits are
- * the same in any triangulation that has this triangle. */
+/* The circumcenter of a triangle: the unit normal of its plane. */
 static void circumcenter(const struct globe *globe, int32_t t, double *center)
 {
-    int32_t e = 3 * t, first = e;
-
-    for (int k = 1; k < 3; k++)
-        if (globe->vertices[e + k] < globe->vertices[first])
-            first = e + k;
+    int32_t first = least_edge(globe->vertices, t);
     const double *a = origin_of(globe, first);
     double u[3], v[3], normal[3];
     subtract3(u, origin_of(globe, next_edge(first)), a);
@@ -37,9 +33,40 @@ static inline double angle_of(double y, double x)
     return z * (1 - s * (1. / 3 - s * (1. / 5 - s * (1. / 7 - s / 9))));
 }
 
+/* The arc of tangent `product` / `height` * length over the length, given the square of that. */
+static inline double arc_by_length(double product, double height, double inverse, double square)
+{
+    double ratio = product * inverse, s = ratio * ratio * square;
+
+    if (height > 0 && s < SMALL * SMALL)
+        return ratio * (1 - s * (1. / 3 - s * (1. / 5 - s * (1. / 7 - s / 9))));
+    return atan2(sqrt(square) * product, height) / sqrt(square);
+}
+
+/* For each edge of a triangle, the arc from its middle to the circumcenter, divided by its length; negative where the
+ * circumcenter is beyond the edge. The tangent of the arc from a b is |a - b| (a - c).(b - c) / (2 det(a, b, c)), for unit
+ * vectors. Returns whether the triangle turns counterclockwise. */
+static inline int half_arcs(const struct globe *globe, int32_t t, double *arcs)
+{
+    int32_t first = least_edge(globe->vertices, t), second = next_edge(first), third = last_edge(first);
+    const double *a = origin_of(globe, first), *b = origin_of(globe, second), *c = origin_of(globe, third);
+    double ab[3], bc[3], ca[3], normal[3];
+
+    subtract3(ab, b, a);
+    subtract3(bc, c, b);
+    subtract3(ca, a, c);
+    cross3(normal, ca, ab);
+    double height = 2 * dot3(normal, a), inverse = 1 / height;
+    double at_a = -dot3(ca, ab), at_b = -dot3(ab, bc), at_c = -dot3(bc, ca); /* |a - b|^2 is at_a + at_b */
+    arcs[first] = arc_by_length(at_c, height, inverse, at_a + at_b);
+    arcs[second] = arc_by_length(at_a, height, inverse, at_b + at_c);
+    arcs[third] = arc_by_length(at_b, height, inverse, at_c + at_a);
+    return height > 0;
+}
+
 /* The integral of x over the cell around the origin of edge `first`: half the sum, over its sides, of their length
  * times their unit normal, by the theorem of Gauss. */
-static void uniform_moment(const struct globe *globe, const double *centers, int32_t first, double *moment)
+static void uniform_moment(const struct globe *globe, const double *arcs, int32_t first, double *moment)
 {
     const double *a = origin_of(globe, first);
     int32_t e = first;
@@ -47,18 +74,17 @@ static void uniform_moment(const struct globe *globe, const double *centers, int
 
     do {
         int32_t f = globe->twins[e];
-        const double *left = centers + 3 * (ptrdiff_t)(e / 3), *right = centers + 3 * (ptrdiff_t)(f / 3);
-        double normal[3], across[3];
+        double normal[3], arc = arcs[e] + arcs[f];
         subtract3(normal, a, origin_of(globe, f));
-        cross3(across, right, left);
-        double scale = 1 / sqrt(dot3(normal, normal));
-        double half_arc = 0.5 * scale * angle_of(dot3(across, normal) * scale, dot3(right, left));
+        /* Sides are shorter than half a circle, and arcs around a point that is not inside may miss a whole one. */
+        if (arc < -HALF_CIRCLE / 4 && arc * sqrt(dot3(normal, normal)) < -HALF_CIRCLE / 2)
+            arc += 2 * HALF_CIRCLE / sqrt(dot3(normal, normal));
         for (int k = 0; k < 3; k++)
-            sum[k] += half_arc * normal[k];
+            sum[k] += arc * normal[k];
         e = next_edge(f);
     } while (e != first);
     for (int k = 0; k < 3; k++)
-        moment[k] = sum[k];
+        moment[k] = 0.5 * sum[k];
 }
 
 /* The mass of the same cell, the integral of the density times x, and that of the density times the squared distance

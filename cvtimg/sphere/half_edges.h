@@ -18,6 +18,18 @@ struct globe {
 static inline int32_t next_edge(int32_t e) { return e % 3 == 2 ? e - 2 : e + 1; }
 static inline int32_t last_edge(int32_t e) { return e % 3 == 0 ? e + 2 : e - 1; }
 
+/* The edge of a triangle from its least vertex: where sums begin whose bits are to be the same in any triangulation
+ * that has this triangle. */
+static inline int32_t least_edge(const int32_t *vertices, int32_t t)
+{
+    int32_t e = 3 * t, least = e;
+
+    for (int k = 1; k < 3; k++)
+        if (vertices[e + k] < vertices[least])
+            least = e + k;
+    return least;
+}
+
 static inline void join_twins(struct globe *globe, int32_t e, int32_t f)
 {
     globe->twins[e] = f;

@@ -45,6 +45,8 @@ class Triangulation:
         self.points = np.ascontiguousarray(points)
         self.triangles = np.empty((2 * len(points) - 4, 3), np.int32)
         self.twins = np.empty_like(self.triangles)
+        self._arcs: NDArray[np.float64] | None = None
+        self._firsts: NDArray[np.int32] | None = None
         if triangles is None:
             self._insert_all()
         else:
@@ -55,16 +57,24 @@ class Triangulation:
 
     def move(self, points: Points) -> bool:
         """Move all points and flip edges; return False, and change nothing, if a triangle would turn over."""
-        wrong = np.empty(self.triangles.size, np.uint8)
-        if not self._find_wrong(points, wrong):
+        arcs, n_turned = self._arcs_of(points)
+        if n_turned:
             return False
-        stack = np.empty(self.triangles.size, np.int32)
+        wrong = np.empty(self.triangles.size, np.uint8)
+
+        def kernel(start: int, stop: int) -> None:
+            _triangulation.find_wrong(points, self.triangles, self.twins, arcs, start, stop, wrong)
+
+        in_parts(kernel, len(arcs), _WORK * len(arcs))
         first = np.flatnonzero(wrong)
-        stack[: len(first)] = first
-        self.points = points
-        most = _MOST_FLIPS * len(self.triangles)
-        if _triangulation.flip(points, self.triangles, self.twins, stack, len(first), wrong, most) < 0:
-            self._insert_all()
+        self.points, self._arcs = points, arcs
+        if len(first):
+            self._firsts = None
+            stack = np.empty(self.triangles.size, np.int32)
+            stack[: len(first)] = first
+            most = _MOST_FLIPS * len(self.triangles)
+            if _triangulation.flip(points, self.triangles, self.twins, arcs, stack, len(first), wrong, most) < 0:
+                self._insert_all()
         return True
 
     def replace(self, points: Points) -> None:
@@ -85,10 +95,12 @@ class Triangulation:
 
     def uniform_moments(self) -> Points:
         """Integrate x over each cell, exactly: (N, 3)."""
-        centers, firsts, moments = self.circumcenters(), self.first_edges(), np.empty_like(self.points)
+        if self._arcs is None:
+            self._arcs = self._arcs_of(self.points)[0]
+        arcs, firsts, moments = self._arcs, self.first_edges(), np.empty_like(self.points)
 
         def kernel(start: int, stop: int) -> None:
-            _triangulation.sum_uniform(self.points, self.triangles, self.twins, centers, firsts, start, stop, moments)
+            _triangulation.sum_uniform(self.points, self.triangles, self.twins, arcs, firsts, start, stop, moments)
 
         in_parts(kernel, len(moments), _WORK * len(moments))
         return moments
@@ -123,36 +135,49 @@ class Triangulation:
 
     def first_edges(self) -> NDArray[np.int32]:
         """Return the edge (N,) from each vertex to its least neighbor."""
-        firsts = np.empty(len(self.points), np.int32)
-        _triangulation.first_edges(self.triangles, firsts)
-        return firsts
+        if self._firsts is None:
+            self._firsts = np.empty(len(self.points), np.int32)
+            _triangulation.first_edges(self.triangles, self._firsts)
+        return self._firsts
 
-    def _find_wrong(self, points: Points, wrong: NDArray[np.uint8]) -> bool:
-        """Mark edges that are not Delaunay; return whether no triangle turns over."""
-        turned: list[int] = []
+    def _arcs_of(self, points: Points) -> tuple[NDArray[np.float64], int]:
+        """Return half arcs (T, 3) with the vertices at other points, and how many triangles are turned over there."""
+        arcs, turned = np.empty(self.triangles.shape), []
 
         def kernel(start: int, stop: int) -> None:
-            turned.append(_triangulation.find_wrong(points, self.triangles, self.twins, start, stop, wrong))
+            turned.append(_triangulation.half_arcs_of_edges(points, self.triangles, start, stop, arcs))
 
-        in_parts(kernel, len(self.triangles), _WORK * len(self.triangles))
-        return not any(turned)
+        in_parts(kernel, len(arcs), _WORK * len(arcs))
+        return arcs, sum(turned)
 
     def _insert_all(self) -> None:
-        points = self.points
+        """Insert all points; the work is on a copy along a curve, so that neighbors are near in memory."""
+        self._arcs = self._firsts = None
+        curve = along_curve(self.points).astype(np.int32)
+        points = self.points[curve]
         four = _four_apart(points)
-        inside = points[four].mean(axis=0)
-        order = _insertion_order(points, four)
+        order = _insertion_order(len(points), four)
         stack = np.empty(self.triangles.size, np.int32)
         most = _MOST_FLIPS * len(points)
+        inside = points[four].mean(axis=0)
         n = _triangulation.insert(points, order, inside, LEAST_DISTANCE**2, most, self.triangles, self.twins, stack)
         if n < len(points):
             gaps = np.linalg.norm(points - points[order[n]], axis=1)
             gaps[order[n]] = np.inf
-            _refuse_near(int(order[n]), int(gaps.argmin()), float(gaps.min()))
+            _refuse_near(int(curve[order[n]]), int(curve[gaps.argmin()]), float(gaps.min()))
         least, edge = _triangulation.shortest_edge(points, self.triangles)
         if least < LEAST_DISTANCE**2:
             t, k = divmod(edge, 3)
-            _refuse_near(int(self.triangles[t, k]), int(self.triangles[t, (k + 1) % 3]), least**0.5)
+            _refuse_near(int(curve[self.triangles[t, k]]), int(curve[self.triangles[t, (k + 1) % 3]]), least**0.5)
+        self._sort()
+        self.triangles = curve[self.triangles]
+
+    def _sort(self) -> None:
+        """Sort triangles by their least vertex."""
+        triangles, twins = np.empty_like(self.triangles), np.empty_like(self.twins)
+        counts, places = np.empty(len(self.points) + 1, np.int32), np.empty(triangles.size, np.int32)
+        _triangulation.sort_triangles(self.triangles, self.twins, counts, places, triangles, twins)
+        self.triangles, self.twins = triangles, twins
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,17 +284,15 @@ def _four_apart(points: Points) -> NDArray[np.int32]:
     return np.array([a, b, c, d], np.int32)
 
 
-def _insertion_order(points: Points, four: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Order points by random rounds, each about twice as long as the one before, and along a curve in each.
+def _insertion_order(n: int, four: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Order points along a curve by random rounds, each about twice as long as the one before.
 
     N. Amenta, S. Choi, G. Rote, Incremental constructions con BRIO, Proc. Symposium on Computational Geometry (2003)
     211-219, doi 10.1145/777792.777824.
     """
-    n = len(points)
-    curve = along_curve(points).astype(np.int32)
     n_rounds = max(int(np.log2(n / _FIRST_ROUND)), 0) + 1
     rounds = np.minimum(np.random.default_rng(0).geometric(0.5, n), n_rounds).astype(np.uint8)
     rounds[four] = n_rounds + 1
-    order = curve[np.argsort(n_rounds + 1 - rounds[curve], kind="stable")]
+    order = np.argsort(n_rounds + 1 - rounds, kind="stable").astype(np.int32)
     order[:4] = four
     return order
