@@ -157,6 +157,29 @@ def test_moments_agree_with_samples() -> None:
     assert Triangulation(points).uniform_moments() == pytest.approx(sampled, abs=0.02)
 
 
+@pytest.mark.parametrize("width", [0.01, 0.3, 1.0])
+def test_moments_of_points_on_one_side_agree_with_their_cells(width: float) -> None:
+    points = unit(np.array([0.0, 0.0, 1.0]) + width * np.random.default_rng(7).normal(size=(40, 3)))
+    mesh = Triangulation(points)
+    cells, moments = mesh.cells(), mesh.uniform_moments()
+    for i, point in enumerate(points):
+        corners = cells[i]
+        following = np.roll(corners, -1, axis=0)
+        normals = np.cross(corners, following)
+        arcs = np.arctan2(np.linalg.norm(normals, axis=1), np.einsum("ij,ij->i", corners, following))
+        expected = 0.5 * arcs @ unit(normals)
+        assert moments[i] == pytest.approx(expected, abs=1e-9), point
+
+
+def test_triangles_are_near_each_other_in_memory() -> None:
+    mesh = Triangulation(random_points(20_000))
+    places = mesh.points[mesh.triangles].mean(axis=1)
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert np.median(gaps) < 3 * np.sqrt(4 * np.pi / 20_000)
+    edges = np.arange(mesh.triangles.size)
+    assert (mesh.twins.ravel()[mesh.twins.ravel()] == edges).all()
+
+
 def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
     mesh = Triangulation(random_points(20_000))
     for _ in range(3):
