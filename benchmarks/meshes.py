@@ -2,9 +2,10 @@
 
 Prints, for an ocean with a coast and a size image, processor seconds and qualities beside Gmsh's Frontal on the same
 borders and sizes; and, for eleven domains, how often each program is best and worst by eight measures. DistMesh has as
-many starts as cvtimg, which makes 4 by itself where meshes are small.
+many starts as cvtimg, which makes 4 by itself where meshes are small. For images of labels, prints how far the area of
+the worst piece is off.
 
-    python benchmarks/meshes.py [--quick] [--only ocean,domains] [--starts N]
+    python benchmarks/meshes.py [--quick] [--only ocean,domains,labels] [--starts N]
 """
 
 from __future__ import annotations
@@ -22,15 +23,16 @@ from typing import Any
 
 import numpy as np
 import shapely
-from common import parser, pin_threads, print_table, timed, write_results
+from common import DATA, parser, pin_threads, print_table, timed, write_results
 from mesh_domains import comparison, ocean
+from mesh_labels import of_labels
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
-PARTS = ("ocean", "domains")
+PARTS = ("ocean", "domains", "labels")
 COUNTS = (47_305, 183_907)
 #: The measures that count, as `cvtimg.meshes.MeshMeasures` has them.
 MEASURES = ("h", "chi", "tau", "d", "alpha", "beta", "q", "p")
@@ -352,6 +354,8 @@ def main() -> None:
         tables["ocean"] = with_oceans(read.quick)
     if "domains" in read.only:
         tables["domains"] = with_domains(1 if read.quick else read.starts)
+    if "labels" in read.only:
+        tables["labels"] = of_labels(read.data or DATA, read.quick)
     for name, rows in tables.items():
         header = list(rows[0])
         print_table(name, header, [[str(row[column]) for column in header] for row in rows])

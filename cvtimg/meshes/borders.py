@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
+from cvtimg.labels.cracks import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, turns_of
 from cvtimg.meshes.sliding import Tracks
@@ -20,8 +21,9 @@ Points = NDArray[np.float64]
 _ROUND = 6
 #: A line is sampled at steps of at most this part of an edge.
 _STEP = 0.34
-#: A vertex must not be nearer to the edge of another line than this part of that edge.
-_NEAR = 0.4
+#: A vertex must not be nearer to the edge of another line than this part of that edge; the second is for contours of
+#: pixels, which have many thin parts.
+_NEAR, _NEAR_PIXELS = 0.4, 0.5
 #: Rounds of making crowded edges shorter; in the last ones, only where they cross.
 _ROUNDS, _LAST_ROUNDS = 12, 5
 #: The sizes around follow edges that are shorter than this part of what was wanted.
@@ -47,7 +49,7 @@ def place_on_borders(
     for round_ in range(_ROUNDS):
         borders = _spaced(outline, field, share)
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
-        crossed, near = _crowded(borders, lengths)
+        crossed, near = _crowded(borders, lengths, _NEAR if outline.mask is None else _NEAR_PIXELS)
         if round_ >= _ROUNDS - _LAST_ROUNDS:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
@@ -102,6 +104,10 @@ def _spaced(outline: Outline, field: Field, share: float) -> Borders:
     joined[offsets[1:] - 1] = False
     edges = np.stack([chain[:-1][joined], chain[1:][joined]], axis=1)
     of_line = np.repeat(np.arange(len(starts)), n_edges)
+    if outline.areas is not None:
+        ends_of_open = np.unique(np.concatenate([first[~is_closed], last[~is_closed]]))
+        rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
+        points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)
     borders = Borders(points, edges, outline.sides[of_line])
     if outline.mask is not None or not len(inner):
         return borders
@@ -156,8 +162,10 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
     return places, line_of
 
 
-def _crowded(borders: Borders, lengths: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Find edges (E,) that meet other than at their ends, and those that have a vertex of another line near."""
+def _crowded(
+    borders: Borders, lengths: NDArray[np.float64], part: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     shapely = optional("shapely", "mesh")
 
     points, edges = borders.points, borders.edges
@@ -171,12 +179,12 @@ def _crowded(borders: Borders, lengths: NDArray[np.float64]) -> tuple[NDArray[np
     reach = np.zeros(len(points))
     for end in (0, 1):
         np.maximum.at(reach, edges[:, end], lengths)
-    point, edge = tree.query(shapely.points(points), predicate="dwithin", distance=_NEAR * reach)
+    point, edge = tree.query(shapely.points(points), predicate="dwithin", distance=part * reach)
     apart = (edges[edge] != point[:, None]).all(axis=1)
     point, edge = point[apart], edge[apart]
     gaps = shapely.distance(shapely.points(points[point]), segments[edge])
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
-    close = gaps < _NEAR * lengths[edge]
+    close = gaps < part * lengths[edge]
     near[edge[close & ~_share_a_corner(edges, point, edge, len(points))]] = True
     return crossed, near
 

@@ -93,7 +93,7 @@ def mesh_region(
     ----------
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
         What `cvtimg.regions.as_region` takes. Corners of polygons, where the boundary turns by more than 30 degrees,
-        become vertices. The contour of a mask is smoothed by up to 0.7 pixels.
+        become vertices. The contour of a mask is smoothed by up to 0.7 pixels, and keeps its area.
     n : int, optional
         Number of vertices. With `size`, only the ratios of sizes count then.
     edge_length : float, optional
@@ -197,7 +197,8 @@ def mesh_labels(
     Returns
     -------
     Mesh
-        With the label of each triangle in `tags`.
+        With the label of each triangle in `tags`. Each connected piece of a segment has the area of its pixels, or that
+        of its contour in `image`.
 
     Raises
     ------

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, check_that, refuse_type
 from cvtimg._shared.extras import optional
+from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
+from cvtimg.meshes.areas import Areas
 from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
@@ -46,6 +48,8 @@ class Outline:
         The pixels inside, if coordinates are in pixels of an image.
     contains : callable
         Tells which of (N, 2) points are inside.
+    areas : Areas or None
+        That segments keep although their borders are smoothed.
     """
 
     lines: tuple[Points, ...]
@@ -53,6 +57,7 @@ class Outline:
     bounds: Points
     mask: NDArray[np.bool_] | None
     contains: Callable[[Points], NDArray[np.bool_]]
+    areas: Areas | None = None
 
     @property
     def diameter(self) -> float:
@@ -87,16 +92,18 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
     """Return the borders of segments; pixels of label 0 are outside."""
-    found = find_contours(labels, image)
+    mask = labels > 0
+    check_that("labels", mask.any(), "not be 0 everywhere")
+    cracks = find_contours(labels)
+    found = cracks if image is None else find_contours(labels, image)
+    areas = Areas.of(list(found.lines), _pieces_beside(cracks.lines, connected_pieces(labels)))
     lines: list[Points] = []
-    sides: list[NDArray[np.int32]] = []
-    for line, both in zip(found.lines, found.sides, strict=True):
+    own: list[int] = []
+    for number, (line, both) in enumerate(zip(found.lines, found.sides, strict=True)):
         if both.max() > 0:
             parts = [_smoothed(part, tolerance) for part in _cut_contour(line, tolerance)]
             lines += parts
-            sides += [both] * len(parts)
-    check_that("labels", len(lines) > 0, "not be 0 everywhere")
-    mask = labels > 0
+            own += [number] * len(parts)
 
     def contains(points: Points) -> NDArray[np.bool_]:
         at = np.clip(points.astype(np.intp), 0, np.array(mask.shape[::-1]) - 1)
@@ -104,7 +111,18 @@ def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Ou
         return inside
 
     bounds = np.array([[0.0, 0.0], [mask.shape[1], mask.shape[0]]])
-    return Outline(tuple(lines), np.array(sides), bounds, mask, contains)
+    kept = areas.cut(np.array(own), areas.still) if tolerance else None
+    return Outline(tuple(lines), found.sides[own], bounds, mask, contains, kept)
+
+
+def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Numbers (M, 2) of the pieces on both sides of lines along the sides of pixels; 0 beyond the image."""
+    padded = np.pad(pieces, 1)
+    first = np.array([line[0] for line in lines])
+    along = np.sign([line[1] - line[0] for line in lines])
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    sides = [np.floor(first + (along + side * across) / 2).astype(np.intp) + 1 for side in (1, -1)]
+    return np.stack([padded[at[:, 1], at[:, 0]] for at in sides], axis=1).astype(np.intp)
 
 
 def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
@@ -231,7 +249,7 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     shapely = optional("shapely", "mesh")
 
     alone = []
-    lines, sides = list(outline.lines), list(outline.sides)
+    lines, own = list(outline.lines), list(range(len(outline.lines)))
     for point in np.unique(points, axis=0):
         place = shapely.Point(point)
         gaps = shapely.distance([shapely.LineString(line) for line in lines], place)
@@ -242,8 +260,10 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
             continue
         parts = _cut_at(lines[nearest], point)
         lines[nearest : nearest + 1] = parts
-        sides[nearest : nearest + 1] = [sides[nearest]] * len(parts)
-    return replace(outline, lines=tuple(lines), sides=np.array(sides)), np.array(alone).reshape(-1, 2)
+        own[nearest : nearest + 1] = [own[nearest]] * len(parts)
+    areas = None if outline.areas is None else outline.areas.cut(np.array(own), points)
+    cut = replace(outline, lines=tuple(lines), sides=outline.sides[own], areas=areas)
+    return cut, np.array(alone).reshape(-1, 2)
 
 
 def _cut_at(line: Points, point: Points) -> list[Points]:

@@ -1,0 +1,86 @@
+"""Images of labels that are meshed, and what is measured of their meshes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import SAMPLES, timed
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array, csgraph
+
+Row = dict[str, Any]
+Labels = NDArray[np.int32]
+
+
+def pictures(data: Path) -> Iterator[tuple[str, Labels, int]]:
+    """Yield names, labels and numbers of vertices: of people, of nuclei, of bone, and by cvtimg of samples."""
+    import cvtimg
+
+    for name, n in (("3063", 4000), ("100039", 6000), ("196027", 6000), ("302022", 6000)):
+        path = data / "bsds" / f"{name}_gt.npz"
+        if path.exists():
+            yield f"Berkeley {name}", np.load(path)["segmentation"][0].astype(np.int32), n
+    nuclei = data / "scenes" / "dsb2018_nuclei_mask2d.npz"
+    if nuclei.exists():
+        with np.load(nuclei) as found:
+            yield "nuclei", found[found.files[0]].astype(np.int32), 8000
+    bone = data / "scenes" / "bone_trabecular_lhdl_slice060.png"
+    if bone.exists():
+        yield "bone", 1 + (cvtimg.read_image(bone) > 142).astype(np.int32), 12_000
+    cat = cvtimg.read_image(SAMPLES / "chelsea.png")
+    yield "chelsea.png, 3 segments", cvtimg.segment(cat, 3, edge_weight=500).labels.astype(np.int32), 8000
+
+
+def of_labels(data: Path, quick: bool) -> list[Row]:
+    """Mesh images of labels; measure how far the area of the worst piece is off, and the whole."""
+    import cvtimg
+    from cvtimg.meshes import measure_triangles
+
+    rows = []
+    for name, labels, n in list(pictures(data))[: 1 if quick else None]:
+        pieces = pieces_of(labels)
+        mesh, seconds = timed(partial(cvtimg.mesh_labels, pieces, n=n), time.process_time)
+        each = measure_triangles(mesh.points, mesh.triangles)
+        pixels = np.bincount(pieces.ravel())[1:]
+        areas = np.bincount(mesh.tags, each.areas, len(pixels) + 1)[1:]
+        rows.append({
+            "picture": name,
+            "vertices": len(mesh.points),
+            "seconds": round(seconds, 2),
+            "pieces": len(pixels),
+            "components": n_components(mesh.triangles, mesh.tags),
+            "smallest piece": int(pixels.min()),
+            "worst area %": f"{100 * np.abs(areas / pixels - 1).max():.1e}",
+            "total area %": f"{100 * abs(areas.sum() / pixels.sum() - 1):.1e}",
+            "below 30 %": round(100 * float((each.least_angles < 30).mean()), 3),
+            "mean q": round(float(each.qualities.mean()), 4),
+        })  # fmt: skip
+    return rows
+
+
+def pieces_of(labels: Labels) -> Labels:
+    """Give each connected piece of all labels a number of its own."""
+    pieces, n_pieces = np.zeros(labels.shape, np.int32), 0
+    for label in np.unique(labels[labels != 0]):
+        found, n_found = ndimage.label(labels == label)
+        pieces[found > 0] = found[found > 0] + n_pieces
+        n_pieces += n_found
+    return pieces
+
+
+def n_components(triangles: NDArray[np.int32], tags: NDArray[np.int32]) -> int:
+    """Count the components of triangles that share edges and tags."""
+    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    own = np.repeat(np.arange(len(triangles)), 3)
+    order = np.lexsort(ends.T)
+    same = np.flatnonzero((ends[order[1:]] == ends[order[:-1]]).all(axis=1))
+    a, b = own[order[same]], own[order[same + 1]]
+    a, b = a[tags[a] == tags[b]], b[tags[a] == tags[b]]
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(triangles), len(triangles)))
+    return int(csgraph.connected_components(graph, directed=False)[0])

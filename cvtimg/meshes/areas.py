@@ -1,0 +1,116 @@
+"""Segments keep their areas: vertices on borders move by the least that makes up for smoothing and for chords."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+#: Areas are right when none misses by more than this part of it.
+_NEAR = 1e-6
+#: Rounds of Newton's method at most. In each, no vertex moves by more than this part of its shorter edge.
+_ROUNDS, _LONGEST = 20, 0.25
+#: Ends of lines, which are corners and junctions, move by this part of what other vertices do.
+_ENDS = 0.03
+#: Makes the equations regular where all areas are kept if all but one are.
+_REGULAR = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Areas:
+    """The areas that the connected pieces of segments should have.
+
+    Attributes
+    ----------
+    pieces : (M, 2) intp array
+        Numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside.
+    wanted : (P,) float64 array
+        Their areas; the first is not used.
+    still : (S, 2) float64 array
+        Ends of lines that must stay where they are.
+    """
+
+    pieces: Index
+    wanted: NDArray[np.float64]
+    still: Points
+
+    @classmethod
+    def of(cls, lines: list[Points], pieces: Index) -> Areas:
+        """Measure what lines enclose."""
+        number = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+        points = np.concatenate(lines)
+        inner = number[1:] == number[:-1]
+        edges = np.stack([np.flatnonzero(inner), np.flatnonzero(inner) + 1], axis=1)
+        wanted = _enclosed(points, edges, pieces[number[:-1][inner]], int(pieces.max()) + 1)
+        return cls(pieces, wanted, np.empty((0, 2)))
+
+    def cut(self, own: Index, still: Points) -> Areas:
+        """Return the areas of lines that were cut: each part is of line `own`, and some points stay."""
+        return replace(self, pieces=self.pieces[own], still=still)
+
+    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Index, ends: Index, rim: Index) -> Points:
+        """Move vertices so that pieces have their areas, by the least sum of squared moves.
+
+        Parameters
+        ----------
+        points : (N, 2) float64 array
+        edges : (E, 2) int32 array
+        of_line : (E,) array
+            Line of each edge.
+        ends : (K,) array
+            Vertices that are corners or junctions, which hardly move.
+        rim : (K,) array
+            Vertices that stay.
+
+        Returns
+        -------
+        (N, 2) float64 array
+        """
+        from scipy.sparse import coo_array, eye_array
+        from scipy.sparse.linalg import spsolve
+
+        both, n_pieces, n = self.pieces[of_line], len(self.wanted), len(points)
+        freedom = np.ones(n)
+        freedom[ends] = _ENDS
+        if len(self.still):
+            freedom[np.isin(points.view(np.complex128)[:, 0], self.still.view(np.complex128)[:, 0])] = 0
+        freedom[rim] = 0
+        rows = np.concatenate([both.T.ravel()] * 4)
+        columns = np.concatenate([np.tile(2 * edges[:, end] + axis, 2) for end in (0, 1) for axis in (0, 1)])
+        signs = np.tile(np.repeat([0.5, -0.5], len(edges)), 4)
+        inside = rows > 0
+        points = points.copy()
+        for _ in range(_ROUNDS):
+            missing = self.wanted - _enclosed(points, edges, both, n_pieces)
+            if (np.abs(missing) <= _NEAR * self.wanted)[1:].all():
+                break
+            a, b = points[edges[:, 0]], points[edges[:, 1]]
+            lengths = np.linalg.norm(b - a, axis=1)
+            slopes = np.concatenate([np.tile(slope, 2) for slope in (b[:, 1], -b[:, 0], -a[:, 1], a[:, 0])]) * signs
+            of_moves = coo_array((slopes[inside], (rows[inside] - 1, columns[inside])), shape=(n_pieces - 1, 2 * n))
+            of_moves = of_moves.tocsr()
+            # A move along the normal sweeps over half of both edges: so all vertices of a line move as far.
+            weights = np.repeat(freedom / np.maximum(np.bincount(edges.ravel(), np.repeat(lengths, 2), n), 1e-300), 2)
+            weighted = of_moves.multiply(weights).tocsr()
+            normal = (weighted @ of_moves.T).tocsc()
+            scale = _REGULAR * float(normal.diagonal().max(initial=1e-300))
+            needed = np.atleast_1d(spsolve(normal + scale * eye_array(n_pieces - 1, format="csc"), missing[1:]))
+            moves = (weighted.T @ needed).reshape(-1, 2)
+            shortest = np.full(n, np.inf)
+            for end in (0, 1):
+                np.minimum.at(shortest, edges[:, end], lengths)
+            far = np.linalg.norm(moves, axis=1)
+            points += moves * np.minimum(1, _LONGEST * shortest / np.maximum(far, 1e-300))[:, None]
+        return points
+
+
+def _enclosed(points: Points, edges: NDArray[np.integer], both: Index, n_pieces: int) -> NDArray[np.float64]:
+    """Areas (P,) that edges enclose, with the pieces (E, 2) on both of their sides."""
+    a, b = points[edges[:, 0]], points[edges[:, 1]]
+    swept = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+    areas = np.bincount(both[:, 0], swept, n_pieces) - np.bincount(both[:, 1], swept, n_pieces)
+    return areas.astype(np.float64, copy=False)

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cvtimg import find_contours, mesh_labels, mesh_region
+from cvtimg.meshes import Mesh, measure_triangles
+
+
+def blobs(seed: int, side: int = 64, n_labels: int = 4, spread: float = 3.0) -> NDArray[np.int32]:
+    """Draw labels of connected pieces of smoothed noise."""
+    values = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal((side, side)), spread)
+    levels = np.searchsorted(np.quantile(values, np.arange(1, n_labels) / n_labels), values)
+    pieces, n_pieces = np.zeros((side, side), np.int32), 0
+    for level in range(n_labels):
+        found, n_found = ndimage.label(levels == level)
+        pieces[found > 0] = found[found > 0] + n_pieces
+        n_pieces += n_found
+    return pieces
+
+
+def areas_of(mesh: Mesh, n_tags: int) -> NDArray[np.float64]:
+    return np.bincount(mesh.tags, measure_triangles(mesh.points, mesh.triangles).areas, n_tags)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_segment_keeps_its_area(seed: int) -> None:
+    labels = blobs(seed)
+    mesh = mesh_labels(labels, n=1000, effort="fast")
+    pixels = np.bincount(labels.ravel())
+    assert areas_of(mesh, len(pixels))[1:] == pytest.approx(pixels[1:], rel=1e-5)
+    assert mesh.area == pytest.approx(labels.size, rel=1e-12)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 1000), st.sampled_from([0, 1, 2]))
+def test_segments_beside_unmeshed_pixels_keep_their_areas(seed: int, left_out: int) -> None:
+    labels = blobs(seed, side=40)
+    labels[labels % 3 == left_out] = 0
+    pixels = np.bincount(labels.ravel())
+    mesh = mesh_labels(labels, edge_length=2.5, effort="fast")
+    assert areas_of(mesh, len(pixels))[1:] == pytest.approx(pixels[1:], rel=1e-5)
+
+
+def test_the_pieces_of_a_segment_keep_their_areas_one_by_one() -> None:
+    labels = np.ones((60, 80), np.int32)
+    y, x = np.mgrid[:60, :80]
+    labels[np.hypot(x - 20, y - 30) < 12] = 2
+    labels[np.hypot(x - 60, y - 30) < 6] = 2
+    mesh = mesh_labels(labels, n=300)
+    areas = measure_triangles(mesh.points, mesh.triangles).areas
+    left = mesh.points[mesh.triangles].mean(axis=1)[:, 0] < 40
+    for side, columns in ((left, slice(0, 40)), (~left, slice(40, 80))):
+        pixels = (labels[:, columns] == 2).sum()
+        assert areas[(mesh.tags == 2) & side].sum() == pytest.approx(pixels, rel=1e-5)
+
+
+def test_with_an_image_segments_keep_the_areas_of_its_contours() -> None:
+    y, x = np.mgrid[:40, :40]
+    image = np.clip(8 - np.hypot(x - 19.3, y - 20.1), -1, 1)
+    labels = 1 + (image > 0)
+    (disk,) = (each for each in find_contours(labels, image).polygons if each.label == 2)
+    mesh = mesh_labels(labels, image, n=150)
+    assert areas_of(mesh, 3)[2] == pytest.approx(disk.area, rel=1e-5)
+    assert abs(disk.area - (labels == 2).sum()) > 0.1
+
+
+def test_a_mask_keeps_its_area_and_fixed_points_on_its_border_stay() -> None:
+    mask = np.hypot(*(np.mgrid[:40, :40] - 19.5)) < 15
+    fixed = [[20.0, 5.0], [20.0, 20.0]]
+    mesh = mesh_region(mask, n=100, fixed=fixed)
+    assert mesh.area == pytest.approx(mask.sum(), rel=1e-5)
+    for place in fixed:
+        assert (np.abs(mesh.points - place).max(axis=1) < 1e-12).any(), place
