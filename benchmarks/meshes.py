@@ -27,7 +27,7 @@ from common import DATA, parser, pin_threads, print_table, timed, write_results
 from mesh_domains import comparison, ocean
 from mesh_labels import of_labels
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
@@ -159,22 +159,27 @@ def rings_of(edges: Triangles) -> list[NDArray[np.intp]]:
     return rings
 
 
-def with_domains(starts: int) -> list[Row]:
-    """Count how often each program is best and worst, by eight measures on eleven domains."""
+def with_domains(starts: int) -> tuple[list[Row], list[Row]]:
+    """Count how often each program is best and worst, by eight measures on eleven domains: of some starts, and of one.
+
+    The starts of cvtimg are its own: one with effort "fast".
+    """
     found: dict[str, dict[str, tuple[float, ...]]] = {}
-    programs = ("triangle", "Gmsh", f"DistMesh of {starts}", "cvtimg")
+    several = ("triangle", "Gmsh", f"DistMesh of {starts}", "cvtimg")
+    single = ("triangle", "Gmsh", "DistMesh of 1", "cvtimg fast")
     for name, (rings, n) in comparison().items():
-        others = [measured(by_distmesh(rings, n, seed)) for seed in range(starts)]
-        rows = (
-            measured(by_triangle(rings, n)),
-            measured(by_gmsh_uniformly(rings, n)),
-            min(others, key=score),
-            measured(by_cvtimg(rings, n, 0)),
-        )
-        found[name] = dict(zip(programs, rows, strict=True))
+        by_springs = [measured(by_distmesh(rings, n, seed)) for seed in range(starts)]
+        found[name] = {
+            "triangle": measured(by_triangle(rings, n)),
+            "Gmsh": measured(by_gmsh_uniformly(rings, n)),
+            "DistMesh of 1": by_springs[0],
+            f"DistMesh of {starts}": min(by_springs, key=score),
+            "cvtimg fast": measured(by_cvtimg(rings, n, "fast")),
+            "cvtimg": measured(by_cvtimg(rings, n, "balanced")),
+        }
         for program, values in found[name].items():
             print(f"{name:20s}{program:16s}", *(f"{value:.3g}" for value in values))
-    return counted(found, programs)
+    return counted(found, several), counted(found, single)
 
 
 def score(measures: tuple[float, ...]) -> float:
@@ -200,27 +205,32 @@ def measured(mesh: tuple[Points, Triangles]) -> tuple[float, ...]:
     return astuple(measure_mesh(*mesh))[: len(MEASURES)]
 
 
-def by_cvtimg(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangles]:
-    """Mesh with cvtimg's default."""
+def by_cvtimg(rings: list[Points], n: int, effort: str) -> tuple[Points, Triangles]:
+    """Mesh with cvtimg, as it is by default but for the effort."""
     import cvtimg
 
-    mesh = cvtimg.mesh_region(rings, n=n, rng=seed)
+    mesh = cvtimg.mesh_region(rings, n=n, effort=effort)
     return mesh.points, mesh.triangles
 
 
-def nearest_number(make: Callable[[float], tuple[Points, Triangles]], area: float, n: int) -> tuple[Points, Triangles]:
+def nearest_length(count: Callable[[float], int], area: float, n: int) -> float:
     """Find the edge length with which a program comes nearest to n vertices."""
-    length, best, gap = (2 * area / (3**0.5 * n)) ** 0.5, None, np.inf
-    low, high = 0.5 * length, 2 * length
-    for _ in range(14):
+    middle = (2 * area / (3**0.5 * n)) ** 0.5
+    best, gap, low, high = middle, np.inf, 0.5 * middle, 2 * middle
+    for _ in range(20):
         length = (low * high) ** 0.5
-        mesh = make(length)
-        number = len(np.unique(mesh[1]))
+        number = count(length)
         if abs(number - n) < gap:
-            best, gap = mesh, abs(number - n)
+            best, gap = length, abs(number - n)
+        if not gap:
+            break
         low, high = (length, high) if number > n else (low, length)
-    assert best is not None
     return best
+
+
+def nearest_number(make: Callable[[float], tuple[Points, Triangles]], area: float, n: int) -> tuple[Points, Triangles]:
+    """Make the mesh of an edge length with which a program comes nearest to n vertices."""
+    return make(nearest_length(lambda length: len(np.unique(make(length)[1])), area, n))
 
 
 def outlines(rings: list[Points], length: float) -> list[Points]:
@@ -289,60 +299,96 @@ def by_gmsh_uniformly(rings: list[Points], n: int) -> tuple[Points, Triangles]:
 
 
 def by_distmesh(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangles]:
-    """Mesh with DistMesh, written from the paper.
+    """Mesh with DistMesh, written from the paper; its lattice is moved and shaken where `seed` > 0.
 
     P.-O. Persson, G. Strang, A simple mesh generator in MATLAB, SIAM Review 46 (2004), doi 10.1137/S0036144503429121.
     """
-    domain = shapely.Polygon(rings[0], rings[1:])
-    shapely.prepare(domain)
-    boundary = domain.boundary
-    corners = np.vstack([ring[turning(ring) > np.radians(20)] for ring in rings])
-    random = np.random.default_rng(seed)
+    domain = Domain(rings)
 
-    def distances(points: Points) -> NDArray[np.float64]:
-        away = shapely.distance(boundary, shapely.points(points))
-        return np.where(shapely.contains_xy(domain, *points.T), -away, away)
-
-    def make(length: float, steps: int = 250) -> tuple[Points, Triangles]:
-        low, high = np.array(domain.bounds).reshape(2, 2)
+    def lattice(length: float) -> Points:
+        random = np.random.default_rng(seed)
+        low, high = np.array(domain.polygon.bounds).reshape(2, 2)
+        low = low - length * random.random(2) * (seed > 0)
         x, y = np.meshgrid(np.arange(low[0], high[0] + length, length), np.arange(low[1], high[1], length * 0.75**0.5))
         x[1::2] += length / 2
         points = np.stack([x.ravel(), y.ravel()], axis=1) + random.normal(0, 0.05 * length * (seed > 0), (x.size, 2))
-        points = points[distances(points) < 0.001 * length]
-        if len(corners):
-            near = np.linalg.norm(points[:, None] - corners, axis=2).min(axis=1) < 0.5 * length
-            points = np.vstack([corners, points[~near]])
-        before, triangles = np.full_like(points, np.inf), np.empty((0, 3), np.int32)
-        for _ in range(steps):
-            if np.linalg.norm(points - before, axis=1).max() > 0.1 * length:
-                before = points.copy()
-                triangles = Delaunay(points).simplices
-                triangles = triangles[distances(points[triangles].mean(axis=1)) < -0.001 * length]
-                bars = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-            ways = points[bars[:, 0]] - points[bars[:, 1]]
-            sides = np.linalg.norm(ways, axis=1)
-            wanted = 1.2 * np.sqrt((sides**2).mean())
-            pushes = (np.maximum(wanted - sides, 0) / sides)[:, None] * ways
-            force = np.zeros_like(points)
-            np.add.at(force, bars[:, 0], pushes)
-            np.add.at(force, bars[:, 1], -pushes)
-            force[: len(corners)] = 0
-            points = points + 0.2 * force
-            outside = np.flatnonzero(distances(points) > 0)
-            outside = outside[outside >= len(corners)]
-            lines = shapely.shortest_line(boundary, shapely.points(points[outside]))
-            points[outside] = shapely.get_coordinates(lines)[::2]
-            inner = distances(points) < -0.001 * length
-            if np.linalg.norm(0.2 * force[inner], axis=1).max(initial=0) < 0.001 * length:
-                break
-        triangles = Delaunay(points).simplices
-        middle = distances(points[triangles].mean(axis=1)) < -0.001 * length
-        triangles = triangles[middle]
-        a, b, c = (points[triangles[:, k]] for k in range(3))
-        turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-        return points, triangles[np.abs(turn) > 1e-6 * length**2]
+        points = points[domain.distances(points)[0] < 0.001 * length]
+        if len(domain.corners):
+            near = np.linalg.norm(points[:, None] - domain.corners, axis=2).min(axis=1) < 0.5 * length
+            points = np.vstack([domain.corners, points[~near]])
+        return points
 
-    return nearest_number(make, domain.area, n)
+    length = nearest_length(lambda length: len(lattice(length)), domain.polygon.area, n)
+    return distmesh(domain, lattice(length), length)
+
+
+class Domain:
+    """A polygon with holes, as signed distances."""
+
+    def __init__(self, rings: list[Points], step: float = 0.002) -> None:
+        self.polygon = shapely.Polygon(rings[0], rings[1:])
+        shapely.prepare(self.polygon)
+        self.corners = np.vstack([ring[turning(ring) > np.radians(20)] for ring in rings])
+        dense = [shapely.get_coordinates(shapely.segmentize(shapely.LinearRing(ring), step)) for ring in rings]
+        self.starts = np.vstack([ring[:-1] for ring in dense])
+        self.sides = np.vstack([np.diff(ring, axis=0) for ring in dense])
+        self.before = np.concatenate(
+            [
+                np.roll(np.arange(len(ring) - 1), 1) + start
+                for ring, start in zip(dense, np.cumsum([0, *(len(ring) - 1 for ring in dense)]), strict=False)
+            ]
+        )
+        self.tree = cKDTree(self.starts)
+
+    def distances(self, points: Points) -> tuple[NDArray[np.float64], Points]:
+        """Return signed distances (N,), < 0 inside, and the nearest places (N, 2) on the boundary."""
+        away, nearest = np.full(len(points), np.inf), np.empty_like(points)
+        start = self.tree.query(points)[1]
+        for side in (start, self.before[start]):
+            way = self.sides[side]
+            along = ((points - self.starts[side]) * way).sum(axis=1) / (way**2).sum(axis=1)
+            place = self.starts[side] + np.clip(along, 0, 1)[:, None] * way
+            gap = np.linalg.norm(points - place, axis=1)
+            nearer = gap < away
+            away[nearer], nearest[nearer] = gap[nearer], place[nearer]
+        return np.where(shapely.contains_xy(self.polygon, *points.T), -away, away), nearest
+
+
+def distmesh(domain: Domain, points: Points, length: float, steps: int = 1000) -> tuple[Points, Triangles]:
+    """Move points by the forces of springs until they rest; Delaunay's triangles of them where they have moved far."""
+
+    def triangulated() -> Triangles:
+        found = Delaunay(points).simplices
+        found = found[domain.distances(points[found].mean(axis=1))[0] < -0.001 * length]
+        a, b, c = (points[found[:, k]] for k in range(3))
+        turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        return found[np.abs(turn) > 1e-6 * length**2]
+
+    before = np.full_like(points, np.inf)
+    for _ in range(steps):
+        if np.linalg.norm(points - before, axis=1).max() > 0.1 * length:
+            before = points.copy()
+            bars = np.unique(np.sort(triangulated()[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+        ways = points[bars[:, 0]] - points[bars[:, 1]]
+        sides = np.linalg.norm(ways, axis=1)
+        wanted = 1.2 * np.sqrt((sides**2).mean())
+        pushes = (np.maximum(wanted - sides, 0) / sides)[:, None] * ways
+        force = np.stack(
+            [
+                np.bincount(bars[:, 0], push, len(points)) - np.bincount(bars[:, 1], push, len(points))
+                for push in pushes.T
+            ],
+            axis=1,
+        )
+        force[: len(domain.corners)] = 0
+        points = points + 0.2 * force
+        away, nearest = domain.distances(points)
+        outside = np.flatnonzero(away > 0)
+        outside = outside[outside >= len(domain.corners)]
+        points[outside] = nearest[outside]
+        if np.linalg.norm(0.2 * force[away < -0.001 * length], axis=1).max(initial=0) < 0.001 * length:
+            break
+    return points, triangulated()
 
 
 def main() -> None:
@@ -353,7 +399,7 @@ def main() -> None:
     if "ocean" in read.only:
         tables["ocean"] = with_oceans(read.quick)
     if "domains" in read.only:
-        tables["domains"] = with_domains(1 if read.quick else read.starts)
+        tables["domains"], tables["domains, one start"] = with_domains(1 if read.quick else read.starts)
     if "labels" in read.only:
         tables["labels"] = of_labels(read.data or DATA, read.quick)
     for name, rows in tables.items():

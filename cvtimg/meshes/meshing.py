@@ -24,7 +24,7 @@ from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
 from cvtimg.meshes.projection import project_to_borders
-from cvtimg.meshes.relaxation import relax
+from cvtimg.meshes.relaxation import Relaxed, relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders, Triangulation
@@ -66,7 +66,9 @@ _VARIES = 0.4
 _WORK, _MORE_MOVES, _MORE_SWEEPS = 600_000, 200, 20
 #: Meshes of one size with no more vertices than this are tried several times,
 _SMALL = 1000
-#: with so many vertices on borders, by the number that sizes ask for.
+#: each as it is before these sweeps and after all of them, since some measures ask for even edges and others do not,
+_CANDIDATES = (0, 2)
+#: and with so many vertices on borders, by the number that sizes ask for.
 _SHARES = (1.0, 0.95, 1.0, 0.9)
 #: Where sizes vary, sweeps in the end lower the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
@@ -261,45 +263,52 @@ def _mesh(
     settings = EFFORTS[effort]
     random = np.random.default_rng(rng)
     outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
-    made = _made(outline, wanted, alone, settings, random, 1.0)
-    best = made.mesh
-    if not made.varies and len(best.points) <= _SMALL:
-        trials = [made]
-        for trial in range(1, settings.trials):
-            share = _SHARES[trial % len(_SHARES)]
-            trials.append(_made(outline, wanted, alone, settings, random, share))
-        best = min((each.mesh for each in trials), key=_irregularity)
-    return best
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Made:
-    mesh: Mesh
-    varies: bool
+    meshes: list[Mesh] = []
+    for trial in range(settings.trials):
+        meshes += _made(outline, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
+        if len(meshes) == 1:
+            return meshes[0]
+    return min(meshes, key=_irregularity)
 
 
 def _made(
     outline: Outline, wanted: _Wanted, alone: Points, settings: Effort, random: np.random.Generator, share: float
-) -> _Made:
-    """Make a mesh once, with a share of the vertices that borders should have."""
+) -> list[Mesh]:
+    """Make a mesh once, with a share of the vertices that borders should have.
+
+    Small meshes of one size are returned as they are before edges are even, too.
+    """
     borders, field = _borders(outline, wanted, alone, share)
     n = wanted.n if wanted.n is not None else _number(borders, field)
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = Triangulation.constrained(borders, inner)
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
+    is_tried = field.isotropic and not varies and n <= _SMALL
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
     relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
+    made: list[Mesh] = []
     if field.isotropic:
-        for _ in range(settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))):
+        for sweep in range(settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))):
+            if is_tried and sweep in _CANDIDATES:
+                made.append(_result(mesh, relaxed, wanted.n))
             mesh.even(field.metric(mesh.points))
             mesh.flip(None)
         for _ in range(_SMOOTHING if varies else 0):
             mesh.smooth(field.metric(mesh.points), _POWER)
             mesh.flip(None)
-    made = Mesh(
-        mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, wanted.n
+    return [*made, _result(mesh, relaxed, wanted.n)]
+
+
+def _result(mesh: Triangulation, relaxed: Relaxed, n: int | None) -> Mesh:
+    return Mesh(
+        mesh.points.copy(),
+        mesh.triangles.copy(),
+        mesh.tags,
+        mesh.border_edges(),
+        relaxed.energies,
+        relaxed.converged,
+        n,
     )
-    return _Made(made, varies)
 
 
 def _projected(outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, rng: np.random.Generator) -> Mesh:

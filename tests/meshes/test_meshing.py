@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
 
 from cvtimg import mesh_labels, mesh_region
-from cvtimg.meshes import Mesh, MeshSize, measure_triangles
+from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
 from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
@@ -21,6 +23,10 @@ def ring(radius: float, n: int = 200) -> NDArray[np.float64]:
 def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     return np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
+
+
+def product_of_measures(mesh: Mesh) -> float:
+    return float(np.prod(astuple(mesh.measures())[:8]))
 
 
 def assert_is_a_triangulation(mesh: Mesh) -> None:
@@ -62,6 +68,14 @@ def test_vertices_slide_along_borders_but_for_corners() -> None:
     bottom = np.sort(mesh.points[np.abs(mesh.points[:, 1] + 1) < 1e-12, 0])
     assert np.ptp(np.diff(bottom)) > 0.01 * np.diff(bottom).mean()  # not where they were placed, at equal steps
     assert_is_a_triangulation(mesh)
+
+
+def test_small_meshes_are_judged_before_their_edges_are_made_even_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    circle = ring(1.0, 720)
+    several = mesh_region(circle, n=19)
+    monkeypatch.setattr(meshing, "_CANDIDATES", ())
+    even = mesh_region(circle, n=19)
+    assert product_of_measures(several) < 0.5 * product_of_measures(even)
 
 
 def test_vertices_that_are_projected_to_the_boundary_make_a_less_regular_mesh() -> None:
