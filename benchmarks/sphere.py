@@ -1,7 +1,8 @@
 """Grids of the sphere: triangulations beside SciPy and stripy, and grids by seconds, energy and angles.
 
 Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids; refined ones, with the energy by the
-quadrature that published figures are given in as well; nested ones; and grids along coasts, if `--land` names a mask.
+quadrature that published figures are given in as well; nested ones; and grids along coasts, of the package
+global-land-mask or of a mask.
 
     python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast] [--land MASK.npy]
 """
@@ -9,6 +10,7 @@ quadrature that published figures are given in as well; nested ones; and grids a
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import time
 from collections.abc import Callable
 from functools import partial
@@ -18,7 +20,7 @@ from typing import Any
 import numpy as np
 from common import parser, pin_threads, print_table, timed
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, SphericalVoronoi
+from scipy.spatial import ConvexHull, KDTree, SphericalVoronoi
 
 from cvtimg.sphere import Refinement
 
@@ -49,7 +51,7 @@ def options() -> argparse.Namespace:
     """Read the command line."""
     read = parser(__doc__)
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
-    read.add_argument("--land", type=Path, help="array (H, 2 H) of the share of land, .npy")
+    read.add_argument("--land", type=Path, help="(H, 2 H) array of the share of land, .npy (default: global-land-mask)")
     return read.parse_args()
 
 
@@ -174,15 +176,42 @@ def _kept(triangles: NDArray[Any]) -> set[tuple[int, ...]]:
 
 
 def coast(quick: bool, land: Path | None) -> list[Row]:
-    """Make a grid along the coasts of a mask."""
-    from cvtimg.sphere import coastal_grid
+    """Make a grid along the coasts of the earth, and measure how far its points are from those of the map as it is."""
+    from skimage.measure import find_contours
 
-    if land is None:
+    from cvtimg.sphere import coastal_grid
+    from cvtimg.sphere.densities import from_degrees
+
+    mask = _land() if land is None else np.load(land)
+    if mask is None:
         return []
-    grid, seconds = timed(partial(coastal_grid, 10_242 if quick else 40_962, np.load(land)), time.process_time)
+    n = 10_242 if quick else 40_962
+    grid, seconds = timed(partial(coastal_grid, n, mask), time.process_time)
     on_land, at_sea = grid.on_land[grid.triangles], ~(grid.on_land | grid.on_coast)[grid.triangles]
-    straddling = int((on_land.any(axis=1) & at_sea.any(axis=1)).sum())
-    return [{**figures(grid, seconds), "on the coast": int(grid.on_coast.sum()), "straddling": straddling}]
+    height, width = mask.shape
+    rows, columns = np.concatenate(find_contours(np.concatenate([mask, mask[:, :1]], axis=1), mask.max() / 2)).T
+    shore = from_degrees((columns + 0.5) * 360 / width - 180, 90 - (rows + 0.5) * 180 / height)
+    distances = EARTH * KDTree(shore).query(grid.points[grid.on_coast])[0]
+    return [
+        {
+            **figures(grid, seconds),
+            "on the coast": int(grid.on_coast.sum()),
+            "straddling": int((on_land.any(axis=1) & at_sea.any(axis=1)).sum()),
+            "median km to the map's coast": float(np.median(distances)),
+            "largest": float(distances.max()),
+        }
+    ]
+
+
+def _land() -> Points | None:
+    """Return the share of land in 2,160 x 4,320 pixels by the data of global-land-mask, if that is installed."""
+    found = importlib.util.find_spec("global_land_mask")
+    if found is None or found.origin is None:
+        return None
+    with np.load(Path(found.origin).parent / "globe_combined_mask_compressed.npz") as content:
+        at_sea = content["mask"]
+    strips = [at_sea[top : top + 10].reshape(10, -1, 10).mean(axis=(0, 2)) for top in range(0, len(at_sea), 10)]
+    return np.asarray(1 - np.array(strips))
 
 
 def _shown(value: Any) -> str:

@@ -31,10 +31,13 @@ _SMOOTHING, _FEWEST_CELLS = 1.0, 6.0
 _PIXELS = 3.0
 #: Islands that are left out, and lakes, are so far from the height of the coast, 0.5.
 _FLAT = 0.02
+#: Points on coasts that are crowded go this far aside, in sizes of cells: those whose cells hold less of the coast than
+#: this part of the size, and than their neighbors' cells; every so many moves, in the first part of all moves.
+_ASIDE, _CROWDED, _EVERY, _FIRST_PART = 1.1, 0.8, 10, 0.7
 #: Rounds of polishing; each adds the points that have come to the coast, and makes this many moves.
 _ROUNDS, _MOVES = 20, 50
 #: Then it goes on for the angles that are out of these bounds, in degrees: where coasts turn, few are near to 60.
-_WIDER, _LAST_MOVES = (35.0, 95.0), 200
+_WIDER, _LAST_MOVES = (35.0, 89.0), 200
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -105,13 +108,21 @@ def coastal_grid(
     coast = Coast.of(land, float(np.sqrt(start.areas.min())))
     watch = Watch(callback)
     on_coast = np.zeros(n, bool)
-    for _ in range(settings.moves):
+    for move in range(settings.moves):
         cells = sums(mesh)
         if watch(cells.energy):
             break
         there = unit(mesh.points + cells.pulls / cells.masses[:, None])
         on_coast = coast.crosses(mesh, on_coast)
-        there[on_coast] = coast.nearest(there[on_coast])
+        centers, there[on_coast] = there[on_coast], coast.nearest(there[on_coast])
+        if move % _EVERY == _EVERY - 1 and move < _FIRST_PART * settings.moves:
+            # Where two rows of points come to the same coast, one of them must leave it.
+            sizes = np.sqrt(cells.areas)
+            aside = coast.crowded(mesh, on_coast, sizes)
+            ways = (centers - there[on_coast])[aside[on_coast]]
+            lengths = np.maximum(np.sqrt(np.einsum("ij,ij->i", ways, ways)), 1e-300)
+            there[aside] = unit(there[aside] + (_ASIDE * sizes[aside] / lengths)[:, None] * ways)
+            on_coast &= ~aside
         mesh.replace(there)
     on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh).areas))
     grid = as_grid(mesh, sums, ~on_coast)
@@ -212,6 +223,21 @@ class Coast:
         n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + own, n_corners + 1))
         crossed: NDArray[np.bool_] = (n_land > 0) & (n_land < n_corners)
         return crossed
+
+    def crowded(
+        self, mesh: Triangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Tell which points (N,) on the coast have so little of it that they may leave it, no two of them neighbors."""
+        from scipy.spatial import cKDTree
+
+        nearest = cKDTree(mesh.points).query(unit(self.starts + self.ends))[1]
+        lengths = np.bincount(nearest, np.linalg.norm(self.ends - self.starts, axis=1), len(mesh.points))
+        shares = np.where(on_coast, lengths / sizes, np.inf)
+        least = shares.copy()
+        for k in range(3):  # one end of each edge sees the other here, and in the triangle beyond the other way around
+            np.minimum.at(least, mesh.triangles[:, k], shares[mesh.triangles[:, k - 1]])
+        few: NDArray[np.bool_] = (shares < _CROWDED) & (shares <= least)
+        return few
 
     def _on_arcs(self, points: Points, arcs: NDArray[np.intp]) -> Points:
         start, way = self.starts[arcs], self.ends[arcs] - self.starts[arcs]

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from cvtimg import sphere_grid
 from cvtimg.sphere import CoastalGrid, coastal_grid
 from cvtimg.sphere.coasts import Coast
 from cvtimg.sphere.densities import from_degrees
+from cvtimg.sphere.triangulation import unit
 
 
 def continents() -> NDArray[np.float64]:
@@ -48,10 +51,30 @@ def test_points_on_the_coast_are_where_land_ends() -> None:
         assert around.min() < around.max()
 
 
+def test_every_cell_that_the_coast_crosses_has_its_point_on_it() -> None:
+    land = continents()
+    size = float(np.sqrt(GRID.areas.min()))
+    # Independent of the corners of cells: the nearest points to all places of coasts, which are drawn alike.
+    coast = Coast.of(land, float(np.sqrt(sphere_grid(4000, effort="fast", polish=False).areas.min())))
+    places = np.concatenate([unit(coast.starts + part * (coast.ends - coast.starts)) for part in (0, 0.25, 0.5, 0.75)])
+    distances, cells = cKDTree(GRID.points).query(places)
+    assert GRID.on_coast[cells].all()
+    assert distances.max() < 1.5 * size
+    assert np.linalg.norm(coast.nearest(GRID.points) - GRID.points, axis=1)[GRID.on_coast].max() < 1e-6
+
+
+def test_points_are_not_crowded_on_the_coast() -> None:
+    gaps = cKDTree(GRID.points[GRID.on_coast]).query(GRID.points[GRID.on_coast], k=2)[0][:, 1]
+    size = np.sqrt(GRID.areas.mean())
+    assert np.quantile(gaps, 0.05) > 0.8 * size
+    assert gaps.min() > 0.6 * size
+
+
 def test_angles_stay_within_bounds_and_cells_are_even() -> None:
     measures = GRID.measures()
-    assert measures.largest_angle < 115
-    assert measures.least_angle > 20
+    assert measures.largest_angle < 95
+    assert measures.least_angle > 35
+    assert measures.n_obtuse < 0.003 * len(GRID.triangles)
     assert GRID.areas.sum() == pytest.approx(4 * np.pi)
     inner = ~GRID.on_coast
     assert GRID.areas[inner].max() < 3 * GRID.areas[inner].mean()
