@@ -95,7 +95,8 @@ def mesh_region(
     ----------
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
         What `cvtimg.regions.as_region` takes. Corners of polygons, where the boundary turns by more than 30 degrees,
-        become vertices. The contour of a mask is smoothed by up to 0.7 pixels, and keeps its area.
+        or by 10 between long sides, become vertices. The contour of a mask is smoothed by up to 0.7 pixels, and keeps
+        its area.
     n : int, optional
         Number of vertices. With `size`, only the ratios of sizes count then.
     edge_length : float, optional
@@ -341,6 +342,10 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
         start = MetricField.of(wanted.metric, outline, wanted.n, ends)
     else:
         start = size_field(outline, wanted.size, wanted.n, wanted.least, ends)
+        fits = start.count <= _MOST_VERTICES
+        check_that(
+            "sizes", fits, f"ask for at most {_MOST_VERTICES} vertices, which memory holds, not {start.count:.3g}"
+        )
     factor, grade, before = 1.0, wanted.grade, np.inf
     for _ in range(_ROUNDS):
         field = start.scaled(factor).limited(grade, wanted.least)

@@ -19,8 +19,9 @@ from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Re
 
 Points = NDArray[np.float64]
 
-#: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays.
-_POLYGON_CORNER = 30.0
+#: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; the second angle is enough
+#: between two sides longer than a part of the diameter, for these are no samples of a curve.
+_POLYGON_CORNER, _LONG_CORNER, _LONG = 30.0, 10.0, 0.1
 #: Contours of labels are jagged by their pixels: there it must turn by more, from so many pixels before to after it.
 _CONTOUR_CORNER, _REACH = 55.0, 4
 #: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
@@ -165,7 +166,11 @@ def _traced(region: ImplicitRegion) -> PolygonRegion:
 
 def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:
     """Find the points of a ring where it turns, or which other rings have, too."""
-    corner = turns_of(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0)) > _POLYGON_CORNER
+    turns = turns_of(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0))
+    sides = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    shorter = np.minimum(sides, np.roll(sides, 1))
+    is_long = shorter > _LONG * float(np.hypot(*np.ptp(ring, axis=0)))
+    corner = turns > np.where(is_long, _LONG_CORNER, _POLYGON_CORNER)
     others = [other for other in rings if other is not ring]
     if others:
         shared = np.concatenate(others).view(np.complex128)[:, 0]

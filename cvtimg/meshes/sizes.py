@@ -114,6 +114,7 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
     if callable(size):
         return _function_field(_Checked(size, outline, least), outline, n, probes)
     values = np.asarray(size)
+    check_numbers("size", values.dtype)
     if values.ndim == 0:
         value = check_positive("size", float(values))
         if outline.mask is None:
@@ -125,7 +126,6 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
 
 def _picture_field(values: NDArray[Any], inside: NDArray[np.bool_], least: float) -> PictureField:
     check_shape("size", values.shape, values.shape == inside.shape, f"{inside.shape}, as the region")
-    check_numbers("size", values.dtype)
     own = values[inside].astype(np.float32)
     wrong = ~((own > 0 if least == 0 else own >= 0) & (own < np.inf))
     if wrong.any():

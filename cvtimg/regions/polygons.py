@@ -50,10 +50,10 @@ class PolygonRegion(Region):
     def __init__(self, shape: Any) -> None:
         shapely = _shapely()
         geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
-        if not shapely.is_valid(geometry):
-            check_that("polygons", False, f"not cross themselves: {shapely.is_valid_reason(geometry)}")
-        has_area = shapely.get_dimensions(geometry) == 2 and geometry.area > 0
+        has_area = shapely.get_dimensions(geometry) == 2 and (geometry.area > 0 or not _is_flat(geometry))
         check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
+        if not shapely.is_valid(geometry):
+            _refuse_invalid(shapely.is_valid_reason(geometry))
         shapely.prepare(geometry)
         object.__setattr__(self, "geometry", geometry)
 
@@ -190,6 +190,22 @@ def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
     allowed = "Polygon, MultiPolygon, Feature or FeatureCollection"
     check_in_range("GeoJSON type", kind, kind in ("Polygon", "MultiPolygon"), allowed)
     return [read(shape)]
+
+
+def _is_flat(geometry: Geometry) -> bool:
+    """Tell whether all points are on one line: a ring that crosses itself may have no area, too."""
+    return bool(_shapely().get_dimensions(geometry.convex_hull) < 2)
+
+
+def _refuse_invalid(reason: str) -> None:
+    """Say what is wrong with polygons, from what GEOS says: a reason and a place in brackets."""
+    what, _, place = reason.rstrip("]").partition("[")
+    at = f"({', '.join(place.split())})"
+    if what in ("Hole lies outside shell", "Nested holes", "Holes are nested"):
+        check_that(f"a hole at {at}", False, "lie inside of its polygon, and not in another hole")
+    if "elf-intersection" in what:
+        check_that("polygons", False, f"not cross themselves or each other, as they do at {at}")
+    check_that("polygons", False, f"be valid: {what} at {at}")
 
 
 def _shapely() -> Any:

@@ -81,6 +81,10 @@ def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "mask.png", "-n", "9", "-o", "a.txt"], 2, ".vtu"),
         (["mesh", "bad.geojson", "-n", "9"], 1, "bad.geojson: is not a .geojson file of polygons"),
         (["mesh", "cross.csv", "-n", "9"], 1, "cross.csv: polygons must not cross themselves"),
+        (["mesh", "hole.wkt", "-n", "9"], 1, "hole.wkt: a hole at (5, 5) must lie inside"),
+        (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
+        (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
+        (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
         (["mesh", "labels.png", "-n", "3"], 1, "n=3 must be at least"),
     ],
@@ -90,6 +94,11 @@ def test_wrong_usage_and_bad_inputs_are_named(
 ) -> None:
     Path("bad.geojson").write_text("{")
     Path("cross.csv").write_text("0,0\n1,1\n1,0\n0,1\n")
+    Path("hole.wkt").write_text("POLYGON ((0 0, 4 0, 4 4, 0 4, 0 0), (5 5, 6 5, 6 6, 5 5))")
+    size = np.ones((40, 50), np.float32)
+    size[20, 25] = np.nan
+    cvtimg.write_image("nan.tif", size)
+    cvtimg.write_image("zero.tif", np.zeros((40, 50), np.float32))
     cvtimg.write_image("black.png", np.zeros((5, 5), np.uint8))
     assert main(words) == status
     assert message in capsys.readouterr().err

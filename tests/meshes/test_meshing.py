@@ -57,6 +57,15 @@ def test_corners_and_fixed_points_are_vertices() -> None:
     assert_is_a_triangulation(mesh)
 
 
+def test_corners_between_long_sides_are_kept_though_they_turn_little() -> None:
+    turns = 2 * np.pi * np.arange(20) / 20
+    polygon = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    mesh = mesh_region(polygon, edge_length=0.5)
+    for corner in polygon:
+        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-12).any(), corner
+    assert mesh.area == pytest.approx(shapely.Polygon(polygon).area)
+
+
 def test_vertices_slide_along_borders_but_for_corners() -> None:
     square = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
     region = shapely.Polygon(square, [ring(0.4, 400)])
@@ -238,17 +247,36 @@ def test_energy_falls() -> None:
     ("arguments", "message"),
     [
         ({"region": [[0, 0], [2, 2], [2, 0], [0, 2]], "n": 9}, "cross themselves"),
-        ({"region": [[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]], "n": 9}, "cross themselves"),
+        (
+            {"region": [[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]], "n": 9},
+            r"a hole at \(5, 5\) must lie inside",
+        ),
+        (
+            {"region": [[[0, 0], [9, 0], [0, 9]], [[1, 1], [4, 1], [4, 2]], [[2, 1], [5, 1], [5, 2]]], "n": 9},
+            "each other",
+        ),
+        ({"region": [[0, 0], [1, 1], [2, 2]], "n": 9}, "a Polygon of area 0 must be"),
+        ({"region": [[0, 0], [1, 1], [np.nan, 2]], "n": 9}, "must be finite"),
+        ({"region": [[0, 0], [1, 1]], "n": 9}, r"\(N, 2\) coordinates, N >= 3"),
         ({"region": np.zeros((4, 4), bool), "n": 9}, "region is empty"),
         ({"region": L_SHAPE, "n": 5}, "n=5 must be at least 6"),
         ({"region": L_SHAPE}, "nothing must be n, edge_length"),
         ({"region": L_SHAPE, "n": 9, "edge_length": 1}, "n and edge_length must be"),
         ({"region": L_SHAPE, "edge_length": 0}, "edge_length=0 must be"),
+        ({"region": L_SHAPE, "edge_length": np.nan}, "edge_length=nan must be"),
+        ({"region": L_SHAPE, "size": 0}, "size=0.0 must be"),
+        ({"region": L_SHAPE, "n": 9, "min_size": np.nan}, "min_size=nan must be"),
+        ({"region": np.ones((8, 8), bool), "edge_length": 1e-6}, "sizes must ask for at most"),
         ({"region": L_SHAPE, "size": lambda p: 0 * p[:, 0]}, "size is 0 at"),
         ({"region": L_SHAPE, "size": lambda p: np.nan * p[:, 0]}, "size is nan at"),
         ({"region": L_SHAPE, "size": lambda p: p}, "must return"),
         ({"region": np.ones((4, 4), bool), "size": np.zeros((4, 4))}, "size is 0 at x=0, y=0"),
+        ({"region": np.ones((2, 2), bool), "size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
+        ({"region": np.ones((2, 2), bool), "n": 9, "size": np.array([[1, np.inf], [1, 1]])}, "size is inf at x=1, y=0"),
+        ({"region": [[0, 0], [2, 0], [2, 2]], "size": np.array([[1, np.nan], [1, 1]])}, "size is nan at x=1, y=0"),
         ({"region": np.ones((4, 4), bool), "size": np.ones((3, 4))}, r"must be \(4, 4\)"),
+        ({"region": np.ones((1, 1), bool), "n": 3}, "n=3 must be at least 4"),
+        ({"region": np.ones((1, 12), bool), "n": 3}, "n=3 must be at least"),
         ({"region": L_SHAPE, "n": 50, "grade": 0}, "grade=0"),
         ({"region": L_SHAPE, "n": 50, "fixed": [[1.5, 1.5]]}, "must be in the region"),
         ({"region": Box([0, 0], [1, 1], periodic=True), "n": 50}, "must not be periodic"),
@@ -261,8 +289,39 @@ def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -
         mesh_region(**arguments)
 
 
+@pytest.mark.parametrize(
+    ("labels", "arguments", "message"),
+    [
+        (np.zeros((4, 4), int), {"n": 9}, "labels must not be 0 everywhere"),
+        (np.zeros((0, 4), int), {"n": 9}, r"labels of shape \(0, 4\)"),
+        (-np.ones((4, 4), int), {"n": 9}, "labels in -1..-1 must be in"),
+        (np.array([[1, 2], [3, 4]]), {"n": 8}, "n=8 must be at least 9"),
+        (1 + np.indices((8, 8)).sum(axis=0) % 2, {"n": 80}, "n=80 must be at least 81"),
+        (np.array([[1, 2, 3, 1]]), {"n": 9}, "n=9 must be at least 10"),
+        (np.ones((1, 1), int), {"n": 3}, "n=3 must be at least 4"),
+        (np.ones((2, 2), int), {"size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
+        (np.ones((2, 2), int), {"size": np.zeros((2, 2)), "n": 9}, "size is 0 at x=0, y=0"),
+        (np.ones((2, 2), int), {"edge_length": 0}, "edge_length=0 must be"),
+        (np.ones((2, 2), int), {"n": 9, "tolerance": np.nan}, "tolerance=nan must be"),
+    ],
+)
+def test_wrong_arguments_with_labels_are_named(
+    labels: NDArray[np.int_], arguments: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        mesh_labels(labels, **arguments)
+
+
+def test_sizes_are_numbers() -> None:
+    with pytest.raises(TypeError, match="size of type <U1 must be of integers"):
+        mesh_region(L_SHAPE, size="a")
+    with pytest.raises(TypeError, match="labels of type float64 must be integers"):
+        mesh_labels(np.full((4, 4), np.nan), n=9)
+
+
 @pytest.mark.parametrize("mask", [np.ones((1, 1), bool), np.ones((1, 12), bool), np.eye(5, dtype=bool)])
 def test_single_pixels_and_lines_of_pixels_have_meshes(mask: NDArray[np.bool_]) -> None:
-    mesh = mesh_region(mask, edge_length=0.5)
-    assert_is_a_triangulation(mesh)
-    assert mesh.area > 0.4 * mask.sum()
+    for wanted in ({"edge_length": 0.5}, {"n": 60}):
+        mesh = mesh_region(mask, effort="fast", **wanted)
+        assert_is_a_triangulation(mesh)
+        assert mesh.area == pytest.approx(mask.sum(), rel=1e-5)

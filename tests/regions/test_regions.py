@@ -142,7 +142,9 @@ def test_as_region_takes_what_stands_for_one() -> None:
     [
         (np.zeros((3, 3), bool), "mask must be True somewhere: the region is empty"),
         ([[0, 0], [1, 1]], r"a ring of shape \(2, 2\) must be \(N, 2\)"),
-        ([[0, 0], [2, 2], [2, 0], [0, 2]], "polygons must not cross themselves"),
+        ([[0, 0], [2, 2], [2, 0], [0, 2]], r"polygons must not cross themselves or each other, as they do at \(1, 1\)"),
+        ([[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]], r"a hole at \(5, 5\) must lie inside of its polygon"),
+        ([[0, 0], [1, 1], [2, 2]], "a Polygon of area 0 must be"),
         ({"type": "Point", "coordinates": [0, 0]}, "GeoJSON type='Point' must be"),
         (shapely.Point(0, 0), "a Point of area 0 must be a polygon"),
     ],
