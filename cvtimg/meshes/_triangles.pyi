@@ -34,6 +34,8 @@ def move(
     twins: _Indices,
     borders: _Flags,
     corners: _Indices,
+    least: _Floats,
+    is_late: _Flags,
 ) -> None: ...
 def mean_square(points: _Floats, metric: _Floats, triangles: _Indices, twins: _Indices) -> float: ...
 def even(

@@ -32,7 +32,10 @@ cdef extern from "cell_moments.h" nogil:
     void add_triangle(const c_mesh *mesh, const double *metric, int32_t t, c_sums *sums)
 
 cdef extern from "quality.h" nogil:
-    void move_vertex(c_mesh *mesh, double *place, int32_t vertex, int slides, double *step)
+    void move_vertices(
+        c_mesh *mesh, double *points, const uint8_t *fixed, double *steps, int32_t n_vertices, int32_t n_triangles,
+        double *least, uint8_t *is_late,
+    )
     void smooth_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, int power)
     bint step_to_even(
         const c_mesh *mesh, const double *metric, int32_t vertex, const double *tangent, double mean, double *step,
@@ -107,16 +110,16 @@ def move(
     int32_t[:, ::1] twins,         # IN (T, 3)
     uint8_t[:, ::1] borders,       # IN (T, 3)
     int32_t[::1] corners,          # IN (N,)
+    double[::1] least,             # scratch (T,)
+    uint8_t[::1] is_late,          # scratch (N,)
 ):
-    """Move vertices one after the other, by a part of their steps where a triangle would turn over."""
+    """Move vertices, by a part of their steps where a triangle would turn over."""
     cdef c_mesh mesh = as_mesh(points, triangles, twins, borders, corners)
-    cdef int32_t vertex
     with nogil:
-        for vertex in range(<int32_t>points.shape[0]):
-            if fixed[vertex] == 1:
-                steps[vertex, 0] = steps[vertex, 1] = 0
-            else:
-                move_vertex(&mesh, &points[vertex, 0], vertex, fixed[vertex] == 2, &steps[vertex, 0])
+        move_vertices(
+            &mesh, &points[0, 0], &fixed[0], &steps[0, 0], <int32_t>points.shape[0], <int32_t>triangles.shape[0],
+            &least[0], &is_late[0],
+        )
 
 
 def mean_square(

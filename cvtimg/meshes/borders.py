@@ -172,7 +172,7 @@ def _crowded(
     segments = shapely.linestrings(points[edges])
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
-    crossed[tree.query(segments, predicate="crosses")[0]] = True
+    crossed[_crossing(points, edges, *tree.query(segments))] = True
     keys = np.sort(edges, axis=1).astype(np.int64) @ np.array([len(points), 1])
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     crossed |= counts[inverse] > 1
@@ -187,6 +187,17 @@ def _crowded(
     close = gaps < part * lengths[edge]
     near[edge[close & ~_share_a_corner(edges, point, edge, len(points))]] = True
     return crossed, near
+
+
+def _crossing(
+    points: Points, edges: NDArray[np.int32], one: NDArray[np.intp], other: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Return those of some edges that cross others, given as pairs (P,): each has an end on both sides of the other."""
+    apart = (edges[one][:, :, None] != edges[other][:, None, :]).all(axis=(1, 2))
+    one, other = one[apart], other[apart]
+    (a, b), (c, d) = (points[edges[which]].transpose(1, 0, 2) for which in (one, other))
+    divided = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0) & (_cross(d - c, a - c) * _cross(d - c, b - c) < 0)
+    return one[divided]
 
 
 def _share_a_corner(

@@ -21,99 +21,104 @@ struct sums {
     double energy;
 };
 
-/* Add the polygon from a vertex at `z` over `places`, all mapped to where the metric is Euclidean. */
-static void add_polygon(const double *z, double places[][2], int n, double *mass, double *x, double *y, double *energy)
+/* The part of a cell that lies in a triangle: its mass, and mass times the step from the vertex to its centroid. */
+struct part {
+    double mass, x, y;
+};
+
+/* Add the triangle from a vertex at `z` to p and q, in a metric with the root of its determinant. */
+static void add_piece(const double *m, double root, const double *z, const double *p, const double *q,
+                      struct part *part, double *energy)
 {
-    for (int i = 0; i + 1 < n; i++) {
-        double px = places[i][0] - z[0], py = places[i][1] - z[1];
-        double qx = places[i + 1][0] - z[0], qy = places[i + 1][1] - z[1];
-        double area = 0.5 * (px * qy - py * qx);
-        *mass += area;
-        *x += area * (px + qx) / 3;
-        *y += area * (py + qy) / 3;
-        *energy += area * (px * px + py * py + qx * qx + qy * qy + px * qx + py * qy) / 6;
-    }
+    double px = p[0] - z[0], py = p[1] - z[1], qx = q[0] - z[0], qy = q[1] - z[1];
+    double mass = 0.5 * root * (px * qy - py * qx), x = px + qx, y = py + qy;
+
+    part->mass += mass;
+    part->x += mass * x / 3;
+    part->y += mass * y / 3;
+    *energy += mass / 12
+        * (m[0] * (px * px + qx * qx + x * x) + 2 * m[1] * (px * py + qx * qy + x * y)
+           + m[2] * (py * py + qy * qy + y * y));
 }
 
-static void middle(double *to, const double *a, const double *b)
+static void towards(double *to, const double *a, const double *b, double share)
 {
-    to[0] = 0.5 * (a[0] + b[0]);
-    to[1] = 0.5 * (a[1] + b[1]);
+    to[0] = a[0] + share * (b[0] - a[0]);
+    to[1] = a[1] + share * (b[1] - a[1]);
 }
 
-static void towards(double *to, const double *a, const double *b, double part)
+/* Cut the cells of a triangle a b c, obtuse at c, where the perpendicular bisectors of its shorter sides meet a b: at
+ * these shares of the way from a to b, and from b to a. */
+static void cut_cells(const double *m, double root, const double *a, const double *b, const double *c, double from_a,
+                      double from_b, struct part *of_a, struct part *of_b, struct part *of_c, double *energy)
 {
-    to[0] = a[0] + part * (b[0] - a[0]);
-    to[1] = a[1] + part * (b[1] - a[1]);
+    double near_a[2], near_b[2], beside_a[2], beside_b[2];
+
+    towards(near_a, a, b, from_a);
+    towards(near_b, b, a, from_b);
+    towards(beside_a, c, a, 0.5);
+    towards(beside_b, c, b, 0.5);
+    add_piece(m, root, a, near_a, beside_a, of_a, energy);
+    add_piece(m, root, b, beside_b, near_b, of_b, energy);
+    add_piece(m, root, c, beside_a, near_a, of_c, energy);
+    add_piece(m, root, c, near_a, near_b, of_c, energy);
+    add_piece(m, root, c, near_b, beside_b, of_c, energy);
 }
 
-/* The metric is L^T L with the upper triangular L = (l11 l12; 0 l22). */
+/* Add what a triangle holds of the cells of its vertices. */
 static void add_triangle(const struct triangulation *mesh, const double *metric, int32_t t, struct sums *sums)
 {
     const int32_t *vertex = mesh->vertices + 3 * (ptrdiff_t)t;
-    const double *origin = mesh->points + 2 * (ptrdiff_t)vertex[0];
-    double m[3] = {0, 0, 0}, y[3][2], squares[3], dots[3], cells[3][4][2];
-    int n[3], cut = -1;
+    const double *at[3];
+    double m[3] = {0, 0, 0}, ways[3][2], squares[3], dots[3];
+    struct part parts[3] = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    int cut = -1;
 
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++) {
+        at[k] = mesh->points + 2 * (ptrdiff_t)vertex[k];
         for (int i = 0; i < 3; i++)
-            m[i] += metric[3 * (ptrdiff_t)vertex[k] + i] / 3;
-    double l11 = sqrt(m[0]), l12 = m[1] / l11, l22 = sqrt(fmax(m[2] - l12 * l12, 1e-300));
-    for (int k = 0; k < 3; k++) {
-        const double *at = mesh->points + 2 * (ptrdiff_t)vertex[k];
-        y[k][0] = l11 * (at[0] - origin[0]) + l12 * (at[1] - origin[1]);
-        y[k][1] = l22 * (at[1] - origin[1]);
+            m[i] += (1.0 / 3) * metric[3 * (ptrdiff_t)vertex[k] + i];
     }
-    double longest = 0, area2 = twice_area(y[0], y[1], y[2]);
-    for (int k = 0; k < 3; k++) {
-        const double *p = y[(k + 1) % 3], *q = y[(k + 2) % 3];
-        squares[k] = (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]);
-        dots[k] = (p[0] - y[k][0]) * (q[0] - y[k][0]) + (p[1] - y[k][1]) * (q[1] - y[k][1]);
-        longest = fmax(longest, squares[k]);
+    for (int k = 0; k < 3; k++) { /* along the side opposite to each corner */
+        ways[k][0] = at[(k + 2) % 3][0] - at[(k + 1) % 3][0];
+        ways[k][1] = at[(k + 2) % 3][1] - at[(k + 1) % 3][1];
+        squares[k] = m[0] * ways[k][0] * ways[k][0] + 2 * m[1] * ways[k][0] * ways[k][1] + m[2] * ways[k][1] * ways[k][1];
     }
-    if (area2 <= NO_AREA * longest)
+    for (int k = 0; k < 3; k++)
+        dots[k] = 0.5 * (squares[(k + 1) % 3] + squares[(k + 2) % 3] - squares[k]);
+    double root = sqrt(fmax(m[0] * m[2] - m[1] * m[1], 1e-300));
+    double area2 = root * (ways[0][0] * ways[1][1] - ways[0][1] * ways[1][0]);
+    if (area2 <= NO_AREA * fmax(squares[0], fmax(squares[1], squares[2])))
         return;
     for (int k = 0; k < 3; k++)
         if (dots[k] < 0 && (mesh->borders[3 * (ptrdiff_t)t + k] || area2 < FLAT * squares[k]))
             cut = k;
     if (cut >= 0) {
         int a = (cut + 1) % 3, b = (cut + 2) % 3;
-        double near_a[2], near_b[2], beside_a[2], beside_b[2];
-        /* Where the perpendicular bisectors of the two shorter sides meet the longest one. */
-        towards(near_a, y[a], y[b], 0.5 * squares[b] / dots[a]);
-        towards(near_b, y[b], y[a], 0.5 * squares[a] / dots[b]);
-        middle(beside_a, y[cut], y[a]);
-        middle(beside_b, y[cut], y[b]);
-        const double *around[3][4] = {{near_a, beside_a}, {beside_b, near_b}, {beside_a, near_a, near_b, beside_b}};
-        const int which[3] = {a, b, cut}, many[3] = {2, 2, 4};
-        for (int c = 0; c < 3; c++) {
-            n[which[c]] = many[c];
-            for (int i = 0; i < many[c]; i++)
-                towards(cells[which[c]][i], around[c][i], around[c][i], 0);
-        }
+        cut_cells(m, root, at[a], at[b], at[cut], 0.5 * squares[b] / dots[a], 0.5 * squares[a] / dots[b], parts + a,
+                  parts + b, parts + cut, &sums->energy);
     } else {
-        double weights[3], sum = 0, center[2] = {0, 0};
-        for (int k = 0; k < 3; k++)
-            sum += weights[k] = squares[k] * dots[k];
+        /* Bisectors divide it into two triangles at each side, of one area: with the middle and the circumcenter. */
+        double areas[3], per_area = 1 / area2, radius = 0.25 * squares[0] * squares[1] * squares[2] * per_area * per_area;
         for (int k = 0; k < 3; k++) {
-            center[0] += weights[k] / sum * y[k][0];
-            center[1] += weights[k] / sum * y[k][1];
+            areas[k] = 0.125 * per_area * squares[k] * dots[k];
+            sums->energy += areas[k] * (radius + 0.5 * squares[k]) / 3;
         }
         for (int k = 0; k < 3; k++) {
-            n[k] = 3;
-            middle(cells[k][0], y[k], y[(k + 1) % 3]);
-            towards(cells[k][1], center, center, 0);
-            middle(cells[k][2], y[k], y[(k + 2) % 3]);
+            int a = (k + 1) % 3, b = (k + 2) % 3; /* their sides lead to the vertex and away from it */
+            double mass = areas[a] + areas[b], to_a = areas[b] * (1.0 / 6) + 4 * areas[a] * per_area * mass / 3;
+            double to_b = areas[a] * (1.0 / 6) + 4 * areas[b] * per_area * mass / 3;
+            parts[k].mass = mass;
+            parts[k].x = to_a * ways[b][0] - to_b * ways[a][0];
+            parts[k].y = to_a * ways[b][1] - to_b * ways[a][1];
         }
     }
     for (int k = 0; k < 3; k++) {
-        double mass = 0, x = 0, up = 0;
         double *inertia = sums->inertia + 3 * (ptrdiff_t)vertex[k], *pull = sums->pull + 2 * (ptrdiff_t)vertex[k];
-        add_polygon(y[k], cells[k], n[k], &mass, &x, &up, &sums->energy);
         for (int i = 0; i < 3; i++)
-            inertia[i] += mass * m[i];
-        pull[0] += l11 * x;
-        pull[1] += l12 * x + l22 * up;
+            inertia[i] += parts[k].mass * m[i];
+        pull[0] += m[0] * parts[k].x + m[1] * parts[k].y;
+        pull[1] += m[1] * parts[k].x + m[2] * parts[k].y;
     }
 }
 

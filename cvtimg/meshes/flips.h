@@ -45,6 +45,15 @@ static int should_flip(const struct triangulation *mesh, const double *metric, i
     return twice_area(a, b, d) > least && twice_area(d, c, a) > least;
 }
 
+/* Tell edges that need no test: in the plane those opposite to no obtuse angle, in a metric those tested from beyond. */
+static int may_flip(const struct triangulation *mesh, const double *metric, int32_t e)
+{
+    if (metric)
+        return mesh->twins[e] > e;
+    const double *a = place_of(mesh, e), *b = place_of(mesh, next_corner(e)), *c = place_of(mesh, last_corner(e));
+    return (b[0] - a[0]) * (c[0] - a[0]) + (b[1] - a[1]) * (c[1] - a[1]) < 0;
+}
+
 /* Flip until no edge should be, or `most` flips; `stack` and `waiting` have room for all edges. Returns how many. */
 static ptrdiff_t flip_to_delaunay(struct triangulation *mesh, const double *metric, int32_t n_edges, ptrdiff_t most,
                                   int32_t *stack, uint8_t *waiting)
@@ -55,8 +64,8 @@ static ptrdiff_t flip_to_delaunay(struct triangulation *mesh, const double *metr
     for (int32_t e = 0; e < n_edges; e++)
         waiting[e] = 0;
     for (int32_t start = 0; start < n_edges; start++) {
-        if (mesh->twins[start] < start)
-            continue; /* on the boundary, or tested from the other side */
+        if (!may_flip(mesh, metric, start))
+            continue;
         stack[depth++] = start;
         waiting[start] = 1;
         while (depth) {

@@ -45,6 +45,44 @@ static void move_vertex(struct triangulation *mesh, double *place, int32_t verte
     step[0] = step[1] = 0;
 }
 
+/* Move vertices by their steps; those of triangles that would keep too little area go back, and are moved one after
+ * the other then, as far as they can. Those marked 1 in `fixed` stay, and those marked 2 are moved whole or not at all.
+ * Scratch: `least` for each triangle, `is_late` for each vertex. */
+static void move_vertices(struct triangulation *mesh, double *points, const uint8_t *fixed, double *steps,
+                          int32_t n_vertices, int32_t n_triangles, double *least, uint8_t *is_late)
+{
+    int goes_back = 1;
+
+    for (int32_t t = 0; t < n_triangles; t++)
+        least[t] = LEAST_AREA_LEFT
+            * twice_area(place_of(mesh, 3 * t), place_of(mesh, 3 * t + 1), place_of(mesh, 3 * t + 2));
+    for (int32_t i = 0; i < n_vertices; i++) {
+        is_late[i] = fixed[i] == 2;
+        for (int axis = 0; axis < 2; axis++) {
+            steps[2 * i + axis] = fixed[i] == 1 ? 0 : steps[2 * i + axis];
+            points[2 * i + axis] += fixed[i] ? 0 : steps[2 * i + axis];
+        }
+    }
+    while (goes_back) {
+        goes_back = 0;
+        for (int32_t t = 0; t < n_triangles; t++) {
+            if (twice_area(place_of(mesh, 3 * t), place_of(mesh, 3 * t + 1), place_of(mesh, 3 * t + 2)) > least[t])
+                continue;
+            for (int k = 0; k < 3; k++) {
+                int32_t i = mesh->vertices[3 * t + k];
+                if (is_late[i] || fixed[i])
+                    continue;
+                is_late[i] = goes_back = 1;
+                points[2 * i] -= steps[2 * i];
+                points[2 * i + 1] -= steps[2 * i + 1];
+            }
+        }
+    }
+    for (int32_t i = 0; i < n_vertices; i++)
+        if (is_late[i])
+            move_vertex(mesh, points + 2 * i, i, fixed[i] == 2, steps + 2 * i);
+}
+
 /* What a triangle a b c costs, and how that changes with a: a power of (sum of squared sides) / (4 3^(1/2) area), in the
  * plane where the metric is Euclidean. It is 1 for an equilateral triangle and grows without bound for flat ones. */
 static double cost_of(const double *a, const double *b, const double *c, int power, double *slope, double *curvature)

@@ -7,22 +7,20 @@ that of a size alone.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes.triangulation import FREE, Triangulation
+from cvtimg.placement.quasi_newton import StepMemory
 
 Points = NDArray[np.float64]
 #: From (N, 2) points to their metrics (N, 3): xx, xy and yy. Edges are wanted to have length 1 in it.
 Metric = Callable[[Points], Points]
 
-_MEMORY = 7
-#: The inverse Hessian starts as Lloyd's step times a number in this range.
-_LEAST_SCALE, _LARGEST_SCALE = 0.3, 3.0
 #: Vertices move by no more than this part of the wanted edge length at once.
 _LONGEST = 0.5
 #: An energy that rises by no more than this may be that of a metric which is interpolated.
@@ -39,17 +37,13 @@ class Relaxed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """The energy, and Lloyd's steps with the mass matrices by which products of steps are formed."""
+    """The energy, Lloyd's steps, what multiplies by the mass matrices and by their inverse, and wanted edge lengths."""
 
     energy: float
     steps: Points
-    inertia: Points
+    masses: Callable[[Points], Points]
+    to_lloyd: Callable[[Points], Points]
     sizes: NDArray[np.float64]
-
-    def dot(self, a: Points, b: Points) -> float:
-        xx, xy, yy = self.inertia.T
-        products = a[:, 0] * (xx * b[:, 0] + xy * b[:, 1]) + a[:, 1] * (xy * b[:, 0] + yy * b[:, 1])
-        return float(products.sum())
 
 
 def relax(mesh: Triangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
@@ -69,25 +63,23 @@ def relax(mesh: Triangulation, metric: Metric, *, isotropic: bool, most: int, to
     """
     at = _state(mesh, metric, isotropic)
     energies = [at.energy]
-    memory: deque[tuple[Points, Points, float]] = deque(maxlen=_MEMORY)
+    memory = StepMemory()
     rested = False
     while len(energies) <= most and not rested:
         before = mesh.state()
-        done = mesh.move(_capped(_direction(at, memory), at.sizes))
+        done = mesh.move(_capped(memory.times(at.masses(at.steps), at.to_lloyd), at.sizes))
         there = _state(mesh, metric, isotropic)
-        if memory and there.energy > at.energy * (1 + _RISE):
+        if len(memory) and there.energy > at.energy * (1 + _RISE):
             memory.clear()
             mesh.restore(before)
             mesh.move(_capped(at.steps, at.sizes))
             there = _state(mesh, metric, isotropic)
         else:
-            change = at.steps - there.steps
-            product = there.dot(done, change)
-            if product > 1e-12 * there.dot(done, done):
-                memory.append((done, change, product))
+            # The masses here, for both: with a density, that learns better than the change of the gradient.
+            memory.learn(done, there.masses(at.steps - there.steps))
         at = there
         energies.append(at.energy)
-        rested = bool((np.hypot(*at.steps.T) <= tolerance * at.sizes).all())
+        rested = bool((_lengths(at.steps) <= tolerance * at.sizes).all())
     return Relaxed(tuple(energies), rested)
 
 
@@ -95,15 +87,21 @@ def _state(mesh: Triangulation, metric: Metric, isotropic: bool) -> _State:
     values = metric(mesh.points)
     mesh.flip(None if isotropic else values)
     energy, inertia, pull = mesh.moments(values)
+    moves = mesh.fixed == FREE
+    if isotropic:
+        masses = inertia[:, :1]
+        to_lloyd = np.divide(1, masses, out=np.zeros_like(masses), where=moves[:, None] & (masses > 0))
+        sizes = values[:, 0] ** -0.5
+        return _State(energy, to_lloyd * pull, partial(np.multiply, masses), partial(np.multiply, to_lloyd), sizes)
     xx, xy, yy = inertia.T
     size = xx * yy - xy * xy
-    sure = (size > 0) & (xx > 0) & (mesh.fixed == FREE)
-    safe = np.where(sure, size, 1)
-    steps = np.stack([yy * pull[:, 0] - xy * pull[:, 1], xx * pull[:, 1] - xy * pull[:, 0]], axis=1) / safe[:, None]
-    steps[~sure] = 0
-    # The longest edge that the metric wants is about twice its trace's root shorter than the least eigenvalue says.
-    wanted = np.sqrt(2 / (values[:, 0] + values[:, 2])) if isotropic else _longest_edges(values)
-    return _State(energy, steps, inertia, wanted)
+    per_size = np.divide(1, size, out=np.zeros_like(size), where=moves & (size > 0) & (xx > 0))
+    matrices = inertia[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    inverse = (inertia[:, [2, 1, 1, 0]] * [1, -1, -1, 1] * per_size[:, None]).reshape(-1, 2, 2)
+    times = partial(np.einsum, "nij,nj->ni")
+    return _State(
+        energy, times(inverse, pull), partial(times, matrices), partial(times, inverse), _longest_edges(values)
+    )
 
 
 def _longest_edges(values: Points) -> NDArray[np.float64]:
@@ -115,21 +113,11 @@ def _longest_edges(values: Points) -> NDArray[np.float64]:
 
 
 def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:
-    lengths = np.hypot(*steps.T)
-    capped: Points = steps * np.minimum(1, _LONGEST * sizes / np.maximum(lengths, 1e-300))[:, None]
+    """Shorten steps that are longer than vertices may move at once."""
+    capped: Points = steps * np.minimum(1, _LONGEST * sizes / np.maximum(_lengths(steps), 1e-300))[:, None]
     return capped
 
 
-def _direction(at: _State, memory: deque[tuple[Points, Points, float]]) -> Points:
-    """Multiply Lloyd's steps by the inverse Hessian that is remembered: two loops over the memory."""
-    rest, parts = at.steps.copy(), []
-    for step, change, product in reversed(memory):
-        part = at.dot(step, rest) / product
-        rest -= part * change
-        parts.append(part)
-    if memory:
-        _, change, product = memory[-1]
-        rest *= min(max(product / at.dot(change, change), _LEAST_SCALE), _LARGEST_SCALE)
-    for (step, change, product), part in zip(memory, reversed(parts), strict=True):
-        rest += (part - at.dot(change, rest) / product) * step
-    return rest
+def _lengths(steps: Points) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.sqrt(np.einsum("nk,nk->n", steps, steps))
+    return lengths

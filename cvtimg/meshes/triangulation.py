@@ -106,8 +106,12 @@ class Triangulation:
     def move(self, steps: Points) -> Points:
         """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done."""
         done = steps.copy()
-        _triangles.move(self.points, self.fixed, done, *self._topology())
+        self._move(self.fixed, done)
         return done
+
+    def _move(self, fixed: NDArray[np.uint8], steps: Points) -> None:
+        least, is_late = np.empty(len(self.triangles)), np.empty(len(fixed), np.uint8)
+        _triangles.move(self.points, fixed, steps, *self._topology(), least, is_late)
 
     def even(self, metric: Points) -> None:
         """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
@@ -124,7 +128,7 @@ class Triangulation:
             return
         moved = tracks.moved((steps[tracks.vertices] * tangents).sum(axis=1))
         steps[tracks.vertices] = moved.points() - self.points[tracks.vertices]
-        _triangles.move(self.points, np.maximum(self.fixed, FIXED), steps, *self._topology())
+        self._move(np.maximum(self.fixed, FIXED), steps)
         stayed = (steps[tracks.vertices] == 0).all(axis=1)
         self.tracks = replace(moved, along=np.where(stayed, tracks.along, moved.along))
 

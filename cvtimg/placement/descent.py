@@ -208,7 +208,7 @@ class _QuasiNewton:
     def _step(self, gradient: _Points, masses: NDArray[np.float64]) -> _Points:
         """Multiply the gradient by the inverse Hessian, which starts from Lloyd's steps."""
         to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
-        return -self._memory.times(gradient, to_lloyd)
+        return -self._memory.times(gradient, lambda vectors: to_lloyd * vectors)
 
 
 def _moved(moments: CellMoments, at: _State, step: _Points, terms: Terms) -> _State:

@@ -7,13 +7,14 @@ D. C. Liu, J. Nocedal, On the limited memory BFGS method for large scale optimiz
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 _Points = NDArray[np.float64]
 
-#: It starts as the given diagonal times a number in this range.
+#: It starts as the given one times a number in this range.
 _LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
 
 
@@ -42,18 +43,17 @@ class StepMemory:
         if product > 1e-12 * (dot(step, step) * dot(change, change)) ** 0.5:
             self._pairs.append((step, change, product))
 
-    def times(self, gradient: _Points, diagonal: NDArray[np.float64]) -> _Points:
-        """Multiply a gradient (K, D) by the inverse Hessian; `diagonal` (K, 1) is that of a Hessian to start from."""
+    def times(self, gradient: _Points, start: Callable[[_Points], _Points]) -> _Points:
+        """Multiply a gradient (K, D) by the inverse Hessian; `start` multiplies by that of a Hessian to start from."""
         rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
         for step, change, product in reversed(self._pairs):
             part = dot(step, rest) / product
             rest -= np.multiply(change, part, out=buffer)
             parts.append(part)
+        rest = start(rest)
         if self._pairs:
             _, change, product = self._pairs[-1]
-            scale = product / dot(np.multiply(change, diagonal, out=buffer), change)
-            diagonal = min(max(scale, _LEAST_SCALE), _LARGEST_SCALE) * diagonal
-        rest *= diagonal
+            rest *= min(max(product / dot(start(change), change), _LEAST_SCALE), _LARGEST_SCALE)
         for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
             rest += np.multiply(step, part - dot(change, rest) / product, out=buffer)
         return rest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -129,7 +130,7 @@ def descend(mesh: Triangulation, sum_cells: SumCells, terms: Terms) -> Cells:
         if offset <= terms.tolerance or terms.watch(at.energy):
             break
         before, gradient = mesh.points, _gradient(at, terms)
-        step = -memory.times(gradient, 0.5 / at.masses[:, None])
+        step = -memory.times(gradient, partial(np.multiply, 0.5 / at.masses[:, None]))
         if float(np.einsum("kd,kd", step, gradient)) >= 0:
             memory.clear()
             step = at.pulls / at.masses[:, None] if terms.free is None else -gradient / (2 * at.masses[:, None])

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
+from cvtimg.meshes.sizes import _centers_inside
+from cvtimg.meshes.triangulation import FIXED, Triangulation, delaunay
 from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
@@ -23,6 +25,11 @@ def ring(radius: float, n: int = 200) -> NDArray[np.float64]:
 def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     return np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
+
+
+def signed_areas(mesh: Triangulation) -> NDArray[np.float64]:
+    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
 
 def product_of_measures(mesh: Mesh) -> float:
@@ -156,6 +163,25 @@ def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
     assert mesh.area == pytest.approx(1500, rel=0.01)
     assert ((mesh.points[:, 0] < 30).mean()) > 0.75
     assert_is_a_triangulation(mesh)
+
+
+def test_pixels_of_a_size_image_count_if_their_centers_are_in_the_polygon() -> None:
+    hole = np.add(ring(7.0, 31), [20.3, 14.1])
+    polygon = shapely.Polygon(ring(14.0, 97) * [1.4, 1] + [20, 15], [hole])
+    found = _centers_inside((np.array(polygon.exterior.coords), np.array(polygon.interiors[0].coords)), 30, 41)
+    x, y = np.meshgrid(np.arange(41) + 0.5, np.arange(30) + 0.5)
+    assert (found == shapely.contains_xy(polygon, x, y)).all()
+
+
+def test_vertices_move_as_far_as_triangles_keep_area() -> None:
+    points = np.random.default_rng(5).random((400, 2))
+    mesh = Triangulation(points, np.arange(400) % 7 == 0, delaunay(points), np.empty((0, 2), np.int32))
+    before = mesh.points.copy()
+    done = mesh.move(np.random.default_rng(6).normal(0, 0.02, (400, 2)))
+    assert (signed_areas(mesh) > 0).all()
+    assert (done[mesh.fixed == FIXED] == 0).all()
+    assert np.allclose(mesh.points, before + done, rtol=0, atol=1e-12)
+    assert (done != 0).any(axis=1).mean() > 0.5
 
 
 def test_borders_that_crowd_have_short_edges() -> None:
