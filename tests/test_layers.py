@@ -15,7 +15,8 @@ PACKAGE = Path(cvtimg.__file__).parent
 #: From the lowest to the highest; packages of one layer do not import each other.
 LAYERS: list[set[str]] = [
     {"_shared"},
-    {"blocks", "files"},
+    {"files"},
+    {"blocks"},
     {"engine", "pictures", "batch"},
     {"colors", "tables", "labels"},
     {"elbow", "palettes", "regions"},

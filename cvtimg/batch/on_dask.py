@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -14,7 +15,7 @@ from cvtimg._shared.extras import needs
 from cvtimg.batch.report import reason
 from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
 
-__all__ = ["LOCAL", "on_dask", "sum_on_dask"]
+__all__ = ["LOCAL", "on_cluster_of_task", "on_dask", "sum_on_dask"]
 
 # Dask is not typed.
 Client: TypeAlias = Any
@@ -98,6 +99,22 @@ def sum_on_dask(
             pairs = [client.submit(add, *sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
             sums = pairs + sums[2 * len(pairs) :]
         return (sums[0].result() if sums else None), why
+
+
+@contextmanager
+def on_cluster_of_task() -> Iterator[None]:
+    """Let what a task computes with Dask be done by all workers of the cluster that the task is on, if it is on one."""
+    if "distributed" not in sys.modules:
+        yield
+        return
+    library = _library()
+    try:
+        library.get_worker()
+    except ValueError:
+        yield
+        return
+    with library.worker_client():
+        yield
 
 
 def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[Future, int]:

@@ -60,6 +60,7 @@ def plan_each(
     also_read: Iterable[Path | None] = (),
     joint: Mapping[str, Path | None] | None = None,
     beside: bool = False,
+    suffixes: frozenset[str] | None = None,
 ) -> Plan:
     """Plan a task for each input.
 
@@ -78,6 +79,8 @@ def plan_each(
         Files written once for all inputs together.
     beside : bool
         Allow outputs of several inputs without `out_dir`, beside the inputs.
+    suffixes : frozenset of str, optional
+        Suffixes of the inputs in a folder elsewhere; by default those of images.
 
     Raises
     ------
@@ -85,7 +88,7 @@ def plan_each(
         If an option names one file for several inputs, or if several inputs have no folder for outputs.
     """
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
-    sources, missing = find(inputs, expand, out_dir)
+    sources, missing = find(inputs, expand, out_dir, suffixes)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
     tasks = []
     for source, folder in sources.items():
@@ -137,7 +140,10 @@ def _keep_suffixes(tasks: list[Task], wanted: Mapping[str, Path | Pattern]) -> N
 
 
 def find(
-    inputs: Iterable[str], expand: Callable[[str], list[Path]], out_dir: Path | None = None
+    inputs: Iterable[str],
+    expand: Callable[[str], list[Path]],
+    out_dir: Path | None = None,
+    suffixes: frozenset[str] | None = None,
 ) -> tuple[dict[Path, Path], Missing]:
     """Find the files that arguments name, each once, and the arguments that name none.
 
@@ -150,6 +156,8 @@ def find(
         Returns the files that an argument names.
     out_dir : Path, optional
         Folder for outputs. If it is inside an input folder, its files come from an earlier run and are not inputs.
+    suffixes : frozenset of str, optional
+        Suffixes of the inputs in a folder elsewhere; by default those of images.
 
     Returns
     -------
@@ -165,7 +173,7 @@ def find(
     for text, root in _listed(inputs, missing):
         try:
             if is_remote(text):
-                found = find_remote(text, image_suffixes())
+                found = find_remote(text, suffixes or image_suffixes())
             else:
                 found = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:

@@ -49,6 +49,8 @@ class Running:
         Allow outputs to replace their own inputs, once they are complete.
     skip_if_larger : bool
         Keep the main output only if it is smaller than the input.
+    by_url : tuple of str
+        Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
     """
 
     jobs: int | None = 1
@@ -58,6 +60,7 @@ class Running:
     dask: str | None = None
     in_place: bool = False
     skip_if_larger: bool = False
+    by_url: tuple[str, ...] = ()
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
@@ -208,16 +211,18 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
         return {**row, "seconds": stopwatch.laps} if stopwatch.laps else row
 
     if any(map(is_remote, (*task.sources, *task.outputs.values()))):
-        return _attempt_elsewhere(task, checked, running.overwrite or running.in_place)
+        return _attempt_elsewhere(task, checked, running)
     return _call(task, work=checked)
 
 
-def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], overwrite: bool) -> Outcome:
+def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], running: Running) -> Outcome:
     """Do the work on copies of files that are elsewhere, where the work is, and send the outputs once all is done."""
     from tempfile import TemporaryDirectory
 
+    overwrite = running.overwrite or running.in_place
     with TemporaryDirectory(prefix="cvtimg-") as folder:
-        fetched = _call(task, work=partial(_fetched, folder=Path(folder), overwrite=overwrite))
+        fetching = partial(_fetched, folder=Path(folder), overwrite=overwrite, by_url=running.by_url)
+        fetched = _call(task, work=fetching)
         if fetched.why:
             return fetched
         outcome = _call(fetched.result, work=work)
@@ -227,10 +232,11 @@ def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], overwrite: bool)
         return sent if sent.why else outcome
 
 
-def _fetched(task: Task, *, folder: Path, overwrite: bool) -> Task:
+def _fetched(task: Task, *, folder: Path, overwrite: bool, by_url: tuple[str, ...]) -> Task:
     """Return the task with copies of its inputs, and with files here for its outputs."""
     copies: dict[Path, Path] = {}
-    for number, path in enumerate(filter(is_remote, (*task.sources, *task.outputs.values()))):
+    read = [path for path in task.sources if path.suffix.lower() not in by_url]
+    for number, path in enumerate(filter(is_remote, (*read, *task.outputs.values()))):
         copies[path] = folder / str(number) / path.name
         copies[path].parent.mkdir()
     for path in task.outputs.values():

@@ -1,6 +1,7 @@
 from .images import PixelBlocks, is_image_in_blocks
-from .passes import Block, BlockError, map_rows, over_blocks
-from .rows import Blocks, as_blocks, is_blocked, open_blocks
+from .opening import open_blocks
+from .passes import Block, BlockError, blocks_of, map_rows, over_blocks
+from .rows import Blocks, as_blocks, is_blocked
 
 __all__ = [
     "Block",
@@ -8,6 +9,7 @@ __all__ = [
     "Blocks",
     "PixelBlocks",
     "as_blocks",
+    "blocks_of",
     "is_blocked",
     "is_image_in_blocks",
     "map_rows",

@@ -19,7 +19,7 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.threads import one_thread
 from cvtimg.blocks.rows import Blocks
 
-__all__ = ["Block", "BlockError", "map_rows", "over_blocks"]
+__all__ = ["Block", "BlockError", "blocks_of", "map_rows", "over_blocks"]
 
 T = TypeVar("T")
 
@@ -167,6 +167,7 @@ def map_rows(
     return blocks.rows.map_blocks(
         _mapped,
         function=delayed(function, traverse=False, pure=True),
+        empty=np.empty((0, *(() if n_columns is None else (n_columns,))), dtype),
         dtype=dtype,
         drop_axis=[1] if n_columns is None else [],
         chunks=(lengths or blocks.rows.chunks[0], *tail),
@@ -174,13 +175,38 @@ def map_rows(
     )
 
 
+def blocks_of(*arrays: Any) -> Iterator[tuple[NDArray[Any], ...]]:
+    """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time.
+
+    Raises
+    ------
+    BlockError, ConnectionError
+        As in `over_blocks`.
+    """
+    parts = list(zip(*(array.to_delayed().ravel().tolist() for array in arrays), strict=True))
+    for start in range(0, len(parts), _WIDTH):
+        some = parts[start : start + _WIDTH]
+        try:
+            found = _compute(*some)
+        except BlockError:
+            raise
+        except Exception as error:
+            _explain(error, parts)
+        yield from found
+
+
 def _mapped(
-    rows: NDArray[Any], *, function: Callable[[NDArray[Any]], NDArray[Any]], block_info: Any = None
+    rows: NDArray[Any],
+    *,
+    function: Callable[[NDArray[Any]], NDArray[Any]],
+    empty: NDArray[Any],
+    block_info: Any = None,
 ) -> NDArray[Any]:
     number = block_info[0]["chunk-location"][0] if block_info else 0
     try:
         with one_thread():
-            return np.concatenate([function(piece) for piece, _ in Block(number, rows, None).pieces()])
+            parts = [function(piece) for piece, _ in Block(number, rows, None).pieces()]
+            return np.concatenate(parts) if parts else empty
     except ValueError as error:
         raise BlockError(number, one_line(error)) from error
 

@@ -1,32 +1,24 @@
-"""Rows of numbers in blocks: Dask arrays, and what becomes one, such as zarr arrays and files on disk."""
+"""Rows of numbers in blocks: Dask arrays, and what becomes one, such as zarr arrays."""
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_alone, check_choice, check_numbers, check_shape, check_that
+from cvtimg._shared.checks import check_alone, check_numbers, check_shape, check_that
 from cvtimg._shared.extras import needs
 
 if TYPE_CHECKING:
     Array: TypeAlias = Any  # dask.array.Array, which is not typed
 
-__all__ = ["Blocks", "as_blocks", "is_blocked", "open_blocks"]
+__all__ = ["Blocks", "as_blocks", "block_length", "dask_arrays", "is_blocked"]
 
 #: Bytes and rows of a block, where the data do not come in blocks.
 _BLOCK_BYTES = 1 << 25
 _BLOCK_ROWS = 1 << 22
-#: Kinds of files that can be opened in blocks.
-_SUFFIXES = (".npy", ".zarr", ".parquet")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,10 +31,16 @@ class Blocks:
         In blocks of some rows and all columns.
     weights : (N,) dask.array.Array or None
         In the same blocks.
+    kept : (M,) bool dask.array.Array or None
+        Which rows of a file are in `rows`, if some may have been left out; in the same blocks.
+    names : tuple of str
+        Names of the columns, if they come from a file.
     """
 
     rows: Array
     weights: Array | None = None
+    kept: Array | None = None
+    names: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         weighted = "" if self.weights is None else ", weighted"
@@ -120,65 +118,6 @@ def as_blocks(samples: Any, weights: Any = None, *, weights_name: str = "density
     return Blocks(rows, given)
 
 
-def open_blocks(
-    path: str | os.PathLike[str], *, columns: Sequence[str] | None = None, weight: str | None = None
-) -> Blocks:
-    """Open a file of numbers larger than memory, without reading it.
-
-    Parameters
-    ----------
-    path : path
-        A ``.npy`` file with an (N,) or (N, D) array, a ``.zarr`` array, or a ``.parquet`` file or a folder of them.
-    columns : sequence of str, optional
-        Columns of a Parquet file, in this order; all but `weight` by default.
-    weight : str, optional
-        Column of a Parquet file with the weights.
-
-    Returns
-    -------
-    Blocks
-        Of row groups of a Parquet file, and otherwise of about 32 MiB. Workers of a cluster need the same path.
-
-    Raises
-    ------
-    ValueError
-        If the file is of another kind, or a column is missing.
-    OSError
-        If it cannot be read.
-    ImportError
-        If Dask is missing, or what the kind of file needs: zarr or pyarrow.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> from cvtimg import tessellate
-    >>> from cvtimg.blocks import open_blocks
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     np.save(f"{folder}/a.npy", np.array([[0, 0], [0, 2], [9, 0], [9, 2]]))
-    ...     result = tessellate(open_blocks(f"{folder}/a.npy"), 2)
-    ...     result.generators.tolist(), result.labels.compute().tolist()
-    ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1])
-    """
-    file = Path(path)
-    kind = file.suffix.lower()
-    if not (file.is_dir() and kind != ".zarr"):
-        check_choice(f"{file}: suffix", kind, _SUFFIXES)
-    if kind not in (".npy", ".zarr"):
-        return _of_parquet(file, columns, weight)
-    if columns is not None or weight is not None:
-        check_alone("columns or weight", [f"a {kind} file, whose columns have no names"])
-    if kind == ".zarr":
-        return as_blocks(_open_zarr(file))
-    mapped = np.load(file, mmap_mode="r")
-    shape = mapped.shape if mapped.ndim == 2 else (*mapped.shape, 1)
-    check_shape(str(file), mapped.shape, len(shape) == 2 and mapped.size > 0, "(N,) or (N, D) with N, D >= 1")
-    length = _block_length(shape[1] * mapped.dtype.itemsize)
-    bounds = [*range(0, shape[0], length), shape[0]]
-    reads = [partial(_read_npy, file, start, stop) for start, stop in pairwise(bounds)]
-    return as_blocks(_joined(reads, np.diff(bounds).tolist(), shape[1:], mapped.dtype))
-
-
 def _dask_array(array: Any) -> Array:
     da = dask_arrays()
     if hasattr(array, "to_dask_array"):  # a table of dask.dataframe
@@ -187,83 +126,15 @@ def _dask_array(array: Any) -> Array:
         return array
     if not hasattr(array, "shape"):
         array = np.asarray(array)
-    step = _block_length(math.prod(array.shape[1:]) * np.dtype(array.dtype).itemsize)
+    step = block_length(math.prod(array.shape[1:]) * np.dtype(array.dtype).itemsize)
     if hasattr(array, "chunks") and array.chunks:  # whole chunks of zarr, each of which is read once
         step = max(1, round(step / array.chunks[0])) * array.chunks[0]
     return da.from_array(array, chunks=(step, *array.shape[1:]))
 
 
-def _block_length(row_bytes: int) -> int:
+def block_length(row_bytes: int) -> int:
+    """Return the number of rows of a block, where the data do not come in blocks."""
     return max(1, min(_BLOCK_ROWS, _BLOCK_BYTES // max(1, row_bytes)))
-
-
-def _open_zarr(path: Path) -> Any:
-    try:
-        import zarr
-    except ImportError as error:
-        raise ImportError(f"{path}: needs {needs('zarr 3.1 or newer', 'zarr')}") from error
-    return zarr.open_array(str(path), mode="r")
-
-
-def _read_npy(path: Path, start: int, stop: int) -> NDArray[Any]:
-    rows = np.array(np.load(path, mmap_mode="r")[start:stop])
-    return rows if rows.ndim == 2 else rows[:, None]
-
-
-def _of_parquet(path: Path, columns: Sequence[str] | None, weight: str | None) -> Blocks:
-    try:
-        from pyarrow import parquet
-    except ImportError as error:
-        raise ImportError(f"{path}: needs {needs('pyarrow', 'parquet')}") from error
-    files = sorted(path.rglob("*.parquet")) if path.is_dir() else [path]
-    check_that(f"{path}", bool(files), "have at least one .parquet file in it")
-    schema = parquet.read_schema(files[0])
-    names = [name for name in schema.names if name != weight] if columns is None else list(columns)
-    for name in [*names, *([weight] if weight else [])]:
-        check_choice(f"{path}: column", name, schema.names)
-    groups, lengths = [], []
-    for file in files:
-        about = parquet.ParquetFile(file).metadata
-        groups += [(file, number) for number in range(about.num_row_groups)]
-        lengths += [about.row_group(number).num_rows for number in range(about.num_row_groups)]
-    dtype = np.result_type(*(schema.field(name).type.to_pandas_dtype() for name in names))
-    rows = [partial(_read_group, file, number, names, dtype) for file, number in groups]
-    found = as_blocks(_joined(rows, lengths, (len(names),), dtype))
-    if weight is None:
-        return found
-    weights = [partial(_read_weights, file, number, weight) for file, number in groups]
-    return as_blocks(found.rows, _joined(weights, lengths, (), np.dtype(np.float64)))
-
-
-def _read_group(path: Path, group: int, names: Sequence[str], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Read some columns of a row group, (n, C)."""
-    from pyarrow import parquet
-
-    table = parquet.ParquetFile(path).read_row_group(group, columns=list(names))
-    rows = np.empty((table.num_rows, len(names)), dtype)
-    for number, name in enumerate(names):
-        column = table.column(name)
-        check_that(f"{path}: column {name!r} of row group {group}", not column.null_count, "have no missing values")
-        rows[:, number] = column.to_numpy()
-    return rows
-
-
-def _read_weights(path: Path, group: int, name: str) -> NDArray[np.float64]:
-    return _read_group(path, group, [name], np.dtype(np.float64))[:, 0]
-
-
-def _joined(
-    reads: Sequence[Callable[[], NDArray[Any]]], lengths: Sequence[int], shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> Array:
-    """Return the array of blocks that are read when they are needed."""
-    da = dask_arrays()
-    from dask.delayed import delayed
-
-    parts = [
-        da.from_delayed(delayed(read, pure=True)(), (length, *shape), dtype)
-        for read, length in zip(reads, lengths, strict=True)
-    ]
-    return da.concatenate(parts)
 
 
 def dask_arrays() -> Any:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Option
@@ -14,6 +15,11 @@ from typer import Option
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
+
+if TYPE_CHECKING:
+    from cvtimg.elbow import EnergyCurve
+    from cvtimg.engine import Tessellation
+    from cvtimg.tables import Scaling
 
 EXAMPLES = """Examples:
 
@@ -23,6 +29,8 @@ EXAMPLES = """Examples:
   cvtimg cluster trees.csv -k 5 --columns height,girth --generators means.csv
   cvtimg cluster trees.csv -k 5 --weight count --standardize -o labels.npy
   cvtimg cluster 'runs/*.npy' -k 12 --out-dir labels --missing drop
+  cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
+  cvtimg cluster s3://bucket/pixels.zarr -k 64 -o labels.npy
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
@@ -31,8 +39,8 @@ Tables = Annotated[
     list[str],
     typer.Argument(
         metavar="TABLE...",
-        help="Tables (.csv, .tsv, .npy), folders, patterns like 'a/*.csv', - for standard input, or @FILE for a list "
-        "of names.",
+        help="Tables (.csv, .tsv, .npy, .parquet, .zarr), URLs of them, folders, patterns like 'a/*.csv', - for "
+        "standard input, or @FILE for a list of names.",
     ),
 ]
 Number = Annotated[
@@ -51,7 +59,7 @@ Labels = Annotated[
         "-o",
         metavar="FILE",
         parser=options.output_file(".csv"),
-        help="Write the labels, .csv or .npy; for one table; - for standard output.",
+        help="Write the labels, .csv, .npy or .parquet; for one table; - for standard output.",
     ),
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.csv.")]
@@ -83,22 +91,36 @@ def cluster(
     A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
     col0, col1 and so on where the table has none. Without -o and --out-dir, the labels of one table go to
     NAME-labels.csv beside it: a line "label", then for each row the number of its cluster, from 0. A row that is
-    dropped has an empty label, or -1 in a .npy file. Means are in the units of the table; the energy is in those of
-    the standardized columns if --standardize is given.
+    dropped has an empty label, -1 in a .npy file, or null in a .parquet file. Means are in the units of the table; the
+    energy is in those of the standardized columns if --standardize is given.
+
+    Parquet files, Zarr arrays, and .npy files of more than 1 GiB may be larger than memory: they are read in blocks,
+    with --dask by all workers of a cluster. A folder called NAME.parquet is one table. Labels go to
+    NAME-labels.parquet, or to NAME-labels.npy for a Zarr array. -k auto then looks at a sample of a million rows.
     """
-    from cvtimg.tables.files import LABEL_SUFFIXES, find_tables
+    from cvtimg.blocks.opening import BLOCK_SUFFIXES
+    from cvtimg.tables.files import LABEL_SUFFIXES, TABLE_SUFFIXES, find_tables
 
     names = _split(columns) if columns is not None else None
     check_suffix("-o", output, LABEL_SUFFIXES)
     check_suffix("--generators", generators, [".csv"])
-    outputs = {"-o": output or "{}-labels.csv", "--generators": generators}
-    plan = plan_each(inputs, find_tables, outputs, out_dir=out_dir)
+    outputs = {"-o": output or _labels_of, "--generators": generators}
+    plan = plan_each(inputs, find_tables, outputs, out_dir=out_dir, suffixes=frozenset(TABLE_SUFFIXES))
     shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
     read = {"columns": names, "weight": weight, "missing": missing}
     work = partial(
         _cluster, read=read, number=number, engine=engine, standardize=standardize, overwrite=common.overwrite
     )
-    return run_plan(plan, work, shown, common, skip_existing=skip_existing)
+    by_url = tuple(
+        suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"
+    )  # those in memory have more kinds of columns
+    return run_plan(plan, work, shown, common, skip_existing=skip_existing, by_url=by_url)
+
+
+def _labels_of(source: Path) -> str:
+    """Return the pattern for the labels of a table."""
+    kinds = {".parquet": ".parquet", ".zarr": ".npy"}
+    return "{}-labels" + kinds.get(source.suffix.lower(), ".csv")
 
 
 def _split(columns: str) -> list[str]:
@@ -119,33 +141,106 @@ def _cluster(
     standardize: bool,
     overwrite: bool,
 ) -> Row:
-    from cvtimg import tessellate
-    from cvtimg.elbow.curves import auto_count
-    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_generators, write_row_labels
+    from cvtimg.tables.blocked import is_large_table
 
-    table = read_table(task.source, **read)
-    stopwatch.lap("read")
-    scaling = Scaling.of(table.rows, table.weights) if standardize else None
-    rows = scaling.apply(table.rows) if scaling else table.rows
-    n_generators, curve = number, None
-    if number == "auto":
-        n_generators, curve = auto_count(rows, density=table.weights, volume_power=engine.volume_power, rng=engine.seed)
-    result = tessellate(rows, int(n_generators), density=table.weights, **engine.keywords)
-    generators = scaling.undo(result.generators) if scaling else result.generators
-    stopwatch.lap("cluster")
-    write_row_labels(task.output, result.labels, table.kept, overwrite=overwrite)
-    if "--generators" in task.outputs:
-        write_generators(task.outputs["--generators"], table.names, generators, result.masses, overwrite=overwrite)
+    work = _cluster_in_blocks if is_large_table(task.source) else _cluster_in_memory
+    found = work(task, stopwatch, read=read, number=number, engine=engine, standardize=standardize, overwrite=overwrite)
     stopwatch.lap("write")
-    total = energy_about_mean(rows, table.weights)
+    result, total = found.result, found.total
     return {
-        "rows": len(rows),
-        "left_out": len(table.kept) - len(rows),
-        "columns": table.names,
-        "k": len(generators),
-        "elbow": curve.elbows() if curve else None,
+        "rows": len(result.labels),
+        "left_out": found.n_rows - len(result.labels),
+        "columns": found.names,
+        "k": len(result.generators),
+        "elbow": found.curve.elbows() if found.curve else None,
         "energy": result.energy,
         "explained": 1 - result.energy / total if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
     }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What was found in a table of `n_rows` rows; `total` is the energy about the mean."""
+
+    result: Tessellation
+    names: Sequence[str]
+    n_rows: int
+    total: float
+    curve: EnergyCurve | None
+
+
+def _cluster_in_memory(
+    task: Task,
+    stopwatch: Stopwatch,
+    *,
+    read: Mapping[str, Any],
+    number: int | str,
+    engine: options.EngineOptions,
+    standardize: bool,
+    overwrite: bool,
+) -> _Found:
+    from cvtimg import tessellate
+    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_row_labels
+
+    table = read_table(task.source, **read)
+    stopwatch.lap("read")
+    scaling = Scaling.of(table.rows, table.weights) if standardize else None
+    rows = scaling.apply(table.rows) if scaling else table.rows
+    n_generators, curve = _count(number, rows, table.weights, engine)
+    result = tessellate(rows, n_generators, density=table.weights, **engine.keywords)
+    stopwatch.lap("cluster")
+    write_row_labels(task.output, result.labels, table.kept, overwrite=overwrite)
+    _write_means(task, table.names, result, scaling, overwrite)
+    return _Found(result, table.names, len(table.kept), energy_about_mean(rows, table.weights), curve)
+
+
+def _cluster_in_blocks(
+    task: Task,
+    stopwatch: Stopwatch,
+    *,
+    read: Mapping[str, Any],
+    number: int | str,
+    engine: options.EngineOptions,
+    standardize: bool,
+    overwrite: bool,
+) -> _Found:
+    from cvtimg import tessellate
+    from cvtimg.batch.on_dask import on_cluster_of_task
+    from cvtimg.blocks import open_blocks
+    from cvtimg.tables.blocked import sample_rows, spread_of, standardized, write_block_labels
+
+    with on_cluster_of_task():
+        given = open_blocks(task.source, **read)
+        spread = spread_of(given)
+        stopwatch.lap("read")
+        scaling = spread.scaling if standardize else None
+        blocks = standardized(given, scaling) if scaling else given
+        rows, weights = sample_rows(blocks, engine.seed) if number == "auto" else (None, None)
+        n_generators, curve = _count(number, rows, weights, engine)
+        result = tessellate(blocks, n_generators, **engine.keywords)
+        stopwatch.lap("cluster")
+        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=overwrite)
+    _write_means(task, blocks.names, result, scaling, overwrite)
+    total = spread.squares / scaling.deviations**2 if scaling else spread.squares
+    return _Found(result, blocks.names, n_rows, float(total.sum()), curve)
+
+
+def _count(number: int | str, rows: Any, weights: Any, engine: options.EngineOptions) -> tuple[int, EnergyCurve | None]:
+    """Return the number of clusters, and the curve that it was read from, if it was."""
+    from cvtimg.elbow.curves import auto_count
+
+    if number != "auto":
+        return int(number), None
+    return auto_count(rows, density=weights, volume_power=engine.volume_power, rng=engine.seed)
+
+
+def _write_means(
+    task: Task, names: Sequence[str], result: Tessellation, scaling: Scaling | None, overwrite: bool
+) -> None:
+    from cvtimg.tables.files import write_generators
+
+    if "--generators" in task.outputs:
+        generators = scaling.undo(result.generators) if scaling else result.generators
+        write_generators(task.outputs["--generators"], names, generators, result.masses, overwrite=overwrite)

@@ -53,7 +53,7 @@ def run_plan(
     common: CommonOptions,
     *,
     max_pixels: int | None = None,
-    **running: bool,
+    **running: Any,
 ) -> int:
     """Run a plan and report it.
 
@@ -70,7 +70,7 @@ def run_plan(
     max_pixels : int, optional
         Largest number of pixels of an image; about 179 million by default.
     **running
-        Further fields of `Running`: skip_existing, in_place, skip_if_larger.
+        Further fields of `Running`: skip_existing, in_place, skip_if_larger, by_url.
 
     Returns
     -------

@@ -15,7 +15,17 @@ from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath
 
-__all__ = ["check_is_new", "fetch", "find_remote", "is_remote", "remote_exists", "send", "url_of"]
+__all__ = [
+    "check_is_new",
+    "fetch",
+    "find_remote",
+    "is_remote",
+    "open_remote",
+    "remote_exists",
+    "remote_folder",
+    "send",
+    "url_of",
+]
 
 #: A scheme has two letters or more: one is a drive of Windows.
 _URL = re.compile(r"([a-z][a-z0-9+.-]+):/+(.*)", re.DOTALL)
@@ -51,9 +61,10 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     files, place = _opened(url)
     try:
         if glob.has_magic(place):
-            found = [name for name in files.glob(place) if not files.isdir(name)]
+            found = [name for name in files.glob(place) if _is_whole(name) or not files.isdir(name)]
         elif Path(place).suffix.lower() not in suffixes and files.isdir(place):
-            found = [name for name in files.find(place) if Path(name).suffix.lower() in suffixes]
+            inside = dict.fromkeys(_whole(str(name)) for name in files.find(place))
+            found = [name for name in inside if Path(name).suffix.lower() in suffixes]
         else:
             found = [place] if files.exists(place) else []
     except Exception as error:  # of many libraries
@@ -61,6 +72,43 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     if not found:
         raise FileNotFoundError(f"{url}: no such file")
     return [Path(files.unstrip_protocol(name)) for name in sorted(found)]
+
+
+def _is_whole(name: str) -> bool:
+    """Whether a folder is one input."""
+    return name.lower().endswith((".zarr", ".parquet"))
+
+
+def _whole(name: str) -> str:
+    """Return the outermost folder around a file that is one input, or the file itself."""
+    parts = name.split("/")
+    ends = (number for number, part in enumerate(parts, 1) if _is_whole(part))
+    return "/".join(parts[: next(ends, len(parts))])
+
+
+def remote_folder(url: str, suffix: str = "") -> list[str]:
+    """Return the URLs of the files with this suffix in a folder and its subfolders, sorted; none if it is no folder."""
+    files, place = _opened(url)
+    try:
+        found = files.find(place) if files.isdir(place) else []
+    except Exception as error:
+        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
+    return [str(files.unstrip_protocol(name)) for name in sorted(found) if str(name).endswith(suffix)]
+
+
+def open_remote(url: str) -> Any:
+    """Open a file elsewhere to read any part of it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    files, place = _opened(url)
+    try:
+        return files.open(place, "rb")
+    except Exception as error:
+        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
 
 
 def remote_exists(path: StrPath) -> bool:
@@ -82,7 +130,7 @@ def check_is_new(path: StrPath) -> None:
 
 
 def fetch(path: StrPath, target: Path) -> None:
-    """Copy a file from elsewhere.
+    """Copy a file, or a folder that is one input, from elsewhere.
 
     Raises
     ------
@@ -91,6 +139,9 @@ def fetch(path: StrPath, target: Path) -> None:
     """
     files, place = _opened(url_of(path))
     try:
+        if _is_whole(place) and files.isdir(place):
+            files.get(f"{place}/", f"{target}/", recursive=True)
+            return
         with files.open(place, "rb") as source, target.open("wb") as copy:
             shutil.copyfileobj(source, copy, 1 << 20)
     except Exception as error:
@@ -98,7 +149,7 @@ def fetch(path: StrPath, target: Path) -> None:
 
 
 def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
-    """Copy a whole file elsewhere. Stores of objects show it once it is complete.
+    """Copy a whole file or folder elsewhere. Stores of objects show it once it is complete.
 
     Raises
     ------
@@ -113,7 +164,10 @@ def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
     try:
         if parent := place.rpartition("/")[0]:
             files.makedirs(parent, exist_ok=True)
-        files.put_file(str(source), place)
+        if source.is_dir():
+            files.put(f"{source}/", f"{place}/", recursive=True)
+        else:
+            files.put_file(str(source), place)
     except Exception as error:
         raise OSError(f"{url_of(path)}: cannot be written ({one_line(error)})") from error
 

@@ -5,7 +5,7 @@ A table is text with a delimiter, such as CSV, or a NumPy array in a ``.npy`` fi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.extras import needs
+from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images
+from cvtimg.files.remote import find_remote, is_remote, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns
@@ -29,15 +32,16 @@ __all__ = [
     "find_tables",
     "read_table",
     "write_generators",
+    "write_label_parts",
     "write_row_labels",
 ]
 
 #: What to do with rows that have missing values.
 MISSING = ("error", "drop")
 #: Suffixes of files of labels.
-LABEL_SUFFIXES = (".csv", ".npy")
+LABEL_SUFFIXES = (".csv", ".npy", ".parquet")
 #: Suffixes of the tables in a folder; a file that is named is read whatever its suffix.
-TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
+TABLE_SUFFIXES = (".csv", ".tsv", ".npy", ".parquet", ".zarr")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,11 +198,13 @@ def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_
     Parameters
     ----------
     path : str or path-like
-        Ends in .csv, for a line ``label`` and then one line per row, or in .npy, for an (M,) int32 array.
+        Ends in .csv, for a line ``label`` and then one line per row, in .npy, for an (M,) int32 array, or in .parquet,
+        for an int32 column ``label``.
     labels : (N,) integer array
         Labels of the rows that were kept.
     kept : (M,) bool array
-        Rows that were kept. The label of any other row is ``""`` in a .csv, which is no empty line, and -1 in a .npy.
+        Rows that were kept. The label of any other row is ``""`` in a .csv, which is no empty line, -1 in a .npy, and
+        null in a .parquet.
     overwrite : bool
         Replace an existing file.
 
@@ -211,15 +217,40 @@ def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_
     OSError
         If the file cannot be written.
     """
-    suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     all_labels = np.full(len(kept), -1, np.int32)
     all_labels[kept] = labels
+    write_label_parts(path, len(kept), [all_labels], overwrite=overwrite)
+
+
+def write_label_parts(
+    path: StrPath, n_rows: int, parts: Iterable[NDArray[np.int32]], *, overwrite: bool = False
+) -> None:
+    """Write labels as `write_row_labels` does, part after part; those of rows that were left out are -1."""
+    suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     with whole_file(path, overwrite=overwrite) as file:
-        if suffix == ".npy":
-            np.save(file, all_labels)
+        if suffix == ".parquet":
+            _write_parquet(file, parts)
+        elif suffix == ".npy":
+            header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.int32)), "fortran_order": False}
+            np.lib.format.write_array_header_1_0(file, {**header, "shape": (n_rows,)})
+            for part in parts:
+                file.write(np.ascontiguousarray(part, np.int32).tobytes())
         else:
-            lines = ('""' if label < 0 else str(label) for label in all_labels.tolist())
-            file.write("\n".join(chain(["label"], lines, [""])).encode())
+            file.write(b"label\n")
+            for part in parts:
+                lines = ('""' if label < 0 else str(label) for label in part.tolist())
+                file.write("\n".join(chain(lines, [""])).encode())
+
+
+def _write_parquet(file: Any, parts: Iterable[NDArray[np.int32]]) -> None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise OSError(f"labels in .parquet need {needs('pyarrow', 'parquet')}") from error
+    with parquet.ParquetWriter(file, pyarrow.schema([("label", pyarrow.int32())])) as writer:
+        for part in parts:
+            writer.write_table(pyarrow.table({"label": pyarrow.array(part, mask=part < 0)}))
 
 
 def write_generators(
@@ -259,12 +290,13 @@ def write_generators(
 
 
 def find_tables(path: StrPath) -> list[Path]:
-    """List the tables that a file, a folder or a pattern names, as `find_images` does for pictures.
+    """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for pictures.
 
     Parameters
     ----------
     path : str or path-like
-        A folder means all files in it and its subfolders that end in .csv, .tsv or .npy, except hidden ones.
+        A folder means all files in it and its subfolders that end in .csv, .tsv, .npy, .parquet or .zarr, except hidden
+        ones.
 
     Returns
     -------
@@ -275,14 +307,22 @@ def find_tables(path: StrPath) -> list[Path]:
     FileNotFoundError
         If nothing is found.
     """
+    if is_remote(path):
+        return find_remote(url_of(path), frozenset(TABLE_SUFFIXES))
     folder = Path(path)
+    if folder.is_dir() and folder.suffix.lower() in BLOCK_SUFFIXES:
+        return [folder]
     if not folder.is_dir():
         return find_images(path)
     inside = (file.relative_to(folder) for file in folder.rglob("*") if file.suffix.lower() in TABLE_SUFFIXES)
     found = [folder / file for file in inside if not any(part.startswith(".") for part in file.parts)]
-    if not found:
+    tables = [file for file in found if file.is_file() or file.suffix.lower() == ".zarr"]
+    # A folder of Parquet files that is called so is one table.
+    whole = {file for file in folder.rglob("*.parquet") if file.is_dir()}
+    tables = [file for file in [*tables, *whole] if not whole & set(file.parents)]
+    if not tables:
         raise FileNotFoundError(f"{path}: no table ({', '.join(TABLE_SUFFIXES)}) in this folder")
-    return sorted(file for file in found if file.is_file())
+    return sorted(tables)
 
 
 def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) -> list[int]:

@@ -1,0 +1,226 @@
+"""Files of numbers larger than memory, here or elsewhere: arrays and columns that are read when they are needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_choice, check_shape, check_that
+from cvtimg._shared.extras import needs
+from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
+from cvtimg.files.remote import is_remote, open_remote, remote_folder, url_of
+from cvtimg.files.whole import StrPath
+
+__all__ = ["BLOCK_SUFFIXES", "open_blocks"]
+
+#: Kinds of files that can be opened in blocks.
+BLOCK_SUFFIXES = (".npy", ".zarr", ".parquet")
+#: What to do with rows that have missing values.
+_MISSING = ("error", "drop")
+
+
+def open_blocks(
+    path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"
+) -> Blocks:
+    """Open a file of numbers larger than memory, without reading it.
+
+    Parameters
+    ----------
+    path : path or URL
+        A ``.npy`` file with an (N,) or (N, D) array, a ``.zarr`` array, or a ``.parquet`` file or a folder of them.
+    columns : sequence of str, optional
+        Columns to use, in this order; all but `weight` by default. Those of arrays are called col0, col1, ..., or 0,
+        1, ... for short.
+    weight : str, optional
+        Column with the weights.
+    missing : {"error", "drop"}
+        What to do with rows in which a selected value is missing: NaN, or null in a Parquet file. "drop" leaves them
+        out; `Blocks.kept` tells which remain.
+
+    Returns
+    -------
+    Blocks
+        Of row groups of a Parquet file, and otherwise of about 32 MiB. Workers of a cluster need the same path.
+
+    Raises
+    ------
+    ValueError
+        If the file is of another kind, or a column is missing.
+    OSError
+        If it cannot be read.
+    ImportError
+        If Dask is missing, or what the kind of file needs: zarr or pyarrow.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from cvtimg import tessellate
+    >>> from cvtimg.blocks import open_blocks
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/a.npy", np.array([[0, 0], [0, 2], [9, 0], [9, 2]]))
+    ...     result = tessellate(open_blocks(f"{folder}/a.npy"), 2)
+    ...     result.generators.tolist(), result.labels.compute().tolist()
+    ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1])
+    """
+    place = url_of(path)
+    check_choice("missing", missing, _MISSING)
+    kind = Path(place).suffix.lower()
+    if not kind and (remote_folder(place) if is_remote(place) else Path(place).is_dir()):
+        kind = ".parquet"
+    check_choice(f"{place}: suffix", kind, BLOCK_SUFFIXES)
+    if kind == ".parquet":
+        found = _of_parquet(place, columns, weight, missing)
+    else:
+        found = _of_array(place, _zarr_array(place) if kind == ".zarr" else _npy_array(place), columns, weight)
+    return _without_missing(found) if missing == "drop" and found.rows.dtype.kind == "f" else found
+
+
+def _without_missing(blocks: Blocks) -> Blocks:
+    da = dask_arrays()
+    absent = da.isnan(blocks.rows).any(axis=1)
+    if blocks.weights is not None:
+        absent |= da.isnan(blocks.weights)
+    weights = None if blocks.weights is None else blocks.weights[~absent]
+    return Blocks(blocks.rows[~absent], weights, ~absent, blocks.names)
+
+
+def _of_array(place: str, array: Any, columns: Sequence[str] | None, weight: str | None) -> Blocks:
+    """Return columns of an (N, D) array, which have numbers for names."""
+    names = [f"col{number}" for number in range(array.shape[1])]
+    numbers = {name: number for number, name in enumerate(names)}
+    numbers |= {str(number): number for number in range(len(names))}
+    for name in [*(columns or ()), *([] if weight is None else [weight])]:
+        check_choice(f"{place}: column", name, [*names, name] if name in numbers else names)
+    weighted = None if weight is None else numbers[weight]
+    chosen = [n for n in range(len(names)) if n != weighted] if columns is None else [numbers[name] for name in columns]
+    whole = as_blocks(array)
+    rows = whole.rows if chosen == list(range(len(names))) else whole.rows[:, chosen]
+    weights = None if weighted is None else whole.rows[:, weighted].astype(np.float64)
+    return Blocks(as_blocks(rows).rows, weights, None, tuple(names[number] for number in chosen))
+
+
+def _zarr_array(place: str) -> Any:
+    try:
+        import zarr
+    except ImportError as error:
+        raise ImportError(f"{place}: needs {needs('zarr 3.1 or newer', 'zarr')}") from error
+    stored = zarr.open_array(place, mode="r")
+    check_shape(place, stored.shape, stored.ndim in (1, 2) and 0 not in stored.shape, "(N,) or (N, D) with N, D >= 1")
+    return dask_arrays().from_zarr(stored)[:, None] if stored.ndim == 1 else as_blocks(stored).rows
+
+
+def _npy_array(place: str) -> Any:
+    with _opened(place) as file:
+        shape, in_columns, dtype = _npy_header(place, file)
+        start = file.tell()
+    check_shape(place, shape, len(shape) in (1, 2) and 0 not in shape, "(N,) or (N, D) with N, D >= 1")
+    check_that(place, not (in_columns and len(shape) == 2 and is_remote(place)), "be in order of rows, not of columns")
+    width = math.prod(shape[1:])
+    length = block_length(width * dtype.itemsize)
+    bounds = [*range(0, shape[0], length), shape[0]]
+    reader = partial(_fetch_rows, start=start, width=width, dtype=dtype) if is_remote(place) else _map_rows
+    reads = [partial(reader, place, begin, end) for begin, end in pairwise(bounds)]
+    return _joined(reads, np.diff(bounds).tolist(), (width,), dtype)
+
+
+def _npy_header(place: str, file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    readers: Any = np.lib.format
+    try:
+        major = readers.read_magic(file)[0]
+        read = readers.read_array_header_1_0 if major == 1 else readers.read_array_header_2_0
+        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = read(file)
+    except ValueError as error:
+        raise OSError(f"{place}: is not a .npy file of numbers ({error})") from error
+    return header
+
+
+def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
+    rows = np.array(np.load(place, mmap_mode="r")[begin:end])
+    return rows if rows.ndim == 2 else rows[:, None]
+
+
+def _fetch_rows(place: str, begin: int, end: int, *, start: int, width: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    with _opened(place) as file:
+        file.seek(start + begin * width * dtype.itemsize)
+        return np.frombuffer(file.read((end - begin) * width * dtype.itemsize), dtype).reshape(-1, width)
+
+
+def _opened(place: str) -> Any:
+    return open_remote(place) if is_remote(place) else Path(place).open("rb")
+
+
+def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, missing: str) -> Blocks:
+    try:
+        from pyarrow import parquet
+    except ImportError as error:
+        raise ImportError(f"{place}: needs {needs('pyarrow', 'parquet')}") from error
+    files = _parquet_files(place)
+    check_that(place, bool(files), "have at least one .parquet file in it")
+    groups, lengths, schema = [], [], None
+    for name in files:
+        with _opened(name) as opened:
+            about = parquet.ParquetFile(opened)
+            schema = schema or about.schema_arrow
+            groups += [(name, number) for number in range(about.metadata.num_row_groups)]
+            lengths += [about.metadata.row_group(number).num_rows for number in range(about.metadata.num_row_groups)]
+    assert schema is not None
+    names = [name for name in schema.names if name != weight] if columns is None else list(columns)
+    for name in [*names, *([weight] if weight else [])]:
+        check_choice(f"{place}: column", name, schema.names)
+    # A row without a value has NaN for it.
+    dtype = np.result_type(
+        *(schema.field(name).type.to_pandas_dtype() for name in names), *([np.float32] if missing == "drop" else [])
+    )
+    rows = [partial(_read_group, name, number, names, dtype, missing) for name, number in groups]
+    found = as_blocks(_joined(rows, lengths, (len(names),), dtype))
+    weights = [partial(_read_weights, name, number, weight, missing) for name, number in groups] if weight else []
+    joined = _joined(weights, lengths, (), np.dtype(np.float64)) if weight else None
+    return Blocks(found.rows, joined, None, tuple(names))
+
+
+def _parquet_files(place: str) -> list[str]:
+    if is_remote(place):
+        return remote_folder(place, ".parquet") or [place]
+    path = Path(place)
+    return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
+
+
+def _read_group(place: str, group: int, names: Sequence[str], dtype: np.dtype[Any], missing: str) -> NDArray[Any]:
+    """Read some columns of a row group, (n, C)."""
+    from pyarrow import parquet
+
+    with _opened(place) as file:
+        table = parquet.ParquetFile(file).read_row_group(group, columns=list(names))
+    rows = np.empty((table.num_rows, len(names)), dtype)
+    for number, name in enumerate(names):
+        column = table.column(name)
+        whole = missing == "drop" or not column.null_count
+        check_that(f"{place}: column {name!r} of row group {group}", whole, "have no missing values")
+        rows[:, number] = column.to_numpy()
+    return rows
+
+
+def _read_weights(place: str, group: int, name: str, missing: str) -> NDArray[np.float64]:
+    return _read_group(place, group, [name], np.dtype(np.float64), missing)[:, 0]
+
+
+def _joined(
+    reads: Sequence[Callable[[], NDArray[Any]]], lengths: Sequence[int], shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> Any:
+    """Return the array of blocks that are read when they are needed."""
+    da = dask_arrays()
+    from dask.delayed import delayed
+
+    parts = [
+        da.from_delayed(delayed(read, pure=True)(), (length, *shape), dtype)
+        for read, length in zip(reads, lengths, strict=True)
+    ]
+    return da.concatenate(parts)

@@ -1,0 +1,171 @@
+"""``cvtimg cluster`` on tables larger than memory: what it finds is what it finds in memory, here or by a URL."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.cli import app as cli
+
+pytest.importorskip("dask")
+pa = pytest.importorskip("pyarrow")
+zarr = pytest.importorskip("zarr")
+from pyarrow import parquet  # noqa: E402
+
+RNG = np.random.default_rng(4)
+ROWS = np.concatenate([RNG.normal(at, 1, (200, 2)) for at in ((0, 0), (30, 0), (0, 40))])
+ROWS = RNG.permutation(ROWS).round(3)
+WEIGHTS = RNG.integers(1, 4, len(ROWS))
+FILES = ("a.parquet", "a.zarr", "a.npy", "a.csv")
+
+
+def write_tables(folder: Path, rows: NDArray[Any] = ROWS) -> None:
+    columns = np.column_stack([rows, WEIGHTS])
+    missing = np.isnan(rows[:, 0])
+    table = pa.table({"x": pa.array(rows[:, 0], mask=missing), "y": rows[:, 1], "n": WEIGHTS})
+    parquet.write_table(table, folder / "a.parquet", row_group_size=170)
+    zarr.create_array(str(folder / "a.zarr"), data=columns, chunks=(100, 3), overwrite=True)
+    np.save(folder / "a.npy", columns)
+    np.savetxt(folder / "a.csv", columns, "%.17g", ",", header="x,y,n", comments="")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cvtimg.tables.blocked._LARGE_BYTES", 1000)
+    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 200 * 24)
+    write_tables(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def memory() -> Iterator[Any]:
+    files = pytest.importorskip("fsspec").filesystem("memory")
+    yield files
+    files.store.clear()
+    files.pseudo_dirs[:] = [""]
+
+
+def cluster(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    assert cli.main(["cluster", *arguments, "-k", "3", "--json"]) == 0
+    row: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return row
+
+
+def labels_in(path: Path) -> list[int]:
+    if path.suffix == ".parquet":
+        return [-1 if label is None else label for label in parquet.read_table(path)["label"].to_pylist()]
+    if path.suffix == ".npy":
+        return np.load(path).tolist()  # type: ignore[no-any-return]
+    lines = path.read_text().splitlines()
+    assert lines[0] == "label"
+    return [-1 if line == '""' else int(line) for line in lines[1:]]
+
+
+@pytest.mark.parametrize("options", [[], ["--standardize"], ["--weighted"]], ids=str)
+def test_all_kinds_of_tables_give_the_same(here: Path, capsys: pytest.CaptureFixture[str], options: list[str]) -> None:
+    found = []
+    for name in FILES:
+        named = name.endswith((".parquet", ".csv"))
+        columns = ["--columns", "x,y" if named else "col0,1"]
+        given = ["--weight", "n" if named else "col2"] if options == ["--weighted"] else options
+        row = cluster(capsys, name, *columns, *given, "--generators", f"{name}-means.csv")
+        Path(row["output"]).unlink()
+        assert row["columns"] == (["x", "y"] if named else ["col0", "col1"])
+        means = np.loadtxt(f"{name}-means.csv", delimiter=",", skiprows=1)
+        assert means[:, 2].sum() == (WEIGHTS.sum() if options == ["--weighted"] else len(ROWS))
+        found.append((row["energy"], row["explained"], means[np.lexsort(means.T[:2])].tolist(), row["output"]))
+    for energy, explained, means, _ in found[:3]:
+        assert energy == pytest.approx(found[3][0], rel=1e-3)
+        assert explained == pytest.approx(found[3][1], rel=1e-3)
+        np.testing.assert_allclose(means, found[3][2], atol=0.2)
+    assert [output for *_, output in found] == ["a-labels.parquet", "a-labels.npy", "a-labels.csv", "a-labels.csv"]
+
+
+def test_labels_are_those_of_the_nearest_means(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for suffix in ("parquet", "npy", "csv"):
+        cluster(capsys, "a.parquet", "--columns", "x,y", "-o", f"out.{suffix}", "--generators", "m.csv", "--overwrite")
+        means = np.loadtxt("m.csv", delimiter=",", skiprows=1)[:, :2]
+        nearest = ((ROWS[:, None] - means) ** 2).sum(axis=2).argmin(axis=1)
+        np.testing.assert_array_equal(labels_in(Path(f"out.{suffix}")), nearest)
+
+
+def test_rows_without_a_value_are_dropped_or_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    holed = ROWS.copy()
+    holed[5, 0] = holed[300:400, 0] = np.nan
+    write_tables(here, holed)
+    for name in FILES[:3]:
+        row = cluster(capsys, name, "--missing", "drop", "-o", f"{name}.csv")
+        assert (row["rows"], row["left_out"]) == (len(ROWS) - 101, 101)
+        dropped = np.flatnonzero(np.array(labels_in(Path(f"{name}.csv"))) < 0)
+        assert dropped.tolist() == [5, *range(300, 400)]
+    write_tables(here, np.where(np.arange(len(ROWS))[:, None] == 5, holed, ROWS))
+    for name, why in zip(FILES, ("have no missing values", "be finite", "be finite"), strict=False):
+        assert cli.main(["cluster", name, "-k", "3", "-o", "none.csv"]) == 1
+        message = capsys.readouterr().err
+        assert message.startswith(f"cvtimg: {name}: block 0: ")
+        assert why in message
+        assert not Path("none.csv").exists()
+
+
+def test_columns_that_are_not_there_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, names in (("a.zarr", "col0, col1, col2"), ("a.parquet", "x, y, n")):
+        assert cli.main(["cluster", name, "-k", "3", "--columns", "z"]) == 1
+        assert f"cvtimg: {name}: column='z' must be one of {names}" in capsys.readouterr().err
+
+
+def test_the_number_is_read_from_a_sample(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["cluster", "a.parquet", "-k", "auto", "--columns", "x,y", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["k"] == 3
+
+
+def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "many.parquet").mkdir()
+    for number, part in enumerate(np.array_split(ROWS, 3)):
+        parquet.write_table(pa.table({"x": part[:, 0], "y": part[:, 1]}), here / "many.parquet" / f"{number}.parquet")
+    whole, parts = (cluster(capsys, name, "--columns", "x,y") for name in ("a.parquet", "many.parquet"))
+    assert parts["rows"] == len(ROWS)
+    assert parts["energy"] == pytest.approx(whole["energy"], rel=1e-3)
+    for name in FILES[2:]:
+        Path(name).unlink()
+    for file in Path().glob("*-labels.*"):
+        file.unlink()
+    assert cli.main(["cluster", ".", "-k", "3", "--out-dir", "out", "--json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["input"] for row in rows] == ["a.parquet", "a.zarr", "many.parquet"]
+
+
+def test_tables_elsewhere_are_read_in_parts(here: Path, memory: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in FILES:
+        memory.put(name, f"/in/{name}", recursive=True)
+    assert cli.main(["cluster", "memory://in", "-k", "3", "--out-dir", "memory://out", "--json"]) == 0
+    rows = {row["input"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
+    assert list(rows) == [f"memory://in/{name}" for name in sorted(FILES)]
+    for name in FILES:
+        local = cluster(capsys, name)
+        row = rows[f"memory://in/{name}"]
+        assert row["energy"] == pytest.approx(local["energy"], rel=1e-6)
+        memory.get(row["output"].removeprefix("memory:/"), "copy")
+        assert Path("copy").read_bytes() == Path(local["output"]).read_bytes()
+        Path(local["output"]).unlink()
+    with memory.open("/in/broken.parquet", "wb") as file:
+        file.write(b"no table")
+    assert cli.main(["cluster", "memory://in/broken.parquet", "-k", "3", "-o", "b.csv"]) == 1
+    assert capsys.readouterr().err.startswith("cvtimg: memory://in/broken.parquet: ")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(280)
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_all_workers_of_a_cluster_share_the_blocks(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("distributed")
+    shared = cluster(capsys, "a.parquet", "--dask", "local", "--jobs", "2", "-o", "shared.npy")
+    alone = cluster(capsys, "a.parquet", "-o", "alone.npy")
+    assert shared["energy"] == alone["energy"]
+    np.testing.assert_array_equal(np.load("shared.npy"), np.load("alone.npy"))
