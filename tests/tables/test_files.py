@@ -338,5 +338,5 @@ def test_a_folder_stands_for_the_tables_in_it(tmp_path: Path) -> None:
     found = [path.relative_to(tmp_path).as_posix() for path in find_tables(tmp_path)]
     assert found == ["a.tsv", "b.csv", "below/c.npy"]
     assert find_tables(f"{tmp_path}/*.txt") == find_tables(tmp_path / "notes.txt") == [tmp_path / "notes.txt"]
-    with pytest.raises(FileNotFoundError, match=r"no table \(\.csv, \.tsv, \.npy\) in this folder"):
+    with pytest.raises(FileNotFoundError, match=r"no table \(\.csv, \.tsv, \.npy, \.parquet, \.zarr\) in this folder"):
         find_tables(tmp_path / "empty")
