@@ -21,6 +21,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.drawings import draw_dots
 from cvtimg.designs.descent import Cube, place, place_latin
 from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
 from cvtimg.designs.measures import PointMeasures, point_measures
@@ -71,6 +72,11 @@ class Design:
     def __post_init__(self) -> None:
         for array in (self.points, self.unit_points, self.bounds, self.existing):
             array.flags.writeable = False
+
+    def _repr_html_(self) -> str:
+        """Draw all points, old and new, in each pair of the first axes."""
+        low, high = self.bounds.T
+        return draw_dots(repr(self), np.concatenate([(self.existing - low) / (high - low), self.unit_points]))
 
     def __repr__(self) -> str:
         n_points, n_dims = self.points.shape

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.drawings import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh, measure_triangles
@@ -90,6 +91,12 @@ class Mesh:
         """
         content = MeshContent(self.points, self.triangles, self.tags, self.edges, self.qualities)
         write_mesh(path, content, overwrite)
+
+    def _repr_html_(self) -> str:
+        """Draw the triangles, or only the borders of many, with y down as in images."""
+        edges = edges_of(self.triangles)
+        lines = self.points[edges if len(edges) <= MOST_SHAPES else self.edges]
+        return draw_lines(repr(self), lines, y_down=True)
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"

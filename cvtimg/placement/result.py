@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.drawings import draw_dots
 from cvtimg._shared.extras import optional
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import cell_rings, voronoi_cells
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.figures import Figures
 from cvtimg.placement.measures import CellMeasures, measure_cells
-from cvtimg.regions import Box, Region
+from cvtimg.regions import Box, PictureRegion, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -57,6 +58,10 @@ class Placement:
         for array in (self.points, self.masses, self.centroids, self.figures):
             if array is not None:
                 array.flags.writeable = False
+
+    def _repr_html_(self) -> str:
+        """Draw the generators, with y down in images and in each pair of axes if there are more than two."""
+        return draw_dots(repr(self), self.points, y_down=isinstance(self.region, PictureRegion))
 
     def __repr__(self) -> str:
         n, n_dims = self.points.shape

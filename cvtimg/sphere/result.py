@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_positive
+from cvtimg._shared.drawings import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.measures import GridMeasures, measure_grid
@@ -91,6 +92,10 @@ class SphereGrid:
         """
         content = GridContent(self.points, self.triangles, self.density, check_positive("radius", radius))
         write_grid(path, content, overwrite=overwrite)
+
+    def _repr_html_(self) -> str:
+        """Draw the triangles of the half that is centered at longitude 0 and latitude 20."""
+        return draw_solid(repr(self), self.points, self.triangles, (0.94, 0.0, 0.34))
 
     def __repr__(self) -> str:
         return f"SphereGrid({len(self.points)} points, {len(self.triangles)} triangles)"

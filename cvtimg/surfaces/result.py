@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.drawings import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -73,6 +74,10 @@ class SurfacePoints:
         tags = np.ones(len(self.triangles), np.int32)
         no_edges = np.empty((0, 2), np.int32)
         write_mesh(path, MeshContent(self.points, self.triangles, tags, no_edges, self.qualities), overwrite)
+
+    def _repr_html_(self) -> str:
+        """Draw the triangles that face a viewer in front of the surface, to its right and above."""
+        return draw_solid(repr(self), self.points, self.triangles, (0.5, -1.0, 0.6))
 
     def __repr__(self) -> str:
         return f"SurfacePoints({len(self.points)} points, {len(self.triangles)} triangles)"

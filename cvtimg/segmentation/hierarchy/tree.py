@@ -14,6 +14,7 @@ from cvtimg._shared.checks import check_alone, check_at_least, check_choice, che
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation.hierarchy._merging import label_pixels
 from cvtimg.segmentation.hierarchy.borders import find_borders
 from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks, on_pixels
@@ -78,6 +79,11 @@ class RegionHierarchy:
     def __repr__(self) -> str:
         height, width = self.leaves.shape
         return f"RegionHierarchy({width} x {height} pixels, {self.n_leaves} leaves)"
+
+    def _repr_png_(self) -> bytes:
+        """Draw borders, the darker the more the regions at their sides differ."""
+        strengths = np.clip(self.contour_map(), 0, 1)
+        return encode_image(".png", np.rint(255 * (1 - strengths)).astype(np.uint8))
 
     @property
     def n_leaves(self) -> int:
