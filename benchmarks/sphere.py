@@ -4,13 +4,17 @@ Prints processor seconds of triangulations and of a step of Lloyd's; uniform gri
 quadrature that published figures are given in as well; nested ones; and grids along coasts, of the package
 global-land-mask or of a mask.
 
+    python -m venv stripy && stripy/bin/pip install "numpy<2" stripy
     python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast] [--land MASK.npy]
+        [--stripy stripy/bin/python]
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
+import subprocess
+import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
@@ -51,11 +55,12 @@ def options() -> argparse.Namespace:
     """Read the command line."""
     read = parser(__doc__)
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--stripy", type=Path, metavar="PYTHON", help="Python that has stripy, which wants NumPy 1")
     read.add_argument("--land", type=Path, help="(H, 2 H) array of the share of land, .npy (default: global-land-mask)")
     return read.parse_args()
 
 
-def triangulations(quick: bool) -> list[Row]:
+def triangulations(quick: bool, python: Path | None) -> list[Row]:
     """Triangulate the points of an icosahedral grid, in order and shuffled."""
     from cvtimg.sphere import triangulate
     from cvtimg.sphere.starts import bisected, icosahedron, in_order
@@ -73,20 +78,30 @@ def triangulations(quick: bool) -> list[Row]:
         hull = timed(partial(ConvexHull, points), time.process_time)[1]
         row = {"points": f"{len(points)} {name}", "cvtimg": least, "ConvexHull / cvtimg": hull / least}
         row["SphericalVoronoi / cvtimg"] = timed(partial(SphericalVoronoi, points), time.process_time)[1] / least
-        try:
-            import stripy
-        except ImportError:
-            row["stripy / cvtimg"] = None
-        else:
-            lon, lat = np.arctan2(points[:, 1], points[:, 0]), np.arcsin(points[:, 2])
-            make = partial(stripy.sTriangulation, lon, lat, permute=True)
-            row["stripy / cvtimg"] = timed(make, time.process_time)[1] / least
+        row["stripy / cvtimg"] = None if python is None else _stripy_seconds(points, python) / least
         moving = Triangulation(points)
         row["step of Lloyd's"] = min(
             timed(lambda m=moving: m.replace(unit(m.uniform_moments())), time.process_time)[1] for _ in range(3)
         )
         rows.append(row)
     return rows
+
+
+def _stripy_seconds(points: Points, python: Path) -> float:
+    """Return the processor seconds that stripy takes for a triangulation, in a process of another Python."""
+    code = (
+        "import sys, time, numpy, stripy\n"
+        "x = numpy.load(sys.argv[1])\n"
+        "lon, lat = numpy.arctan2(x[:, 1], x[:, 0]), numpy.arcsin(x[:, 2])\n"
+        "start = time.process_time()\n"
+        "stripy.sTriangulation(lon, lat, permute=True)\n"
+        "print(time.process_time() - start)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "points.npy"
+        np.save(path, points)
+        done = subprocess.run([python, "-c", code, path], check=True, capture_output=True, text=True)
+    return float(done.stdout)
 
 
 def figures(grid: Any, seconds: float) -> Row:
@@ -118,8 +133,9 @@ def refined(quick: bool) -> list[Row]:
     from cvtimg.sphere.triangulation import Triangulation
 
     rows = []
-    for name, density in DENSITIES.items():
-        n = 10_242 if quick else 40_962
+    cases = [(name, 10_242 if quick else 40_962) for name in DENSITIES]
+    for name, n in cases if quick else [*cases, ("cap x4", 163_842)]:
+        density = DENSITIES[name]
         grid, seconds = timed(partial(cvtimg.sphere_grid, n, density=density), time.process_time)
         mesh = Triangulation(grid.points, grid.triangles)
         centers = mesh.circumcenters()
@@ -222,6 +238,7 @@ if __name__ == "__main__":
     given = options()
     pin_threads(given.threads)
     for part in given.only.split(","):
-        rows = coast(given.quick, given.land) if part == "coast" else globals()[part](given.quick)
+        extra = {"triangulations": [given.stripy], "coast": [given.land]}.get(part, [])
+        rows = globals()[part](given.quick, *extra)
         if rows:
             print_table(part, list(rows[0]), [[_shown(value) for value in row.values()] for row in rows])
