@@ -69,10 +69,9 @@ def main(out: Path, n: int = 10_242, land: Path | None = None) -> dict[str, Sphe
     found = grids(n, continents() if land is None else np.atleast_3d(cvtimg.read_image(land)).mean(axis=2))
     out.mkdir(parents=True, exist_ok=True)
     for name, grid in found.items():
-        cells = grid.cells()
         center = (10.0, 40.0) if name in ("coast", "lights") else (-96.0, 38.0)
         sizes = np.degrees(np.sqrt(grid.areas))
-        drawn = draw_globe([cells[i] for i in range(len(cells))], sizes, ".png", center=center)
+        drawn = draw_globe(list(grid.cells()), sizes, ".png", center=center)
         (out / f"{name}.png").write_bytes(drawn)
         grid.save(out / f"{name}.nc", overwrite=True)
         measures = grid.measures()

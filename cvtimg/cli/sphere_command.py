@@ -202,6 +202,6 @@ def _drawn(grid: SphereGrid, view: tuple[float, float] | None, image: Any, suffi
 
     cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
     if view is not None:
-        return draw_globe([cells[i] for i in range(len(cells))], sizes, suffix, center=view, image=image)
+        return draw_globe(list(cells), sizes, suffix, center=view, image=image)
     rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
     return draw_map(rings, sizes, suffix, image=image)

@@ -18,12 +18,19 @@ EXAMPLES = """Examples:
   cvtimg surface scan.stl -n 5000
   cvtimg surface part.obj -n 20000 -o part.vtu --plot part.png
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
+  cvtimg surface scan.ply -n 5000 --density quality
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
 
 Inputs = Annotated[list[str], Argument(metavar="INPUT...", help="Surfaces of triangles: .stl, .obj, .ply or .off.")]
 Number = Annotated[int, Option("-n", metavar="N", parser=options.whole_number(4, 1 << 24), help="Number of points.")]
+Density = Annotated[
+    str | None,
+    Option(
+        metavar="NAME", help="Gather points by this property of the vertices in PLY files: distances go as NAME^(-1/4)."
+    ),
+]
 Output = Annotated[
     Path | None, Option("--output", "-o", metavar="FILE", help="Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.")
 ]
@@ -42,6 +49,7 @@ def surface(
     number: Number,
     output: Output = None,
     out_dir: OutDir = None,
+    density: Density = None,
     plot: Plot = None,
     view: View = (-60.0, 30.0),
     effort: options.Effort = "balanced",
@@ -49,7 +57,7 @@ def surface(
     *,
     common: options.BatchOptions,
 ) -> int:
-    """Place N points evenly on surfaces, and join them by triangles that are nearly equilateral.
+    """Place N points on surfaces, evenly or by a density, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
     handles stay. Where a surface has a boundary, triangles end half a cell before it.
@@ -65,22 +73,30 @@ def surface(
     pattern = output or ("{}.vtu" if out_dir else "{}-points.vtu")
     plan = plan_each(inputs, find_images, {"-o": pattern, "--plot": plot}, out_dir=out_dir)
     report = Report(COLUMNS, as_json=common.as_json, quiet=common.quiet)
-    work = partial(_surface, number=number, effort=effort, view=view, overwrite=common.overwrite)
+    work = partial(_surface, number=number, density=density, effort=effort, view=view, overwrite=common.overwrite)
     return run_plan(plan, work, report, common, skip_existing=skip_existing)
 
 
 def _surface(
-    task: Task, stopwatch: Stopwatch, *, number: int, effort: options.Effort, view: tuple[float, float], overwrite: bool
+    task: Task,
+    stopwatch: Stopwatch,
+    *,
+    number: int,
+    density: str | None,
+    effort: options.Effort,
+    view: tuple[float, float],
+    overwrite: bool,
 ) -> Row:
     from dataclasses import asdict
 
     import cvtimg
     from cvtimg.files.whole import write_whole
-    from cvtimg.surfaces import read_surface
+    from cvtimg.surfaces import read_surface, read_vertex_density
 
     shape = read_surface(task.source)
+    weight = None if density is None else read_vertex_density(task.source, density)
     stopwatch.lap("read")
-    found = cvtimg.surface_points(shape, number, effort=effort)
+    found = cvtimg.surface_points(shape, number, density=weight, effort=effort)
     stopwatch.lap("place")
     found.save(task.output, overwrite=overwrite)
     if "--plot" in task.outputs:

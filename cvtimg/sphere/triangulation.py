@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -204,6 +205,10 @@ class SphereCells:
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
+
+    def __iter__(self) -> Iterator[Points]:
+        """Yield the corners of each cell."""
+        return (self[index] for index in range(len(self)))
 
     def __getitem__(self, index: int) -> Points:
         """Return the (C, 3) corners of one cell, counterclockwise from outside."""

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath
 from cvtimg.surfaces.triangulated import TriangulatedSurface
+from cvtimg.surfaces.vertex_density import VertexDensity
 
 #: Suffixes of files that surfaces are read from.
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
@@ -36,6 +37,44 @@ def read_surface(path: StrPath) -> TriangulatedSurface:
     OSError, ValueError
         If the file cannot be read, or holds no surface.
     """
+    found = _loaded(path, process=True)
+    vertices, faces = np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64)
+    return TriangulatedSurface(vertices, faces)
+
+
+def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
+    """Read a density from a property of the vertices in a PLY file, such as the quality of MeshLab.
+
+    Parameters
+    ----------
+    path : str or path-like
+        .ply.
+    name : str
+        Of the property.
+
+    Returns
+    -------
+    VertexDensity
+
+    Raises
+    ------
+    ImportError
+        If trimesh is not installed.
+    OSError, ValueError
+        If the file cannot be read, has no such property, or its values are no density.
+    """
+    suffix = Path(path).suffix.lower()
+    check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")
+    found = _loaded(path, process=False)
+    data = found.metadata["_ply_raw"]["vertex"]["data"]
+    names = [*(data if isinstance(data, dict) else data.dtype.names)]
+    check_choice("vertex property", name, names)
+    values = np.asarray(data[name], np.float64).ravel()
+    return VertexDensity(np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64), values)
+
+
+def _loaded(path: StrPath, *, process: bool) -> Any:
+    """Return a mesh of trimesh, with vertices merged and faces turned in one direction if it is to be processed."""
     try:
         import trimesh
     except ImportError as error:
@@ -43,13 +82,13 @@ def read_surface(path: StrPath) -> TriangulatedSurface:
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
     with Path(path).open("rb") as file:
         try:
-            found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=True)
-            found.merge_vertices(merge_tex=True, merge_norm=True)
-            found.update_faces(found.nondegenerate_faces(height=0))
-            trimesh.repair.fix_winding(found)  # type: ignore[no-untyped-call]
+            found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=process)
+            if process:
+                found.merge_vertices(merge_tex=True, merge_norm=True)
+                found.update_faces(found.nondegenerate_faces(height=0))
+                trimesh.repair.fix_winding(found)  # type: ignore[no-untyped-call]
         except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
             raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
-    vertices, faces = np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64)
-    if not len(faces):
+    if not len(found.faces):
         raise OSError(f"{path}: has no triangles")
-    return TriangulatedSurface(vertices, faces)
+    return found

@@ -12,6 +12,9 @@ from cvtimg.surfaces.halves import HalfEdges
 
 Values = NDArray[np.float64]
 
+#: Cosine of the angle from which on a triangle is flat.
+_FLAT = -0.5
+
 
 def place_by_samples(
     surface: Surface, fine: HalfEdges, weights: Values, n: int, moves: int, least: float
@@ -54,7 +57,7 @@ def place_by_samples(
         there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
         offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
         if offset <= least or move == moves:
-            return points, _dual(labels, fine.triangles), masses, offset, move
+            return points, _without_flat(points, _dual(labels, fine.triangles)), masses, offset, move
         points, move = there, move + 1
 
 
@@ -74,3 +77,21 @@ def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
     sums = np.bincount(where.ravel(), direction, len(keys))
     found = np.where((sums < 0)[:, None], keys[:, [0, 2, 1]], keys)
     return np.ascontiguousarray(found[np.abs(sums) > 0.5], np.int32)
+
+
+def _without_flat(points: Points, triangles: Triangles) -> Triangles:
+    """Leave out flat triangles at the boundary, where cells that are long beside it meet far outside of them."""
+    while len(triangles):
+        mesh = HalfEdges(points, triangles)
+        corner = np.flatnonzero(mesh.twins.ravel() < 0)  # where an edge of the boundary begins
+        face, k = corner // 3, corner % 3
+        start, end, apex = (triangles[face, (k + step) % 3] for step in range(3))
+        one, other = points[start] - points[apex], points[end] - points[apex]
+        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+        # An apex inside comes to the boundary; one that is there would be its end on both sides.
+        flat = (np.einsum("ij,ij->i", one, other) < _FLAT * lengths) & ~np.isin(apex, start)
+        _, first = np.unique(apex[flat], return_index=True)
+        if not len(first):
+            break
+        triangles = np.delete(triangles, face[flat][first], axis=0)
+    return triangles

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import cvtimg
 from cvtimg.cli.app import main
@@ -46,9 +47,35 @@ def test_a_bad_surface_stops_no_others(capsys: pytest.CaptureFixture[str]) -> No
     assert "Traceback" not in shown
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_points_gather_by_a_property_of_vertices(capsys: pytest.CaptureFixture[str], encoding: str) -> None:
+    ring = trimesh.load_mesh("ring.stl")
+    ring.vertex_attributes["want"] = np.where(ring.vertices[:, 0] > 0, 16.0, 1.0)
+    ring.vertex_attributes["less"] = -np.ones(len(ring.vertices))
+    Path("ring.ply").write_bytes(ring.export(file_type="ply", encoding=encoding))
+    assert main(["surface", "ring.ply", "-n", "400", "--density", "want", "-o", "a.off"]) == 0
+    points = trimesh.load_mesh("a.off").vertices
+    assert (points[:, 0] > 0).mean() == pytest.approx(0.8, abs=0.05)
+    capsys.readouterr()
+    for name, message in (
+        ("none", "vertex property='none' must be one of x, y, z, want, less"),
+        ("less", "values must be finite and >= 0"),
+    ):
+        assert main(["surface", "ring.ply", "-n", "400", "--density", name, "-o", "b.off"]) == 1
+        shown = capsys.readouterr().err
+        assert message in shown
+        assert len(shown.splitlines()) == 1
+    assert not Path("b.off").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "status", "message"),
     [
+        (
+            ["surface", "ring.stl", "-n", "50", "--density", "quality"],
+            1,
+            "ring.stl: vertex properties must be in a PLY file, not .stl",
+        ),
         (["surface", "ring.stl"], 2, "-n"),
         (["surface", "ring.stl", "-n", "3"], 2, "'3' must be a whole number in 4.."),
         (["surface", "ring.stl", "-n", "5"], 1, "n=5 must be at least"),

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree
 
 from cvtimg import surface_points
-from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, measure_surface, torus
+from cvtimg.surfaces import (
+    ImplicitSurface,
+    SurfacePoints,
+    TriangulatedSurface,
+    VertexDensity,
+    measure_surface,
+    torus,
+)
+from cvtimg.surfaces.sampled import _without_flat
 
 Points = NDArray[np.float64]
 
@@ -117,6 +125,30 @@ def test_distances_follow_the_density() -> None:
     slope = np.polyfit(height[np.abs(height) < 0.8], np.log(lengths[np.abs(height) < 0.8]), 1)[0]
     assert slope == pytest.approx(-0.5, abs=0.05)
     assert found.measures().least_angle > 30
+
+
+def test_densities_at_vertices_are_linear_in_between() -> None:
+    fine = surface_points(torus(), 600, effort="fast")
+    linear = VertexDensity(fine.points, fine.triangles, 2 + fine.points @ [0.5, 1, -1])
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), len(fine.triangles))
+    places = np.einsum("tk,tki->ti", shares, fine.points[fine.triangles])
+    assert linear(places) == pytest.approx(2 + places @ [0.5, 1, -1], abs=1e-9)
+    values = np.where(fine.points[:, 0] > 0, 16.0, 1.0)
+    found = surface_points(
+        (fine.points, fine.triangles), 300, density=VertexDensity(fine.points, fine.triangles, values)
+    )
+    assert (found.points[:, 0] > 0).mean() == pytest.approx(0.8, abs=0.05)
+    with pytest.raises(ValueError, match=r"values of shape \(3,\) must be \(600,\), one weight for each vertex"):
+        VertexDensity(fine.points, fine.triangles, np.ones(3))
+
+
+def test_flat_triangles_at_a_boundary_are_left_out() -> None:
+    # The middle of the longest side of a triangle is pulled out, and again that of a side.
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.1, 0], [0.5, 0.6, 0]], float)
+    corners = np.array([[0, 1, 4], [1, 2, 5], [2, 3, 5], [3, 0, 5], [0, 4, 5], [4, 1, 5]], np.int32)
+    left = _without_flat(square, corners)
+    assert left.tolist() == corners[1:].tolist()
+    assert (_without_flat(square, left) == left).all()  # what is on the boundary stays there
 
 
 def test_a_density_is_seen_inside_of_large_triangles() -> None:
