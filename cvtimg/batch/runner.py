@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
@@ -152,7 +153,7 @@ def fold(
     total, dict of Path to str
         The sum over all inputs that did not fail, or None, and the reasons why the others failed.
     """
-    attempt = partial(_call, work=work)
+    attempt = partial(_call, work=partial(_on_copies, work=work))
     if running.dask:
         from cvtimg.batch.on_dask import sum_on_dask
 
@@ -217,8 +218,6 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
 
 def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], running: Running) -> Outcome:
     """Do the work on copies of files that are elsewhere, where the work is, and send the outputs once all is done."""
-    from tempfile import TemporaryDirectory
-
     overwrite = running.overwrite or running.in_place
     with TemporaryDirectory(prefix="cvtimg-") as folder:
         fetching = partial(_fetched, folder=Path(folder), overwrite=overwrite, by_url=running.by_url)
@@ -230,6 +229,15 @@ def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], running: Running
             return outcome
         sent = _call(task, work=partial(_send, copies=fetched.result, overwrite=overwrite))
         return sent if sent.why else outcome
+
+
+def _on_copies(task: Task, *, work: Callable[[Task], Any]) -> Any:
+    """Do work without outputs, on copies of inputs that are elsewhere."""
+    inputs = Task(task.sources, {}, task.shown)
+    if not any(map(is_remote, task.sources)):
+        return work(task)
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        return work(_fetched(inputs, folder=Path(folder), overwrite=False, by_url=()))
 
 
 def _fetched(task: Task, *, folder: Path, overwrite: bool, by_url: tuple[str, ...]) -> Task:

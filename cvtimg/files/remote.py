@@ -6,14 +6,19 @@ A path keeps a URL with a single slash, as `pathlib` has it: ``Path("s3://bucket
 from __future__ import annotations
 
 import glob
+import os
 import re
 import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from inspect import signature
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO, TypeAlias, TypeVar, cast
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
-from cvtimg.files.whole import StrPath
 
 __all__ = [
     "check_is_new",
@@ -21,11 +26,17 @@ __all__ = [
     "find_remote",
     "is_remote",
     "open_remote",
+    "read_copies",
     "remote_exists",
+    "remote_file",
     "remote_folder",
     "send",
     "url_of",
 ]
+
+#: As in `whole`, which imports this module.
+StrPath: TypeAlias = str | os.PathLike[str]
+Reader = TypeVar("Reader", bound=Callable[..., Any])
 
 #: A scheme has two letters or more: one is a drive of Windows.
 _URL = re.compile(r"([a-z][a-z0-9+.-]+):/+(.*)", re.DOTALL)
@@ -170,6 +181,39 @@ def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
             files.put_file(str(source), place)
     except Exception as error:
         raise OSError(f"{url_of(path)}: cannot be written ({one_line(error)})") from error
+
+
+@contextmanager
+def remote_file(path: StrPath, *, overwrite: bool) -> Iterator[BinaryIO]:
+    """Open a file that is copied elsewhere when the block succeeds; errors are those of `send`."""
+    if not overwrite:
+        check_is_new(path)
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        copy = Path(folder, Path(path).name)
+        with copy.open("w+b") as file:
+            yield file
+        send(copy, path, overwrite=overwrite)
+
+
+def read_copies(read: Reader) -> Reader:
+    """Let a function whose first argument is a file to read take a URL as well, of which it reads a copy."""
+
+    @wraps(read)
+    def reading(*args: Any, **kwargs: Any) -> Any:
+        given = signature(read).bind(*args, **kwargs)
+        name, source = next(iter(given.arguments.items()))
+        if not isinstance(source, (str, os.PathLike)) or not is_remote(source):
+            return read(*args, **kwargs)
+        with TemporaryDirectory(prefix="cvtimg-") as folder:
+            copy = Path(folder, Path(source).name)
+            fetch(source, copy)
+            given.arguments[name] = copy
+            try:
+                return read(*given.args, **given.kwargs)
+            except (OSError, ValueError) as error:
+                raise type(error)(str(error).replace(str(copy), url_of(source))) from error
+
+    return cast("Reader", reading)
 
 
 def _opened(url: str) -> tuple[Any, str]:

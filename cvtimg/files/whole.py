@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 from cvtimg._shared.messages import one_line
+from cvtimg.files.remote import is_remote, remote_file
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
@@ -24,7 +25,8 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     Parameters
     ----------
     path : str or path-like
-        File to write. An existing file keeps its permissions; a symbolic link is followed, not replaced.
+        File to write. An existing file keeps its permissions; a symbolic link is followed, not replaced. A URL is
+        written once the whole file is here.
     overwrite : bool
         Replace an existing file.
 
@@ -55,6 +57,10 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     ...     Path(folder, "a.txt").read_text()
     'all of it'
     """
+    if is_remote(path):
+        with remote_file(path, overwrite=overwrite) as file:
+            yield file
+        return
     target = Path(os.path.realpath(path))
     _check_target(path, target, overwrite)
     part = _hidden(target)

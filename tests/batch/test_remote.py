@@ -15,6 +15,7 @@ import pytest
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.files.remote import is_remote, url_of
+from cvtimg.files.whole import whole_file
 
 fsspec = pytest.importorskip("fsspec")
 RNG = np.random.default_rng(9)
@@ -81,6 +82,49 @@ def test_a_bad_file_is_named_by_its_url_and_writes_nothing(memory: object, capsy
     assert len(fsspec.filesystem("memory").find("/out")) == 3
     assert cli.main(["info", "memory://in/none.png", "--quiet"]) == 1
     assert "memory://in/none.png: no such file" in capsys.readouterr().err
+
+
+def in_memory(name: str) -> bytes:
+    with fsspec.open(f"memory://{name}", "rb") as file:
+        content: bytes = file.read()
+    return content
+
+
+def test_one_palette_for_a_folder_in_memory_is_that_for_a_folder_here(memory: object) -> None:
+    for name, picture in PICTURES.items():
+        Path("here", name).parent.mkdir(parents=True, exist_ok=True)
+        write_image(f"here/{name}", picture)
+    options = ["-k", "4", "--shared-palette", "--quiet"]
+    far = ["--out-dir", "memory://out", "--save-palette", "memory://p.gpl", "--report", "memory://r.csv"]
+    assert cli.main(["quantize", "memory://in", *options, *far]) == 0
+    assert cli.main(["quantize", "here", *options, "--out-dir", "out", "--save-palette", "p.gpl"]) == 0
+    assert in_memory("p.gpl") == Path("p.gpl").read_bytes()
+    assert in_memory("out/deep/b.png") == Path("out/deep/b.png").read_bytes()
+    assert in_memory("r.csv").count(b"memory://in/") == 3
+    assert cli.main(["quantize", "memory://in/a.png", "--palette", "memory://p.gpl", "-o", "b.png", "--quiet"]) == 0
+    assert Path("b.png").read_bytes() == in_memory("out/a.png")
+
+
+def test_files_that_are_read_besides_may_be_elsewhere(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image("mask.png", np.tile(np.uint8([0, 255]), (9, 6)))
+    fsspec.filesystem("memory").put_file("mask.png", "/mask.png")
+    for mask, output in (("memory://mask.png", "memory://far.png"), ("mask.png", "near.png")):
+        assert cli.main(["segment", "memory://in/a.png", "-k", "3", "--mask", mask, "-o", output, "--quiet"]) == 0
+    assert in_memory("far.png") == Path("near.png").read_bytes()
+    assert cli.main(["segment", "memory://in/a.png", "-k", "3", "--mask", "memory://none.png", "-o", "c.png"]) == 1
+    assert "memory://none.png: cannot be read" in capsys.readouterr().err
+
+
+def test_images_are_read_and_written_by_url_and_errors_name_the_url(memory: object) -> None:
+    write_image("memory://new.png", PICTURES["a.png"])
+    np.testing.assert_array_equal(read_image("memory://new.png"), PICTURES["a.png"])
+    with pytest.raises(FileExistsError, match=r"memory://new\.png: exists already"):
+        write_image("memory://new.png", PICTURES["a.png"])
+    with pytest.raises(OSError, match=r"^memory://in/notes\.txt: "):
+        read_image("memory://in/notes.txt")
+    with pytest.raises(ZeroDivisionError), whole_file("memory://half.txt") as file:
+        file.write(bytes(1 // 0))
+    assert not fsspec.filesystem("memory").exists("/half.txt")
 
 
 def test_a_server_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
