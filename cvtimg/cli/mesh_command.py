@@ -1,4 +1,4 @@
-"""``cvtimg mesh``: triangles for masks, images of labels and polygons."""
+"""``cvtimg mesh``: triangles for masks, images of labels and polygons; tetrahedra for stacks of voxels."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ EXAMPLES = """Examples:
   cvtimg mesh labels.png --edge-length 6 -o labels.msh
   cvtimg mesh coast.geojson -n 20000 --min-size 0.01 --measures
   cvtimg mesh mask.png -n 5000 --size sizes.tif --grade 0.15 -o mesh.vtu
+  cvtimg mesh stack.tif --label 2 -n 20000 -o bone.vtu
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
+#: As in `mesh_region`.
+_GRADE = 0.2
 MEASURES = ("h", "chi", "tau", "d", "alpha", "beta", "q", "p")
 
 Inputs = Annotated[
@@ -31,7 +34,8 @@ Inputs = Annotated[
     Argument(
         metavar="INPUT...",
         help="Masks (images of black and one more value), images of labels (0 is not meshed), or polygons: .geojson, "
-        ".json, .wkt, .wkb, or .csv with columns x and y.",
+        ".json, .wkt, .wkb, or .csv with columns x and y. Stacks of voxels, filled with tetrahedra: .tif of several "
+        "pages, or .npy.",
     ),
 ]
 Number = Annotated[
@@ -44,6 +48,10 @@ EdgeLength = Annotated[
 Size = Annotated[
     Path | None,
     Option("--size", metavar="FILE", help="Gray image with the length of edges at each pixel; with -n, its ratios."),
+]
+Label = Annotated[
+    int | None,
+    Option("--label", metavar="K", parser=options.whole_number(0, 2**31 - 1), help="Mesh only pixels with this label."),
 ]
 Grade = Annotated[
     float, Option(metavar="G", parser=options.number(above=0), help="Growth of sizes for each unit of length, at most.")
@@ -68,7 +76,8 @@ def mesh(
     number: Number = None,
     edge_length: EdgeLength = None,
     size: Size = None,
-    grade: Grade = 0.2,
+    label: Label = None,
+    grade: Grade = _GRADE,
     min_size: MinSize = 0.0,
     output: Output = None,
     out_dir: OutDir = None,
@@ -86,6 +95,8 @@ def mesh(
 
     Vertices are generators of a centroidal Voronoi tessellation. Segments side by side share the vertices on their
     border, and triangles are tagged by labels. Give -n, --edge-length, --size, or -n and --size.
+
+    Stacks of voxels are filled with tetrahedra (experimental); they take -n or --edge-length, and -o .vtu or .msh.
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-mesh.vtu beside it.
     """
@@ -106,7 +117,7 @@ def mesh(
     plan = plan_each(inputs, find_images, {"-o": pattern, "--plot": plot}, out_dir=out_dir, also_read=[size, over])
     report = Report((*COLUMNS, *MEASURES) if measures else COLUMNS, as_json=common.as_json, quiet=common.quiet)
     making = {"n": number, "edge_length": edge_length, "grade": grade, "min_size": min_size, "effort": effort}
-    work = partial(_mesh, making={**making, "rng": seed}, size=size, over=over, measures=measures)
+    work = partial(_mesh, making={**making, "rng": seed}, label=label, size=size, over=over, measures=measures)
     work = partial(work, overwrite=common.overwrite)
     return run_plan(plan, work, report, common, skip_existing=skip_existing, max_pixels=max_pixels)
 
@@ -116,6 +127,7 @@ def _mesh(
     stopwatch: Stopwatch,
     *,
     making: Mapping[str, Any],
+    label: int | None,
     size: Path | None,
     over: Path | None,
     measures: bool,
@@ -129,8 +141,19 @@ def _mesh(
     from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
+    if is_polygon and label is not None:
+        raise ValueError("has polygons, which have no --label")
     region = read_region(task.source) if is_polygon else None
-    labels, is_mask = (None, False) if is_polygon else read_segments(task.source)
+    labels, is_mask = (None, False) if is_polygon else read_segments(task.source, label)
+    if labels is not None and labels.ndim == 3:
+        stopwatch.lap("read")
+        flat = {"--size": size is not None, "--measures": measures, "--plot": "--plot" in task.outputs}
+        flat |= {"--grade": making["grade"] != _GRADE, "--min-size": making["min_size"] > 0}
+        if any(flat.values()):
+            raise ValueError(
+                f"has voxels, for which there is no {' and no '.join(name for name, given in flat.items() if given)}"
+            )
+        return _fill(task, stopwatch, labels, is_mask, making, overwrite=overwrite)
     sizes = None if size is None else read_size(size)
     stopwatch.lap("read")
     if labels is None:
@@ -164,4 +187,27 @@ def _mesh(
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
         **(asdict(found.measures()) if measures else {}),
+    }
+
+
+def _fill(
+    task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, making: Mapping[str, Any], *, overwrite: bool
+) -> Row:
+    """Fill a mask of voxels with tetrahedra."""
+    from cvtimg.meshes import mesh_volume
+
+    if not is_mask:
+        raise ValueError("has voxels of several labels: choose one by --label")
+    found = mesh_volume(voxels > 0, n=making["n"], edge_length=making["edge_length"])
+    stopwatch.lap("mesh")
+    found.save(task.output, overwrite=overwrite)
+    stopwatch.lap("write")
+    return {
+        "n": len(found.points),
+        "n_wanted": found.n_wanted,
+        "tetrahedra": len(found.tetrahedra),
+        "triangles": len(found.surface),
+        "volume": found.volume,
+        "least_angle": float(found.dihedral_angles.min()),
+        "is_manifold": found.is_manifold,
     }

@@ -1,4 +1,4 @@
-"""What ``cvtimg mesh`` reads: polygons, masks and images of labels."""
+"""What ``cvtimg mesh`` reads: polygons, masks and labels of pixels or of voxels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
@@ -37,15 +36,43 @@ def read_region(path: Path) -> Any:
         raise ValueError(f"is not a {suffix} file of polygons: {error}") from error
 
 
-def read_segments(path: Path) -> tuple[NDArray[np.int32], bool]:
-    """Read labels, and tell whether they are a mask: an image with no other values than 0 and one more."""
+def read_segments(path: Path, label: int | None) -> tuple[NDArray[Any], bool]:
+    """Read labels, and tell whether they are a mask: no other values than 0 and one more, or those of one label."""
     import numpy as np
 
     from cvtimg.labels.files import read_labels
 
-    labels = read_labels(path)
+    labels = _voxels(path) if _has_voxels(path) else read_labels(path)
+    if label is not None:
+        if not (labels == label).any():
+            raise ValueError(f"holds no label {label}")
+        return labels == label, True
     values = np.unique(labels)
     return labels, len(values) <= 2 and values[0] == 0
+
+
+def _has_voxels(path: Path) -> bool:
+    """Tell whether a file has several pages, or is a NumPy array of three dimensions."""
+    import numpy as np
+
+    from cvtimg.cli.pages import has_pages
+    from cvtimg.pictures import image_info
+
+    if path.suffix.lower() == ".npy":
+        return bool(np.load(path, mmap_mode="r").ndim == 3)
+    return has_pages(image_info(path))
+
+
+def _voxels(path: Path) -> NDArray[Any]:
+    """Read a stack of labels (D, H, W)."""
+    import numpy as np
+
+    from cvtimg.pictures import read_pages
+
+    values = np.load(path) if path.suffix.lower() == ".npy" else np.stack(read_pages(path).images)
+    if values.ndim != 3 or values.dtype.kind not in "bui":
+        raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, which are no mask and no labels")
+    return values
 
 
 def read_size(path: Path) -> NDArray[Any]:

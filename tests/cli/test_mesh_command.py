@@ -3,11 +3,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 import cvtimg
 from cvtimg.cli.app import main
+from cvtimg.meshes import mesh_volume
+from cvtimg.pictures import write_pages
 
 SQUARE = {"type": "Polygon", "coordinates": [[[0, 0], [2, 0], [2, 1], [0, 1], [0, 0]]]}
 
@@ -72,6 +75,33 @@ def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
     assert many > 300
 
 
+@pytest.mark.parametrize("name", ["ball.tif", "ball.npy"])
+def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    z, y, x = np.mgrid[:20, :24, :28]
+    ball = (x - 14) ** 2 + (y - 12) ** 2 + (z - 10) ** 2 < 64
+    stack = np.where(ball, np.uint8(2), np.uint8(1))
+    np.save("ball.npy", stack)
+    write_pages("ball.tif", stack)
+    assert main(["mesh", name, "-n", "400", "-o", "a.vtu"]) == 1
+    assert "choose one by --label" in capsys.readouterr().err
+    assert main(["mesh", name, "-n", "400", "--label", "2", "--plot", "a.png", "-o", "a.vtu"]) == 1
+    assert "has voxels, for which there is no --plot" in capsys.readouterr().err
+    assert main(["mesh", name, "-n", "400", "--label", "2", "-o", "a.vtu", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    wanted = mesh_volume(ball, n=400)
+    assert (row["n"], row["tetrahedra"]) == (len(wanted.points), len(wanted.tetrahedra))
+    assert row["volume"] == pytest.approx(ball.sum(), rel=0.01)
+    assert row["is_manifold"]
+    assert (meshio.read("a.vtu").cells_dict["tetra"] == wanted.tetrahedra).all()
+
+
+def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mesh", "labels.png", "-n", "90", "--label", "2", "-o", "a.vtu", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["area"] == pytest.approx((cvtimg.read_image("labels.png") == 2).sum())
+    assert main(["mesh", "labels.png", "-n", "90", "--label", "9", "-o", "b.vtu"]) == 1
+    assert "labels.png: holds no label 9" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "status", "message"),
     [
@@ -85,6 +115,7 @@ def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
+        (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons, which have no --label"),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
         (["mesh", "labels.png", "-n", "3"], 1, "n=3 must be at least"),
     ],

@@ -61,6 +61,7 @@ def rings(draw: st.DrawFn) -> list[list[tuple[float, float]]]:
     return [draw(ring), *draw(st.lists(ring, max_size=2))]
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(rings())
 def test_any_rings_have_a_mesh_or_one_clear_error(given_rings: list[list[tuple[float, float]]]) -> None:
@@ -79,7 +80,7 @@ def test_any_rings_have_a_mesh_or_one_clear_error(given_rings: list[list[tuple[f
         ), message
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.6, 1.5, 4.0]), st.sampled_from([0, 0.7]))
 def test_any_labels_have_a_mesh(seed: int, edge_length: float, tolerance: float) -> None:
     random = np.random.default_rng(seed)
