@@ -10,7 +10,7 @@ export PATH := $(abspath $(BIN)):$(PATH)
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
 
-.PHONY: install demo test lint docs man completions notebooks napari bench clean
+.PHONY: install demo test lint docs man completions notebooks napari dist bench clean
 
 install: $(VENV)/installed
 
@@ -75,6 +75,12 @@ notebooks:
 napari: $(VENV)/installed
 	$(BIN)/pip install --quiet --editable "plugins/cvtimg-napari[plot,test]"
 	QT_QPA_PLATFORM=offscreen $(BIN)/pytest plugins/cvtimg-napari
+
+# The source archive of the last commit, and the wheel of the checkout as it is.
+dist: $(VENV)/installed
+	rm -rf dist
+	$(BIN)/python -c "import mesonpy; mesonpy.build_sdist('dist')"
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation -Cbuild-dir=build --wheel-dir dist .
 
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
