@@ -22,8 +22,8 @@ enum { SIDE = 5, REACH = SIDE / 2 };
 enum { LANES = 16, ROWS_AT_ONCE = 4 };
 /* Largest numbers of bands, of values of a padded patch, and of features. */
 enum { MAX_BANDS = 4, MAX_COLUMNS = 112, MAX_FEATURES = 32 };
-/* Multiplications of a vector by the covariance that find its main axis, and steps of Lloyd from there. */
-enum { POWERS = 12, LLOYD_STEPS = 3 };
+/* Multiplications of a vector by the covariance of so many members that find its main axis, and steps of Lloyd from there. */
+enum { POWERS = 12, SAMPLE = 1024, LLOYD_STEPS = 3 };
 
 /* A padded image: patch (y, x) begins at pixel (y, x) of it. */
 struct picture {
@@ -116,35 +116,34 @@ INLINE void measure_group(struct picture image, const int32_t *members, ptrdiff_
 
 /* filter = I - v (C + v I)^-1, in rows of padded(size); the covariance C is used up.
  *
- * The inverse of a positive definite matrix by sweeps, one for each row, which need no pivoting.
+ * A positive definite matrix turns into its negative inverse by sweeps, one for each row, which need no pivoting. It stays
+ * symmetric, so that what is above the diagonal is enough.
  */
 INLINE void make_filter(double *restrict covariance, ptrdiff_t size, double variance, float *restrict filter)
 {
     const ptrdiff_t columns = padded(size);
+    double pivots[MAX_COLUMNS];
     for (ptrdiff_t i = 0; i < size; i++)
         covariance[i * size + i] += variance;
     for (ptrdiff_t k = 0; k < size; k++) {
-        double *restrict pivot = covariance + k * size;
-        const double inverse = 1 / pivot[k];
-        pivot[k] = 1;
-        for (ptrdiff_t j = 0; j < size; j++)
-            pivot[j] *= inverse;
+        for (ptrdiff_t i = 0; i < size; i++)
+            pivots[i] = covariance[i < k ? i * size + k : k * size + i];
+        const double inverse = 1 / pivots[k];
+        pivots[k] = 0;
         for (ptrdiff_t i = 0; i < size; i++) {
             double *restrict row = covariance + i * size;
-            if (i == k)
-                continue;
-            const double factor = row[k];
-            row[k] = 0;
-            for (ptrdiff_t j = 0; j < size; j++)
-                row[j] -= factor * pivot[j];
+            const double factor = pivots[i] * inverse;
+            for (ptrdiff_t j = i; j < size; j++)
+                row[j] -= factor * pivots[j];
         }
+        for (ptrdiff_t i = 0; i < size; i++)
+            covariance[i < k ? i * size + k : k * size + i] = pivots[i] * inverse;
+        covariance[k * size + k] = -inverse;
     }
     memset(filter, 0, size * columns * sizeof(float));
-    for (ptrdiff_t i = 0; i < size; i++) {
-        for (ptrdiff_t j = 0; j < size; j++)
-            filter[i * columns + j] = (float)(-variance * covariance[i * size + j]);
-        filter[i * columns + i] += 1;
-    }
+    for (ptrdiff_t i = 0; i < size; i++)
+        for (ptrdiff_t j = i; j < size; j++)
+            filter[i * columns + j] = filter[j * columns + i] = (float)((i == j) + variance * covariance[i * size + j]);
 }
 
 /* Filter what patches of image + step * change differ by from their mean; `patches` and `filtered` hold n rows, n a
@@ -197,18 +196,19 @@ INLINE float select_kth(float *numbers, ptrdiff_t n, ptrdiff_t k)
     return numbers[k];
 }
 
-/* The main axis of a group: the covariance times a vector, again and again. */
+/* The main axis of a group: the covariance times a vector, again and again. A sample of a large group has the same. */
 INLINE void main_axis(const float *restrict features, int n_features, const int32_t *members, ptrdiff_t n,
                       double *mean, double *axis)
 {
     double covariance[MAX_FEATURES][MAX_FEATURES] = {{0}};
+    const ptrdiff_t step = 1 + n / SAMPLE, n_seen = (n + step - 1) / step;
     memset(mean, 0, n_features * sizeof(double));
-    for (ptrdiff_t i = 0; i < n; i++)
+    for (ptrdiff_t i = 0; i < n; i += step)
         for (int a = 0; a < n_features; a++)
             mean[a] += features[(ptrdiff_t)members[i] * n_features + a];
     for (int a = 0; a < n_features; a++)
-        mean[a] /= n;
-    for (ptrdiff_t i = 0; i < n; i++) {
+        mean[a] /= n_seen;
+    for (ptrdiff_t i = 0; i < n; i += step) {
         double apart[MAX_FEATURES];
         for (int a = 0; a < n_features; a++)
             apart[a] = features[(ptrdiff_t)members[i] * n_features + a] - mean[a];
