@@ -9,17 +9,22 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+#: How far points of a file may be from their sphere, by its radius.
+_OFF_THE_SPHERE = 1e-6
+
 
 def read_globe(option: str, path: Path) -> NDArray[np.float64]:
-    """Read a map of the globe as the means of its color bands; only its aspect is checked."""
+    """Read a map of the globe as the means of its color bands: finite, >= 0 and not black."""
     import numpy as np
 
     import cvtimg
+    from cvtimg._shared.checks import check_picture_density
 
     image = cvtimg.read_image(path)
     if image.shape[1] != 2 * image.shape[0]:
         raise ValueError(f"{option} {path} of {image.shape[1]} x {image.shape[0]} pixels must be twice as wide as high")
     bands: NDArray[np.float64] = np.atleast_3d(image)[:, :, :3].mean(axis=2, dtype=np.float64)
+    check_picture_density(f"{option} {path}", bands)
     return bands
 
 
@@ -48,6 +53,11 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error
     lengths = np.linalg.norm(table, axis=1)
+    radius = float(np.median(lengths))
+    worst = int(np.abs(lengths - radius).argmax())
+    if abs(lengths[worst] - radius) > _OFF_THE_SPHERE * radius:
+        off = f"point {worst} is {lengths[worst]:g} from the center, not {radius:g}"
+        raise ValueError(f"points of {path} must be on a sphere: {off}")
     # On a sphere of radius 1, points keep their bits.
     points: NDArray[np.float64] = table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
     return points
@@ -65,6 +75,8 @@ def _from_table(path: Path) -> NDArray[np.float64]:
     import numpy as np
 
     lines = path.read_text(encoding="utf-8-sig").splitlines()
+    if len(lines) < 2:
+        raise ValueError("it has no rows")
     names = [name.strip() for name in lines[0].split(",")]
     columns = [names.index(axis) for axis in "xyz"]
     return np.loadtxt(lines[1:], delimiter=",", usecols=columns, ndmin=2)

@@ -80,6 +80,23 @@ def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path
         (["-n", "3", "-o", "a.nc"], 1, "n=3 must be an integer >= 4"),
         (["-n", "100", "-o", "a.nc", "--refine", "0,0,10,0.5"], 1, "ratio=0.5 must be in 1..100"),
         (["-n", "100", "-o", "a.nc", "--density", "square.png"], 1, "must be twice as wide as high"),
+        (["-n", "100", "-o", "a.nc", "--density", "black.png"], 1, "--density black.png must not be 0 everywhere"),
+        (["-n", "100", "-o", "a.nc", "--refine", "black.png,3"], 1, "--refine black.png must not be 0 everywhere"),
+        (["-n", "100", "-o", "a.nc", "--density", "nan.tif"], 1, "--density nan.tif must be finite"),
+        (["-n", "100", "-o", "a.nc", "--coast", "square.png"], 1, "must be twice as wide as high"),
+        (["-n", "100", "-o", "a.nc", "--coast", "black.png"], 1, "--coast black.png must not be 0 everywhere"),
+        (
+            ["-n", "9", "-o", "a.nc", "--parent", "twice.csv", "--within", "0,0,60"],
+            1,
+            "points 0 and 6 must be at least",
+        ),
+        (
+            ["-n", "9", "-o", "a.nc", "--parent", "off.csv", "--within", "0,0,60"],
+            1,
+            "on a sphere: point 1 is 3 from the",
+        ),
+        (["-n", "9", "-o", "a.nc", "--parent", "few.csv", "--within", "0,0,60"], 1, "must have at least 4 points"),
+        (["-n", "9", "-o", "a.nc", "--parent", "empty.csv", "--within", "0,0,60"], 1, "it has no rows"),
         (["-n", "100", "-o", "a.nc", "--parent", "no.csv", "--within", "0,0,9"], 1, "no.csv"),
         (
             ["-n", "100", "-o", "a.nc", "--parent", "bad.csv", "--within", "0,0,9"],
@@ -92,6 +109,13 @@ def test_wrong_usage_and_bad_files_are_one_line(
     capsys: pytest.CaptureFixture[str], arguments: list[str], status: int, message: str
 ) -> None:
     Image.new("L", (40, 40), 9).save("square.png")
+    Image.new("L", (40, 20)).save("black.png")
+    Image.fromarray(np.full((20, 40), np.nan, np.float32)).save("nan.tif")
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    off = np.where(np.arange(6)[:, None] == 1, 3, 1) * corners
+    tables = {"twice": np.concatenate([corners, corners[:1]]), "off": off, "few": corners[:3], "empty": corners[:0]}
+    for name, points in tables.items():
+        np.savetxt(f"{name}.csv", points, delimiter=",", header="x,y,z", comments="")
     Path("bad.csv").write_text("a,b\n1,2\n")
     assert main(["sphere", *arguments]) == status
     error = capsys.readouterr().err

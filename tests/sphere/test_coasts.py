@@ -91,6 +91,12 @@ def test_the_nearest_place_of_a_coast_is_on_it() -> None:
 
 
 def test_a_globe_without_a_coast_is_refused() -> None:
+    with pytest.raises(ValueError, match="n=3 must be an integer >= 4"):
+        coastal_grid(3, continents())
+    with pytest.raises(ValueError, match="land must not be 0 everywhere"):
+        coastal_grid(100, np.zeros((20, 40)))
+    with pytest.raises(ValueError, match="land must be finite"):
+        coastal_grid(100, np.full((20, 40), np.nan))
     with pytest.raises(ValueError, match="land must have a coast that cells can follow"):
         coastal_grid(100, np.ones((20, 40)))
     with pytest.raises(ValueError, match=r"land of shape \(20, 30\) must be twice as wide as high"):

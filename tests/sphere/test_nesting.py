@@ -91,6 +91,20 @@ def test_bad_input_is_one_clear_error(given: dict[str, Any], message: str) -> No
         nested_grid(PARENT, **{"n": 10, "within": Cap(0, 0, 20), **given})
 
 
+@pytest.mark.parametrize(
+    ("parent", "message"),
+    [
+        (np.eye(3), "parent must have at least 4 points, not 3"),
+        (PARENT.points * 2, r"\|parent\[.*\]\|=2.* must be 1"),
+        (np.concatenate([PARENT.points, PARENT.points[:1]]), "points 0 and 2562 must be at least 1e-07 apart"),
+        (PARENT.points * np.nan, "parent must be finite"),
+    ],
+)
+def test_points_that_are_no_parent_are_refused(parent: NDArray[np.float64], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        nested_grid(parent, 10, within=Cap(0, 0, 20))
+
+
 @pytest.mark.parametrize("wrong", [{"lat": 100}, {"radius": 180}, {"lon": 400}])
 def test_caps_refuse_what_is_no_place(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
