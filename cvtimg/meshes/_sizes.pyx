@@ -6,8 +6,8 @@ Nothing here allocates, checks its arguments or decides. Each argument is marked
 from libc.stdint cimport int32_t
 
 
-cdef inline float least(float a, float b) noexcept nogil:
-    return a if a < b else b
+cdef extern from "picture_sizes.h" nogil:
+    void limit_sizes(float *sizes, Py_ssize_t height, Py_ssize_t width, float straight, float aslant)
 
 
 def limit_picture(
@@ -15,38 +15,9 @@ def limit_picture(
     float straight,        # IN: how much sizes may grow from a pixel to the next
     float aslant,          # IN: and to the next one across a corner
 ):
-    """Lower sizes to what neighbors allow: once down and right, and once up and left. Return whether any changed."""
-    cdef Py_ssize_t y, x, height = sizes.shape[0], width = sizes.shape[1]
-    cdef float size
-    cdef bint changed = False
+    """Lower sizes to what all others allow, along the best way from pixel to pixel."""
     with nogil:
-        for y in range(height):
-            for x in range(width):
-                size = sizes[y, x]
-                if y > 0:
-                    size = least(size, sizes[y - 1, x] + straight)
-                    if x > 0:
-                        size = least(size, sizes[y - 1, x - 1] + aslant)
-                    if x + 1 < width:
-                        size = least(size, sizes[y - 1, x + 1] + aslant)
-                if x > 0:
-                    size = least(size, sizes[y, x - 1] + straight)
-                changed |= size < sizes[y, x]
-                sizes[y, x] = size
-        for y in range(height - 1, -1, -1):
-            for x in range(width - 1, -1, -1):
-                size = sizes[y, x]
-                if y + 1 < height:
-                    size = least(size, sizes[y + 1, x] + straight)
-                    if x > 0:
-                        size = least(size, sizes[y + 1, x - 1] + aslant)
-                    if x + 1 < width:
-                        size = least(size, sizes[y + 1, x + 1] + aslant)
-                if x + 1 < width:
-                    size = least(size, sizes[y, x + 1] + straight)
-                changed |= size < sizes[y, x]
-                sizes[y, x] = size
-    return changed
+        limit_sizes(&sizes[0, 0], sizes.shape[0], sizes.shape[1], straight, aslant)
 
 
 def limit_along_edges(

@@ -5,6 +5,7 @@ _Floats = NDArray[np.float64]
 _Indices = NDArray[np.int32]
 _Flags = NDArray[np.uint8]
 
+def join(triangles: _Indices, twins: _Indices, first: _Indices, after: _Indices) -> None: ...
 def flip(
     points: _Floats,
     metric: _Floats | None,
@@ -44,6 +45,7 @@ def even(
     fixed: _Flags,
     steps: _Floats,
     mean: float,
+    share: float,
     triangles: _Indices,
     twins: _Indices,
     borders: _Flags,

@@ -17,6 +17,7 @@ cdef extern from "topology.h" nogil:
     double twice_area(const double *a, const double *b, const double *c)
     int32_t next_corner(int32_t corner)
     int32_t last_corner(int32_t corner)
+    void find_twins(c_mesh *mesh, int32_t n_vertices, int32_t n_edges, int32_t *first, int32_t *after)
 
 cdef extern from "flips.h" nogil:
     Py_ssize_t flip_to_delaunay(
@@ -38,7 +39,8 @@ cdef extern from "quality.h" nogil:
     )
     void smooth_vertex(c_mesh *mesh, double *place, int32_t vertex, const double *metric, int power)
     bint step_to_even(
-        const c_mesh *mesh, const double *metric, int32_t vertex, const double *tangent, double mean, double *step,
+        const c_mesh *mesh, const double *metric, int32_t vertex, const double *tangent, double mean, double share,
+        double *step,
     )
 
 
@@ -53,6 +55,20 @@ cdef c_mesh as_mesh(
     mesh.borders = &borders[0, 0]
     mesh.corners = &corners[0]
     return mesh
+
+
+def join(
+    int32_t[:, ::1] triangles,     # IN (T, 3)
+    int32_t[:, ::1] twins,         # OUT (T, 3)
+    int32_t[::1] first,            # scratch (N,)
+    int32_t[::1] after,            # scratch (3 T,)
+):
+    """Find the twin of each edge: the same edge of the next triangle, or -1."""
+    cdef c_mesh mesh
+    mesh.vertices = &triangles[0, 0]
+    mesh.twins = &twins[0, 0]
+    with nogil:
+        find_twins(&mesh, <int32_t>first.shape[0], <int32_t>(3 * triangles.shape[0]), &first[0], &after[0])
 
 
 def flip(
@@ -156,6 +172,7 @@ def even(
     const uint8_t[::1] fixed,      # IN (N,): 1 for vertices that stay, 2 for those that slide
     double[:, ::1] steps,          # INOUT (N, 2): tangents of those that slide; the steps that they should make
     double mean,                   # IN: the square of the length that edges should have, in the metric
+    double share,                  # IN: of the best steps
     int32_t[:, ::1] triangles,     # IN (T, 3)
     int32_t[:, ::1] twins,         # IN (T, 3)
     uint8_t[:, ::1] borders,       # IN (T, 3)
@@ -171,7 +188,8 @@ def even(
             if fixed[vertex] == 1:
                 continue
             moves = step_to_even(
-                &mesh, &metric[0, 0], vertex, &steps[vertex, 0] if fixed[vertex] == 2 else NULL, mean, step,
+                &mesh, &metric[0, 0], vertex, &steps[vertex, 0] if fixed[vertex] == 2 else NULL, mean, share,
+                step,
             )
             if not moves:
                 step[0] = step[1] = 0

@@ -15,8 +15,6 @@ Points = NDArray[np.float64]
 
 #: Vertices in an area of 1 where edges have length 1: two triangles each.
 PER_AREA = 2 / 3**0.5
-#: Sweeps over a picture at most, until no size changes.
-_SWEEPS = 20
 
 
 class Field(Protocol):
@@ -48,8 +46,9 @@ class Field(Protocol):
 
 def metric_of(sizes: NDArray[np.float64]) -> Points:
     """Return the metrics (N, 3) of (N,) sizes."""
-    per_square = sizes**-2.0
-    return np.stack([per_square, np.zeros_like(per_square), per_square], axis=1)
+    metric = np.zeros((len(sizes), 3))
+    metric[:, 0] = metric[:, 2] = 1 / (sizes * sizes)
+    return metric
 
 
 def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
@@ -96,9 +95,7 @@ class PictureField:
     def limited(self, grade: float, least: float) -> PictureField:
         """Return the field with sizes of at least `least`, that grow by no more than `grade` for each pixel."""
         sizes = np.maximum(self.sizes, np.float32(least))
-        for _ in range(_SWEEPS):
-            if not _sizes.limit_picture(sizes, grade, grade * 2**0.5):
-                break
+        _sizes.limit_picture(sizes, grade, grade * 2**0.5)
         return replace(self, sizes=sizes)
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> PictureField:

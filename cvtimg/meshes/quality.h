@@ -176,7 +176,7 @@ static int ends_around(const struct triangulation *mesh, const int32_t *around, 
 /* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
  * one that leaves all triangles enough area. */
 static int step_to_even(const struct triangulation *mesh, const double *metric, int32_t vertex, const double *tangent,
-                        double mean, double *step)
+                        double mean, double share, double *step)
 {
     int32_t around[MOST_AROUND], ends[MOST_AROUND + 1];
     const double *place = mesh->points + 2 * (ptrdiff_t)vertex;
@@ -200,7 +200,7 @@ static int step_to_even(const struct triangulation *mesh, const double *metric, 
         down[0] = (xy * slope[1] - yy * slope[0]) / size;
         down[1] = (xy * slope[0] - xx * slope[1]) / size;
     }
-    for (double part = 1; part > 0.1; part /= 2) {
+    for (double part = share; part > 0.1 * share; part /= 2) {
         double there[2] = {place[0] + part * down[0], place[1] + part * down[1]};
         if (cost_of_edges(mesh, metric, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
             || !keeps_area(mesh, around, n, place, there))

@@ -91,7 +91,7 @@ def _state(mesh: Triangulation, metric: Metric, isotropic: bool) -> _State:
     if isotropic:
         masses = inertia[:, :1]
         to_lloyd = np.divide(1, masses, out=np.zeros_like(masses), where=moves[:, None] & (masses > 0))
-        sizes = values[:, 0] ** -0.5
+        sizes = 1 / np.sqrt(values[:, 0])
         return _State(energy, to_lloyd * pull, partial(np.multiply, masses), partial(np.multiply, to_lloyd), sizes)
     xx, xy, yy = inertia.T
     size = xx * yy - xy * xy

@@ -62,6 +62,28 @@ static void flip_edge(struct triangulation *mesh, int32_t e)
     mesh->corners[c] = f1;
 }
 
+/* Find the twin of each edge. Scratch: `first` for each vertex and `after` for each edge, lists of edges without a twin
+ * by the lesser of their ends. */
+static void find_twins(struct triangulation *mesh, int32_t n_vertices, int32_t n_edges, int32_t *first, int32_t *after)
+{
+    for (int32_t i = 0; i < n_vertices; i++)
+        first[i] = -1;
+    for (int32_t e = 0; e < n_edges; e++) {
+        int32_t a = mesh->vertices[next_corner(e)], b = mesh->vertices[last_corner(e)];
+        int32_t *link = first + (a < b ? a : b);
+        /* An edge runs the other way around in the next triangle. */
+        while (*link >= 0 && (mesh->vertices[next_corner(*link)] != b || mesh->vertices[last_corner(*link)] != a))
+            link = after + *link;
+        if (*link >= 0) {
+            join_edges(mesh, e, *link);
+            *link = after[*link];
+        } else {
+            mesh->twins[e] = after[e] = -1;
+            *link = e;
+        }
+    }
+}
+
 /* List the corners at a vertex; return how many, or 0 if it is on the outer boundary or has too many. */
 static int corners_around(const struct triangulation *mesh, int32_t vertex, int32_t *around)
 {

@@ -76,7 +76,10 @@ class Triangulation:
         """Triangulate borders and inner points; keep what is inside, and tag it by the sides of the borders."""
         points = np.concatenate([borders.points, inner])
         fixed = np.arange(len(points)) < len(borders.points)
-        mesh = cls(points, fixed, delaunay(points, borders.edges), borders.edges)
+        triangles = delaunay(points, borders.edges)
+        # In the order of the inner points, which is along a curve: neighbors are near in memory.
+        triangles = triangles[np.argsort(triangles.max(axis=1))]
+        mesh = cls(points, fixed, triangles, borders.edges)
         if borders.tracks is not None:
             mesh.tracks = borders.tracks
             mesh.fixed[mesh.tracks.vertices] = SLIDES
@@ -113,17 +116,17 @@ class Triangulation:
         least, is_late = np.empty(len(self.triangles)), np.empty(len(fixed), np.uint8)
         _triangles.move(self.points, fixed, steps, *self._topology(), least, is_late)
 
-    def even(self, metric: Points) -> None:
+    def even(self, metric: Points, share: float = 1.0) -> None:
         """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
 
-        Those on borders slide along them, as far as their tracks lead.
+        They make a share of the best steps. Those on borders slide along them, as far as their tracks lead.
         """
         mean = _triangles.mean_square(self.points, metric, self.triangles, self.twins)
         steps = np.zeros_like(self.points)
         tracks = self.tracks
         if tracks is not None:
             tangents = steps[tracks.vertices] = tracks.tangents()
-        _triangles.even(self.points, metric, self.fixed, steps, mean, *self._topology())
+        _triangles.even(self.points, metric, self.fixed, steps, mean, share, *self._topology())
         if tracks is None:
             return
         moved = tracks.moved((steps[tracks.vertices] * tangents).sum(axis=1))
@@ -165,16 +168,17 @@ class Triangulation:
 
     def _join(self, edges: Triangles) -> None:
         """Find the twin of each edge, and mark those that stay."""
-        n_corners = self.triangles.size
-        keys = _keys(self._all_edges(), len(self.points))
-        order = np.argsort(keys, kind="stable")
-        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        twins = np.full(n_corners, -1, np.int32)
-        twins[order[same]], twins[order[same + 1]] = order[same + 1], order[same]
-        self.twins = twins.reshape(-1, 3)
-        wanted = np.isin(keys, _keys(edges, len(self.points)))
-        self.borders = (wanted | (twins < 0)).astype(np.uint8).reshape(-1, 3)
-        self.corners = np.full(len(self.points), -1, np.int32)
+        n, n_corners = len(self.points), self.triangles.size
+        self.twins = np.empty((len(self.triangles), 3), np.int32)
+        _triangles.join(self.triangles, self.twins, np.empty(n, np.int32), np.empty(n_corners, np.int32))
+        stays = self.twins.ravel() < 0
+        on_border = np.zeros(n, bool)
+        on_border[edges] = True
+        all_edges = self._all_edges()
+        maybe = np.flatnonzero(on_border[all_edges].all(axis=1))
+        stays[maybe] |= np.isin(_keys(all_edges[maybe], n), _keys(edges, n))
+        self.borders = stays.astype(np.uint8).reshape(-1, 3)
+        self.corners = np.full(n, -1, np.int32)
         self.corners[self.triangles.ravel()] = np.arange(n_corners)
 
     def _tag(self, borders: Borders) -> None:

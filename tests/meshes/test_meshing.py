@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
+from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.sizes import _centers_inside
 from cvtimg.meshes.triangulation import FIXED, Triangulation, delaunay
 from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
@@ -152,6 +153,28 @@ def test_sizes_grow_no_faster_than_the_grade() -> None:
     allowed = 0.005 + 0.2 * np.maximum(np.hypot(*(middles - 0.5).T) - 0.02, 0)
     assert (mean_edges < 1.5 * allowed + 0.005).all()
     assert mesh.qualities.min() > 0.5
+
+
+def test_sizes_of_pixels_grow_along_the_shortest_way_from_any_other() -> None:
+    random = np.random.default_rng(7)
+    sizes = (random.random((17, 23)) ** 4 * 9 + 0.1).astype(np.float32)
+    field = PictureField(sizes, np.ones(sizes.shape, bool)).limited(0.3, 0.0)
+    y, x = (at.ravel() for at in np.indices(sizes.shape))
+    dx, dy = np.abs(x[:, None] - x), np.abs(y[:, None] - y)
+    ways = 0.3 * (np.maximum(dx, dy) + (2**0.5 - 1) * np.minimum(dx, dy))
+    assert field.sizes.ravel() == pytest.approx((sizes.ravel() + ways).min(axis=1), rel=1e-5)
+
+
+def test_nine_edges_of_ten_have_nearly_the_wanted_length_where_sizes_vary() -> None:
+    sizes = np.clip(np.hypot(*(np.indices((200, 200)) - 60)) * 0.06, 1.0, 8.0)
+    mesh = mesh_region([[0, 0], [200, 0], [200, 200], [0, 200]], size=sizes)
+    edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    places = mesh.points[edges]
+    middles = places.mean(axis=1)
+    wanted = PictureField(sizes.astype(np.float32), np.ones(sizes.shape, bool)).metric(middles)[:, 0] ** -0.5
+    ratios = np.linalg.norm(places[:, 1] - places[:, 0], axis=1) / wanted
+    assert ((ratios > 0.85) & (ratios < 1.2)).mean() > 0.9
+    assert mesh.measures().mean_quality > 0.97
 
 
 def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
