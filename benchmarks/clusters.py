@@ -2,11 +2,13 @@
 
 Rows come from zarr arrays in a scratch folder: pixels, three bytes each, of photographs with a little noise, and
 vectors of 32 float32 from 400 Gaussians. Shown are seconds on the clock, seconds of all processors, the largest memory
-of a worker, and the energy per row of the same rows for all. Rivals that would take hours get fewer rows, as the table
+of a worker, and the energy per row, the same for all: of the tenth that the
+engine in memory is fitted to, and of all rows. Rivals that would take hours get fewer rows, as the table
 says; seconds for all rows are then in proportion. Each cluster is started anew, with one thread per worker.
 
     python benchmarks/clusters.py                         # 10^8 pixels, 10^7 vectors
     python benchmarks/clusters.py --pixels 500000000      # 2 GB of disk
+    python benchmarks/clusters.py --speed-up              # two workers over one, on the clock: for an idle machine
     python benchmarks/clusters.py --quick
 """
 
@@ -48,6 +50,7 @@ class Row:
     worker_gib: float
     passes: int
     energy: float
+    energy_of_all: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +134,7 @@ def here(call: Callable[[], Any]) -> tuple[Any, Cost]:
     return result, Cost(wall, time.process_time() - start, used()[1])
 
 
-def mean_energy(rows: NDArray[Any], centers: NDArray[Any]) -> float:
+def mean_energy(rows: Any, centers: NDArray[Any]) -> float:
     """Measure all programs alike: the energy per row, summed in double."""
     from cvtimg import tessellate
 
@@ -215,12 +218,13 @@ def compare(title: str, path: Path, k: int, n_rows: int, n_rival: int) -> list[R
     for name, n_given, way, n_workers in ways:
         common.progress(f"{title}: {name}")
         (centers, passes), cost = on_cluster(n_workers, way) if n_workers else here(way)
-        energy = mean_energy(tenth, np.asarray(centers, np.float64))
-        rows.append(Row(name, n_given, cost.wall, cost.cpu, cost.worker_gib if n_workers else 0.0, passes, energy))
+        centers = np.asarray(centers, np.float64)
+        energies = [mean_energy(given, centers) for given in (tenth, programs.blocks())]
+        rows.append(Row(name, n_given, cost.wall, cost.cpu, cost.worker_gib if n_workers else 0.0, passes, *energies))
         print(f"  {asdict(rows[-1])}", flush=True)
         seen.append(centers)
     print(f"\nThe bits of 1 and 2 workers are {'equal' if (seen[0] == seen[1]).all() else 'DIFFERENT'}.")
-    least = rows[2].energy
+    least, least_of_all = rows[2].energy, rows[2].energy_of_all
     table = [
         [
             row.program,
@@ -231,12 +235,43 @@ def compare(title: str, path: Path, k: int, n_rows: int, n_rival: int) -> list[R
             f"{row.worker_gib:.2f}" if row.worker_gib else "-",
             str(row.passes),
             f"{row.energy / least:.4f}",
+            f"{row.energy_of_all / least_of_all:.4f}",
         ]
         for row in rows
     ]
-    heads = ["", "rows", "s", "cpu s", "cpu s, all rows", "GiB", "passes", "energy"]
-    common.print_table(f"{title}, k = {k}; energy as a ratio to cvtimg in memory on a tenth", heads, table)
+    heads = ["", "rows", "s", "cpu s", "cpu s, all rows", "GiB", "passes", "energy", "of all"]
+    about = "energy of a tenth and of all rows as a ratio to cvtimg in memory, which was fitted to this tenth"
+    common.print_table(f"{title}, k = {k}; {about}", heads, table)
     return rows
+
+
+def speed_up(path: Path, k: int, n_rows: int) -> None:
+    """Print how many times faster two workers are than one, on the clock, in passes from the same generators."""
+    from cvtimg import tessellate
+
+    programs = Programs(path, k)
+    start = programs.cvtimg_memory(min(n_rows, 10**6))[0]
+
+    def passes() -> int:
+        seen: list[float] = []
+
+        def stop(step: int, energy: float) -> bool:
+            seen.append(energy)
+            return len(seen) == 4
+
+        tessellate(programs.blocks(n_rows), k, init=start, callback=stop)
+        return len(seen) + 1
+
+    walls = []
+    for n_workers in (1, 2, 1, 2):
+        common.progress(f"{n_workers} workers")
+        n_passes, cost = on_cluster(n_workers, passes)
+        walls.append(cost.wall)
+        print(
+            f"  {n_workers} workers: {cost.wall:.1f} s, {cost.cpu:.1f} s of processors, {n_passes} passes", flush=True
+        )
+    one, two = min(walls[::2]), min(walls[1::2])
+    print(f"Two workers are {one / two:.2f} times as fast as one; load {os.getloadavg()[0]:.1f}.")
 
 
 def version(name: str) -> str:
@@ -254,6 +289,7 @@ def main() -> None:
     options.add_argument("--rival-pixels", type=int, default=2 * 10**6, metavar="N", help="rows that rivals get")
     options.add_argument("--rival-vectors", type=int, default=2 * 10**5, metavar="N")
     options.add_argument("--scratch", type=Path, default=None, metavar="DIR", help="folder for the tables")
+    options.add_argument("--speed-up", action="store_true", help="compare two workers with one, and nothing else")
     arguments = options.parse_args()
     common.pin_threads(1)
     if arguments.quick:
@@ -263,6 +299,10 @@ def main() -> None:
     folder = Path(tempfile.mkdtemp(dir=arguments.scratch))
     results: list[dict[str, Any]] = []
     try:
+        if arguments.speed_up:
+            write_table(folder / "pixels.zarr", 5 * 10**7, photograph_pixels)
+            speed_up(folder / "pixels.zarr", 64, 5 * 10**7)
+            return
         for title, k, draw, n_rows, n_rival in (
             ("Pixels, 3 bytes", 64, photograph_pixels, arguments.pixels, arguments.rival_pixels),
             ("Vectors, 32 float32", 256, vectors, arguments.vectors, arguments.rival_vectors),

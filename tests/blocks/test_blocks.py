@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from reference import squared_distances
 
-from cvtimg import tessellate
+from cvtimg import CVT, tessellate
 from cvtimg.blocks import BlockError, Blocks, as_blocks, is_blocked, open_blocks, passes
 from cvtimg.engine import Tessellation, block_descent, search
 
@@ -176,6 +176,7 @@ def test_a_file_of_numpy_is_read_in_parts(tmp_path: Path, monkeypatch: pytest.Mo
     np.testing.assert_array_equal(opened.rows.compute(), ROWS)
     assert same_bits(tessellate(opened, 4), tessellate(blocks(weights=None), 4))
     assert len(pickle.dumps(opened)) < ROWS.nbytes / 2  # workers read for themselves
+    assert same_bits(tessellate(opened, 4), tessellate(open_blocks(tmp_path / "a.npy", columns=["col0", "1", "2"]), 4))
     np.save(tmp_path / "b.npy", ROWS[:, 0])
     assert open_blocks(tmp_path / "b.npy").rows.shape == (len(ROWS), 1)
 
@@ -197,6 +198,19 @@ def test_columns_of_parquet(tmp_path: Path) -> None:
     parquet.write_table(holed, tmp_path / "b.parquet")
     with pytest.raises(BlockError, match=r"block 0: .*column 'x' of row group 0 must have no missing values"):
         tessellate(open_blocks(tmp_path / "b.parquet"), 2)
+
+
+def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = ROWS.copy()
+    rows[170:340] = np.nan
+    np.save(tmp_path / "a.npy", rows)
+    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 170 * 24)
+    opened = open_blocks(tmp_path / "a.npy", missing="drop")
+    result = tessellate(opened, 4)
+    kept = np.isfinite(rows).all(axis=1)
+    np.testing.assert_array_equal(opened.kept.compute(), kept)
+    assert result.energy == pytest.approx(tessellate(rows[kept], 4).energy, rel=1e-3)
+    assert len(result.labels.compute()) == kept.sum()
 
 
 # What is wrong is said with the number of the block
@@ -239,6 +253,30 @@ def test_a_block_that_cannot_be_read() -> None:
     parts = [da.from_delayed(dask.delayed(_unreadable)(start), (4, 3), float) for start in range(0, 16, 4)]
     with pytest.raises(BlockError, match=r"block 2: cannot be read \(OSError: disk on fire\)"):
         tessellate(da.concatenate(parts), 2)
+
+
+def test_labels_of_a_block_that_is_wrong_are_refused() -> None:
+    cvt = CVT(3).fit(blocks(weights=None).rows)
+    rows = ROWS.copy()
+    rows[400, 1] = np.inf
+    labels = cvt.predict(blocks(rows).rows)
+    np.testing.assert_array_equal(labels[:340].compute(), cvt.labels_[:340].compute())
+    with pytest.raises(BlockError, match=r"block 2: samples must be finite"):
+        labels.compute()
+
+
+def test_a_block_that_ends_its_workers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    tasks: list[str] = []
+
+    def lose(total: Any, **options: Any) -> None:
+        keys = [str(key) for key in total.__dask_graph__()]
+        tasks.append(next(key for key in keys if key.startswith("cvtimg-block") and key.endswith("-4")))
+        raise distributed.KilledWorker(tasks[0], None, 3)
+
+    monkeypatch.setattr(passes, "_compute", lose)
+    with pytest.raises(BlockError, match=r"block 4: 4 workers were lost while they worked on it"):
+        tessellate(blocks(), 3)
 
 
 @pytest.mark.parametrize(
