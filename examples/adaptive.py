@@ -1,4 +1,4 @@
-"""Adaptive loops for four problems, beside uniform meshes and local refinement.
+"""Adaptive loops for four problems, beside uniform meshes and bisection.
 
 Solves -div(k grad u) + b u = f with linear elements of scikit-fem, where u is known:
 
@@ -21,33 +21,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
-from finite_elements import errors, linear_elements
-from numpy.typing import NDArray
-from skfem import (
-    Basis,
-    BilinearForm,
-    ElementTriP0,
-    ElementTriP1,
-    Functional,
-    InteriorFacetBasis,
-    LinearForm,
-    MeshTri,
-    adaptive_theta,
-    condense,
-    solve,
-)
+from finite_elements import Row, Values, by_bisection, errors, linear_elements, print_table, residuals
+from skfem import Basis, BilinearForm, LinearForm, MeshTri, condense, solve
 from skfem.helpers import dot, grad
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize
 from cvtimg.plotting.meshes import draw_mesh
 
-Values = NDArray[np.float64]
 Function = Callable[[Any, Any], Any]
 FIRST, GROWTH = 100, 1.8
 #: Of the exponent of the singular solution; F. Kellogg, Applicable Analysis 4 (1974), doi 10.1080/00036817408839086.
@@ -175,8 +162,8 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
 }
 
 
-def solved(problem: Problem, basis: Basis) -> Values:
-    """Return the solution at the vertices, with the true one on the boundary."""
+def solved(problem: Problem, basis: Basis) -> tuple[Values, float, float]:
+    """Return the solution at the vertices, with the true one on the boundary, and its errors in L2 and H1."""
 
     @BilinearForm
     def form(u: Any, v: Any, w: Any) -> Any:
@@ -190,35 +177,17 @@ def solved(problem: Problem, basis: Basis) -> Values:
     values = basis.zeros()
     values[edge] = problem.exact(*basis.doflocs[:, edge])
     found: Values = solve(*condense(form.assemble(basis), load.assemble(basis), x=values, D=edge))
-    return found
+    return found, *errors(basis, found, problem.exact, problem.slopes)
 
 
-def residuals(problem: Problem, mesh: MeshTri, values: Values) -> Values:
-    """Estimate the squared error of the gradient on each triangle: what the equation lacks, and jumps of the flux."""
-    basis = Basis(mesh, ElementTriP1(), intorder=4)
-    found = basis.interpolate(values)
+def squared_residuals(problem: Problem, mesh: MeshTri, values: Values) -> Values:
+    """Estimate the squared error of the gradient on each triangle."""
 
-    @Functional
-    def inside(w: Any) -> Any:
-        along, up = problem.conductivity_slopes(*w.x)
-        lacks = problem.source(*w.x) + along * found.grad[0] + up * found.grad[1] - problem.reaction(*w.x) * found
-        return (w.h * lacks) ** 2
+    def lacks(x: Any, y: Any, found: Any, along: Any, up: Any) -> Any:
+        k_along, k_up = problem.conductivity_slopes(x, y)
+        return problem.source(x, y) + k_along * along + k_up * up - problem.reaction(x, y) * found
 
-    sides = [InteriorFacetBasis(mesh, ElementTriP1(), side=side) for side in (0, 1)]
-    middles = mesh.p[:, mesh.t].mean(axis=1)
-    conductivity = problem.conductivity(*middles)
-
-    @Functional
-    def jumps(w: Any) -> Any:
-        flux = w.k0 * w.u0.grad - w.k1 * w.u1.grad
-        return w.h * (flux[0] * w.n[0] + flux[1] * w.n[1]) ** 2
-
-    fields = {f"u{i}": side.interpolate(values) for i, side in enumerate(sides)}
-    fields |= {f"k{i}": side.with_element(ElementTriP0()).interpolate(conductivity) for i, side in enumerate(sides)}
-    of_edges = np.zeros(mesh.facets.shape[1])
-    np.add.at(of_edges, sides[0].find, jumps.elemental(sides[0], **fields))
-    by_conductivity: Values = (inside.elemental(basis) + 0.5 * of_edges[mesh.t2f].sum(axis=0)) / conductivity
-    return by_conductivity
+    return residuals(mesh, values, lacks, problem.conductivity)
 
 
 def next_size(mesh: Mesh, squared: Values) -> MeshSize:
@@ -235,41 +204,25 @@ def next_size(mesh: Mesh, squared: Values) -> MeshSize:
     return MeshSize(mesh.points, mesh.triangles, np.exp(total / weights))
 
 
-def adaptive(problem: Problem, most: int) -> tuple[list[tuple[int, float, float]], Mesh]:
+def adaptive(problem: Problem, most: int) -> tuple[list[Row], Mesh]:
     """Run the adaptive loop; return vertices and errors, and the last mesh."""
     mesh, rows, n = problem.mesh(FIRST, None), [], float(FIRST)
     while True:
         basis = linear_elements(mesh)
-        values = solved(problem, basis)
-        rows.append((len(mesh.points), *errors(basis, values, problem.exact, problem.slopes)))
+        values, l2, h1 = solved(problem, basis)
+        rows.append((len(mesh.points), l2, h1))
         if n >= most:
             return rows, mesh
         n = min(n * GROWTH, most)
-        mesh = problem.mesh(round(n), next_size(mesh, residuals(problem, basis.mesh, values)))
+        mesh = problem.mesh(round(n), next_size(mesh, squared_residuals(problem, basis.mesh, values)))
 
 
-def refined(problem: Problem, most: int) -> list[tuple[int, float, float]]:
-    """Refine the worst triangles of a coarse mesh, with half of the squared residuals, again and again."""
-    mesh, rows = linear_elements(problem.mesh(FIRST, None)).mesh, []
-    while mesh.p.shape[1] <= most:
-        basis = Basis(mesh, ElementTriP1(), intorder=6)
-        values = solved(problem, basis)
-        if not rows or mesh.p.shape[1] > 1.3 * rows[-1][0]:
-            rows.append((mesh.p.shape[1], *errors(basis, values, problem.exact, problem.slopes)))
-        mesh = mesh.refined(adaptive_theta(residuals(problem, mesh, values), theta=0.5))
-    return rows
-
-
-def uniform(problem: Problem, counts: list[int]) -> list[tuple[int, float, float]]:
+def uniform(problem: Problem, counts: list[int]) -> list[Row]:
     """Solve on meshes of one size."""
-    rows = []
-    for n in counts:
-        basis = linear_elements(problem.mesh(n, None))
-        rows.append((n, *errors(basis, solved(problem, basis), problem.exact, problem.slopes)))
-    return rows
+    return [(n, *solved(problem, linear_elements(problem.mesh(n, None)))[1:]) for n in counts]
 
 
-def main(names: list[str], most: int, folder: Path) -> dict[str, dict[str, list[tuple[int, float, float]]]]:
+def main(names: list[str], most: int, folder: Path) -> dict[str, dict[str, list[Row]]]:
     """Print the tables of some problems, and draw their last adaptive meshes."""
     tables = {}
     for name in names:
@@ -278,14 +231,13 @@ def main(names: list[str], most: int, folder: Path) -> dict[str, dict[str, list[
         tables[name] = {
             "adaptive": rows,
             "uniform": uniform(problem, [row[0] for row in rows]),
-            "local refinement": refined(problem, most),
-        }
+            "bisection": by_bisection(
+                linear_elements(problem.mesh(FIRST, None)).mesh,
+                partial(solved, problem), partial(squared_residuals, problem), most,
+            ),
+        }  # fmt: skip
         for kind, found in tables[name].items():
-            print(f"{name}, {kind}\nvertices      in L2   of gradient")
-            for n, l2, h1 in found:
-                print(f"{n:8d}  {l2:.3e}   {h1:.3e}")
-            half = np.log(found[len(found) // 2 :]).T
-            print("slopes", *(f"{np.polyfit(half[0], column, 1)[0]:.2f}" for column in half[1:]))
+            print_table(f"{name}, {kind}", found)
         drawn = draw_mesh(mesh.points, mesh.triangles, mesh.qualities, mesh.edges, ".png")
         (folder / f"adaptive_{name}.png").write_bytes(drawn)
     return tables

@@ -2,8 +2,8 @@
 
 Solves Laplace's equation in an L-shape, whose solution r^(2/3) sin(2/3 t) has a singularity at the inner corner, with
 linear elements of scikit-fem. Sizes follow the recovered Hessian: h is proportional to |H|^(-1/2), which spreads the
-error in H1 evenly. Prints vertices and errors beside those of uniform meshes, and the slopes of errors against
-vertices: -1 in L2 and -1/2 in H1 are optimal. Draws the last mesh.
+error in H1 evenly. Prints vertices and errors, beside those of uniform meshes and bisection, and the slopes of errors
+against vertices: -1 in L2 and -1/2 in H1 are optimal. Draws the last mesh.
 
     python examples/l_shape.py [l_shape.png]
 """
@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from finite_elements import errors, linear_elements
-from numpy.typing import NDArray
-from skfem import BilinearForm, condense, solve
+from finite_elements import Row, Values, by_bisection, errors, linear_elements, print_table, residuals
+from skfem import Basis, BilinearForm, MeshTri, condense, solve
 from skfem.helpers import dot, grad
 
 from cvtimg import mesh_region
-from cvtimg.meshes import Mesh, MeshSize, RecoveredHessian
+from cvtimg.meshes import MeshSize, RecoveredHessian
 from cvtimg.plotting.meshes import draw_mesh
 
 L_SHAPE = [[0, 0], [0, -1], [1, -1], [1, 1], [-1, 1], [-1, 0]]
@@ -50,9 +49,8 @@ def slopes(x: Any, y: Any) -> tuple[Any, Any]:
     return steep * np.cos(turn), steep * np.sin(turn)
 
 
-def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
-    """Solve on a mesh; return the solution at its vertices, and its errors in L2 and in the gradient."""
-    basis = linear_elements(mesh)
+def solved(basis: Basis) -> tuple[Values, float, float]:
+    """Return the solution at the vertices, and its errors in L2 and in the gradient."""
 
     @BilinearForm
     def form(u: Any, v: Any, _: Any) -> Any:
@@ -60,31 +58,37 @@ def solved(mesh: Mesh) -> tuple[NDArray[np.float64], float, float]:
 
     edge = basis.get_dofs()
     values = basis.zeros()
-    values[edge] = exact(*mesh.points[edge.flatten()].T)
+    values[edge] = exact(*basis.doflocs[:, edge.flatten()])
     values = solve(*condense(form.assemble(basis), x=values, D=edge))
     return values, *errors(basis, values, exact, slopes)
 
 
-def main(path: Path, levels: Sequence[int] = LEVELS) -> list[tuple[int, float, float, float, float]]:
-    """Print the errors of each level: vertices, L2 and H1 of adaptive meshes, L2 and H1 of uniform ones."""
-    mesh = mesh_region(L_SHAPE, n=levels[0])
-    values = solved(mesh)[0]
-    rows = []
-    print("vertices   adaptive L2, H1           uniform L2, H1")
+def squared_residuals(mesh: MeshTri, values: Values) -> Values:
+    """Estimate the squared error of the gradient on each triangle: inside, linear elements lack nothing."""
+    return residuals(mesh, values, lambda x, y, found, along, up: 0 * x, lambda x, _: 1 + 0 * x)
+
+
+def main(path: Path, levels: Sequence[int] = LEVELS) -> dict[str, list[Row]]:
+    """Print and return tables of vertices and errors."""
+    first = mesh_region(L_SHAPE, n=levels[0])
+    mesh, values = first, solved(linear_elements(first))[0]
+    rows: list[Row] = []
     for n in levels:
         hessian = RecoveredHessian(mesh.points, mesh.triangles, values)(mesh.points)
         sizes = np.maximum(np.linalg.norm(hessian, axis=(1, 2)), 1e-12) ** -0.5
         size = MeshSize(mesh.points, mesh.triangles, np.maximum(sizes, LEAST * sizes.max()))
         mesh = mesh_region(L_SHAPE, n=n, size=size)
-        values, l2, h1 = solved(mesh)
-        _, plain_l2, plain_h1 = solved(mesh_region(L_SHAPE, n=n))
-        rows.append((n, l2, h1, plain_l2, plain_h1))
-        print(f"{n:8d}   {l2:.3e}, {h1:.3e}      {plain_l2:.3e}, {plain_h1:.3e}")
-    for name, column in (("L2", 1), ("H1", 2)):
-        counts, errors = np.log([row[0] for row in rows]), np.log([row[column] for row in rows])
-        print(f"slope of the adaptive error in {name}: {np.polyfit(counts, errors, 1)[0]:.2f}")
+        values, l2, h1 = solved(linear_elements(mesh))
+        rows.append((n, l2, h1))
+    tables = {
+        "adaptive": rows,
+        "uniform": [(n, *solved(linear_elements(mesh_region(L_SHAPE, n=n)))[1:]) for n in levels],
+        "bisection": by_bisection(linear_elements(first).mesh, solved, squared_residuals, levels[-1]),
+    }
+    for name, table in tables.items():
+        print_table(name, table)
     path.write_bytes(draw_mesh(mesh.points, mesh.triangles, mesh.qualities, mesh.edges, path.suffix))
-    return rows
+    return tables
 
 
 if __name__ == "__main__":

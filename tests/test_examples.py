@@ -70,25 +70,37 @@ def test_residuals_lead_to_meshes_that_are_as_good_as_they_can_be(example: Any, 
         Image.open(tmp_path / f"adaptive_{name}.png").verify()
 
 
-def test_an_ocean_is_meshed_from_two_images(example: Any, tmp_path: Path) -> None:
-    (mesh,) = example("ocean").main(None, None, (3000,), tmp_path, side=128)
+def test_seas_are_meshed_from_a_picture(example: Any, tmp_path: Path) -> None:
+    ocean = example("ocean")
+    sea, brightness = ocean.sea_of(np.asarray(Image.open(ocean.EUROPE))[150:, 250:450])
+    (mesh,) = ocean.main(sea, ocean.sizes_of(sea, brightness, ocean.BY_BRIGHTNESS), (3000,), tmp_path)
     assert len(mesh.points) == 3000
+    assert mesh.area == pytest.approx(sea.sum(), rel=1e-5)
     assert mesh.qualities.mean() > 0.95
-    Image.open(tmp_path / "ocean.png").verify()
+    for name in ("ocean", "ocean_part"):
+        Image.open(tmp_path / f"{name}.png").verify()
 
 
 def test_anisotropic_meshes_resolve_a_boundary_layer(example: Any, tmp_path: Path) -> None:
     pytest.importorskip("skfem")
-    *_, (n, l2, h1, plain_l2, plain_h1) = example("boundary_layer").main(tmp_path / "b.png", (63, 170, 515))
+    tables = example("boundary_layer").main(tmp_path / "b.png", (25, 63, 170, 515))
+    (n, l2, h1), (_, plain_l2, plain_h1), (bisected_n, _, bisected_h1) = (table[-1] for table in tables.values())
+    assert (np.diff(tables["anisotropic"], axis=0)[:, 1:] < 0).all()
     assert n == 515
     assert l2 < 0.1 * plain_l2
     assert h1 < 0.2 * plain_h1
+    assert 400 < bisected_n <= 515
+    assert h1 < 0.6 * bisected_h1 < plain_h1
     Image.open(tmp_path / "b.png").verify()
 
 
 def test_errors_in_an_l_shape_fall_as_fast_as_they_can(example: Any, tmp_path: Path) -> None:
     pytest.importorskip("skfem")
-    rows = np.log(example("l_shape").main(tmp_path / "l.png", (100, 200, 400, 800)))
+    tables = example("l_shape").main(tmp_path / "l.png", (100, 200, 400, 800))
+    rows = np.log(tables["adaptive"])
+    assert all(
+        tables["adaptive"][-1][column] < table[-1][column] for table in list(tables.values())[1:] for column in (1, 2)
+    )
     assert np.polyfit(rows[:, 0], rows[:, 1], 1)[0] < -0.9
     assert np.polyfit(rows[:, 0], rows[:, 2], 1)[0] < -0.45
     Image.open(tmp_path / "l.png").verify()
