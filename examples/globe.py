@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import cvtimg
 from cvtimg.plotting.globes import draw_globe
-from cvtimg.sphere import Cap, Refinement, SphereGrid, by_spacing, coastal_grid, nested_grid
+from cvtimg.sphere import Cap, CoastalGrid, Refinement, SphereGrid, by_spacing, coastal_grid, nested_grid
 
 #: The densities of M. Gunzburger's lecture on centroidal Voronoi tessellations.
 LECTURE = {
@@ -70,8 +70,11 @@ def main(out: Path, n: int = 10_242, land: Path | None = None) -> dict[str, Sphe
     out.mkdir(parents=True, exist_ok=True)
     for name, grid in found.items():
         center = (10.0, 40.0) if name in ("coast", "lights") else (-96.0, 38.0)
-        sizes = np.degrees(np.sqrt(grid.areas))
-        drawn = draw_globe(list(grid.cells()), sizes, ".png", center=center)
+        if isinstance(grid, CoastalGrid):
+            values, label = 1.0 + grid.on_land + 3 * grid.on_coast, "1 sea, 2 land, 4 coast"
+        else:
+            values, label = np.degrees(np.sqrt(grid.areas)), "cell size (degrees)"
+        drawn = draw_globe(list(grid.cells()), values, ".png", center=center, label=label)
         (out / f"{name}.png").write_bytes(drawn)
         grid.save(out / f"{name}.nc", overwrite=True)
         measures = grid.measures()
