@@ -1,12 +1,13 @@
 """Grids of the sphere: triangulations beside SciPy and stripy, and grids by seconds, energy and angles.
 
-Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids; refined ones, with the energy by the
-quadrature that published figures are given in as well; nested ones; and grids along coasts, of the package
-global-land-mask or of a mask.
+Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids, to given offsets and to those where
+`sphere_grid` stops; refined ones, with the energy by the quadrature that published figures are given in as well; nested
+ones; grids along coasts, of the package global-land-mask or of a mask; and moves in patches, here and on workers of Dask,
+with the processor seconds of all processes.
 
     python -m venv stripy && stripy/bin/pip install "numpy<2" stripy
-    python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast] [--land MASK.npy]
-        [--stripy stripy/bin/python]
+    python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast,patches]
+        [--land MASK.npy] [--stripy stripy/bin/python]
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,7 +32,11 @@ from cvtimg.sphere import Refinement
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
-PARTS = ("triangulations", "uniform", "refined", "nested", "coast")
+PARTS = ("triangulations", "uniform", "refined", "nested", "coast", "patches")
+#: Root mean squares of offsets to be reached, by numbers of points.
+OFFSETS = {40_962: 1e-6, 163_842: 6e-6, 655_362: 4e-6, 2_621_442: 2e-6}
+#: Moves in patches.
+MOVES = 20
 #: The density of one cap with cells four times as fine, and five more.
 CAP = np.array([0.3, -0.5, 0.6]) / 0.7**0.5
 #: The regional grids of J. Burkardt's lecture "Gridding the Earth": 65,026 points, 40 km apart in the United States
@@ -120,11 +126,19 @@ def figures(grid: Any, seconds: float) -> Row:
 
 
 def uniform(quick: bool) -> list[Row]:
-    """Make grids of even cells."""
+    """Make grids of even cells, to the offsets above, and as they are made by default."""
     import cvtimg
+    from cvtimg.sphere.grids import EFFORTS
 
-    counts = (40_962, 40_000) if quick else (40_962, 163_842, 655_362, 2_621_442, 40_000)
-    return [figures(*timed(partial(cvtimg.sphere_grid, n), time.process_time)) for n in counts]
+    counts = (40_962, 40_000) if quick else (*OFFSETS, 40_000)
+    rows = []
+    for n in counts:
+        if n in OFFSETS:
+            EFFORTS["to the offset"] = replace(EFFORTS["balanced"], tolerance=OFFSETS[n])
+            grid, seconds = timed(partial(cvtimg.sphere_grid, n, effort="to the offset"), time.process_time)
+            rows.append({"to": OFFSETS[n], **figures(grid, seconds)})
+        rows.append({"to": "default", **figures(*timed(partial(cvtimg.sphere_grid, n), time.process_time))})
+    return rows
 
 
 def refined(quick: bool) -> list[Row]:
@@ -228,6 +242,40 @@ def _land() -> Points | None:
         at_sea = content["mask"]
     strips = [at_sea[top : top + 10].reshape(10, -1, 10).mean(axis=(0, 2)) for top in range(0, len(at_sea), 10)]
     return np.asarray(1 - np.array(strips))
+
+
+def patches(quick: bool) -> list[Row]:
+    """Move the points of a bisected grid in patches: wall and processor seconds, and whether bits are the same."""
+    from clusters import here, on_cluster
+    from distributed import get_client
+
+    import cvtimg
+    from cvtimg.sphere import move_in_patches
+    from cvtimg.sphere.descent import uniform_cells
+    from cvtimg.sphere.grids import as_grid
+    from cvtimg.sphere.starts import bisected, in_order
+    from cvtimg.sphere.triangulation import Triangulation
+
+    n = 40_962 if quick else 655_362
+    coarse = cvtimg.sphere_grid((n + 6) // 4, polish=False)
+    grid = as_grid(in_order(bisected(Triangulation(coarse.points, coarse.triangles))), uniform_cells, None)
+    rows, first = [], None
+    for n_patches, n_workers in ((1, 0), (2, 0), (2, 1), (2, 2), (8, 2)):
+        move = partial(move_in_patches, grid, MOVES, n_patches=n_patches)
+        result, cost = on_cluster(n_workers, lambda f=move: f(client=get_client())) if n_workers else here(move)
+        first = result if first is None else first
+        rows.append(
+            {
+                "n": n,
+                "patches": n_patches,
+                "workers": n_workers or "none",
+                "wall": cost.wall,
+                "processor seconds": cost.cpu,
+                "offset": result.offset,
+                "same bits": bool((result.points == first.points).all()),
+            }
+        )
+    return rows
 
 
 def _shown(value: Any) -> str:

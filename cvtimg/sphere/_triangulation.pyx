@@ -299,6 +299,24 @@ def list_corners(
         offsets[firsts.shape[0]] = n
 
 
+def sum_neighbors(
+    const int32_t[:, ::1] triangles,  # IN (T, 3)
+    const double[:, ::1] vectors,     # IN (N, 3)
+    double[:, ::1] sums,              # OUT (N, 3): of those of the neighbors of each vertex
+):
+    """Sum vectors over the neighbors of vertices."""
+    cdef Py_ssize_t t
+    cdef int k, j
+    cdef int32_t vertex, following
+    with nogil:
+        sums[:] = 0
+        for t in range(triangles.shape[0]):
+            for k in range(3):
+                vertex, following = triangles[t, k], triangles[t, (k + 1) % 3]
+                for j in range(3):
+                    sums[vertex, j] += vectors[following, j]
+
+
 def shortest_edge(
     const double[:, ::1] points,      # IN (N, 3)
     const int32_t[:, ::1] triangles,  # IN (T, 3)

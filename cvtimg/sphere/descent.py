@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import in_parts
 from cvtimg.engine.methods import Watch
-from cvtimg.placement.quasi_newton import StepMemory
+from cvtimg.sphere import _steps
 from cvtimg.sphere.densities import SphereDensity
-from cvtimg.sphere.triangulation import Points, Triangulation, unit
+from cvtimg.sphere.steps import Stretch, block_size, follow
+from cvtimg.sphere.triangulation import Points, Triangulation
 
-#: No point moves farther than this part of the size of its cell.
-_LONGEST = 0.3
-#: A move that would turn a triangle over is halved down to this part; after that the triangulation is built anew.
-_SHORTEST = 1e-3
-#: Steps are forgotten where offsets grow by more than this factor in one move.
-_WORSE = 2.0
+#: What the energy of even cells is, but for what depends on the points.
+UNIFORM_ENERGY = 8 * np.pi
+#: Steps of the kernels for each cell, by which their work is divided among threads.
+_WORK = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,26 +34,36 @@ class Cells:
         Integral of the density times x, without its part along the point: mass times the way to the center of mass.
     areas : (N,) float64 array
         By which steps are measured.
-    energy : float
+    energies : (N,) float64 array
+        Parts of the energy; those of even cells are without a constant.
+    constant : float
+        What is to be added to their sum.
     """
 
     masses: NDArray[np.float64]
     pulls: Points
     areas: NDArray[np.float64]
-    energy: float
+    energies: NDArray[np.float64]
+    constant: float = 0.0
 
     @property
-    def offset(self) -> float:
-        """Root mean square of the distances to centers of mass, by the sizes of cells."""
-        return float(np.sqrt(self._offsets().mean()))
+    def energy(self) -> float:
+        """Integral of the density times the squared distance to the points."""
+        return self.constant + float(self.energies.sum())
 
     def offset_of(self, free: NDArray[np.bool_] | None) -> float:
-        """Return the same for the free points alone."""
-        return self.offset if free is None else float(np.sqrt(self._offsets()[free].mean()))
+        """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
+        return float(np.sqrt((self.offsets() if free is None else self.offsets()[free]).mean()))
 
-    def _offsets(self) -> NDArray[np.float64]:
+    def offsets(self) -> NDArray[np.float64]:
+        """Return squared distances (N,) to centers of mass, by the areas of cells."""
         squares: NDArray[np.float64] = np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
         return squares
+
+    def of(self, own: slice, free: NDArray[np.bool_] | None = None) -> Cells:
+        """Return some of the cells, with no pull at points that are not free."""
+        pulls = self.pulls[own] if free is None else np.where(free[:, None], self.pulls[own], 0.0)
+        return Cells(self.masses[own], pulls, self.areas[own], self.energies[own], self.constant)
 
 
 class SumCells(Protocol):
@@ -67,11 +76,14 @@ class SumCells(Protocol):
 
 def uniform_cells(mesh: Triangulation) -> Cells:
     """Integrate over cells for the density 1, exactly but for areas, which are lengths of moments."""
-    moments = mesh.uniform_moments()
-    along = np.einsum("ij,ij->i", moments, mesh.points)
-    areas = np.sqrt(np.einsum("ij,ij->i", moments, moments))
-    moments -= along[:, None] * mesh.points
-    return Cells(areas, moments, areas, 8 * np.pi - 2 * float(along.sum()))
+    points, pulls = mesh.points, mesh.uniform_moments()
+    areas, along = np.empty((2, len(points)))
+
+    def kernel(start: int, stop: int) -> None:
+        _steps.split_moments(points, start, stop, pulls, areas, along)
+
+    in_parts(kernel, len(points), _WORK * len(points))
+    return Cells(areas, pulls, areas, -2 * along, UNIFORM_ENERGY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +97,7 @@ class WeightedCells:
         centers, at_points = mesh.circumcenters(), self.density(mesh.points)
         masses, moments, energies = mesh.weighted_moments(at_points, centers, self.density(centers))
         moments -= np.einsum("ij,ij->i", moments, mesh.points)[:, None] * mesh.points
-        return Cells(masses, moments, masses / at_points, float(energies.sum()))
+        return Cells(masses, moments, masses / at_points, energies)
 
 
 #: Where points (N, 3) that have moved may be, given where they came from.
@@ -118,57 +130,38 @@ class Terms:
 
 
 def descend(mesh: Triangulation, sum_cells: SumCells, terms: Terms) -> Cells:
-    """Move the points of a triangulation by limited-memory BFGS with capped steps; return the cells at the end.
-
-    The energy is not searched along a direction: the quadrature of a density is not exactly its own gradient, and where
-    it is, the full step is nearly always taken.
-    """
-    memory = StepMemory()
-    at = sum_cells(mesh)
-    offset = at.offset_of(terms.free)
-    for _ in range(terms.most):
-        if offset <= terms.tolerance or terms.watch(at.energy):
-            break
-        before, gradient = mesh.points, _gradient(at, terms)
-        step = -memory.times(gradient, partial(np.multiply, 0.5 / at.masses[:, None]))
-        if float(np.einsum("kd,kd", step, gradient)) >= 0:
-            memory.clear()
-            step = at.pulls / at.masses[:, None] if terms.free is None else -gradient / (2 * at.masses[:, None])
-        _move(mesh, _capped(step, at.areas), terms)
-        at = sum_cells(mesh)
-        memory.learn(mesh.points - before, _gradient(at, terms) - gradient)
-        last, offset = offset, at.offset_of(terms.free)
-        if offset > _WORSE * last:
-            memory.clear()
-    return at
+    """Move the points of a triangulation by limited-memory BFGS with capped steps; return the cells at the end."""
+    whole = _Whole(mesh, sum_cells, terms)
+    follow(whole, terms.most, terms.tolerance, terms.watch)
+    return whole.stretch.cells
 
 
-def _gradient(cells: Cells, terms: Terms) -> Points:
-    gradient = -2 * cells.pulls
-    if terms.free is not None:
-        gradient[~terms.free] = 0
-    return gradient
+class _Whole:
+    """All points of a triangulation, as they move."""
 
+    def __init__(self, mesh: Triangulation, sum_cells: SumCells, terms: Terms) -> None:
+        n = len(mesh.points)
+        self.stretch = Stretch(mesh, slice(0, n), sum_cells, block_size(n), terms.free)
+        self._terms = terms
 
-def _capped(step: Points, areas: NDArray[np.float64]) -> Points:
-    squares = np.einsum("ij,ij->i", step, step) / (_LONGEST**2 * areas)
-    if squares.max() > 1:
-        step /= np.sqrt(np.maximum(squares, 1))[:, None]
-    return step
+    @property
+    def constant(self) -> float:
+        return self.stretch.cells.constant
 
+    @property
+    def n_free(self) -> int:
+        return len(self.stretch.points) if self._terms.free is None else int(self._terms.free.sum())
 
-def _move(mesh: Triangulation, step: Points, terms: Terms) -> None:
-    """Move points by a step, or by a part of it where triangles would turn over."""
-    start, part = mesh.points, 1.0
-    while True:
-        there = unit(start + (step if part == 1 else part * step))
+    def measured(self, slot: int) -> NDArray[np.float64]:
+        return self.stretch.measured(slot)
+
+    def move(self, step: NDArray[np.float64], part: float, anyhow: bool) -> bool:
+        mesh, terms = self.stretch.mesh, self._terms
+        there = self.stretch.moved(step, part)
         if terms.project is not None:
-            there = terms.project(there, start)
+            there = terms.project(there, mesh.points)
         if terms.free is not None:
-            there[~terms.free] = start[~terms.free]
-        if mesh.move(there):
-            return
-        part /= 2
-        if part < _SHORTEST:
+            there[~terms.free] = mesh.points[~terms.free]
+        if anyhow:
             mesh.replace(there)
-            return
+        return anyhow or mesh.move(there)

@@ -15,7 +15,7 @@ from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as
 from cvtimg.sphere.descent import Cells, SumCells, Terms, WeightedCells, descend, uniform_cells
 from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, random_points, without
+from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
 from cvtimg.sphere.triangulation import Points, Triangulation, check_sphere_points, unit
 
 #: More points than this have more edges than 32 bits number.
@@ -194,8 +194,11 @@ class _Plan:
 
     def _climb(self, sizes: list[int], noise: float) -> Triangulation:
         mesh = self._coarsest(sizes[0])
+        start = mesh.points
         for level, n in enumerate(sizes):
             if level:
+                if self.density is None:
+                    moved_on(mesh, mesh.points - start)
                 mesh = bisected(mesh)
                 if len(mesh.points) > n:
                     mesh = Triangulation(without(mesh.points, len(mesh.points) - n, self.rng))
@@ -205,6 +208,7 @@ class _Plan:
             if noise and level:
                 step = noise * np.sqrt(sums(mesh).areas)[:, None]
                 mesh.replace(unit(mesh.points + step * self.rng.normal(size=mesh.points.shape)))
+            start = mesh.points
             self._descend(mesh, sums)
         return mesh
 

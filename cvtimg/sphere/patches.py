@@ -1,7 +1,8 @@
-"""Moves of the points of a large grid in patches, which share only the positions along their borders."""
+"""Moves of the points of a large grid in patches, which tell each other the positions along their borders."""
 
 from __future__ import annotations
 
+from inspect import iscoroutine
 from itertools import pairwise
 from typing import Any
 
@@ -9,20 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least, check_that
+from cvtimg.engine.methods import Watch
 from cvtimg.sphere.densities import Scaled, SphereDensityLike, as_sphere_density
-from cvtimg.sphere.descent import SumCells, WeightedCells, uniform_cells
+from cvtimg.sphere.descent import UNIFORM_ENERGY, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.grids import as_grid
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, Triangulation, unit
+from cvtimg.sphere.steps import Stretch, block_size, follow
+from cvtimg.sphere.triangulation import Points, Triangulation
 
-#: Points around those of a patch that it is told of, in the largest cell sizes; triangles may span half of that.
-_HALO, _SPAN = 6.0, 3.0
-#: Far points by which a patch closes the sphere.
+_Indices = NDArray[np.intp]
+
+#: Points around those of a patch that it is told of, in the largest cell sizes.
+_HALO = 6.0
+#: Caps of triangles may be as wide as this part of that, and points may move by this part: those that a patch is not
+#: told of are in none of its caps then.
+_WIDEST, _FARTHEST = 0.5, 0.25
+#: Far points by which a patch closes the sphere. They stay where they are.
 _FAR = 400
 
 
 def move_in_patches(
-    grid: SphereGrid, moves: int, *, n_patches: int = 2, density: SphereDensityLike = None, client: Any = None
+    grid: SphereGrid,
+    moves: int,
+    *,
+    tolerance: float = 0.0,
+    n_patches: int = 2,
+    density: SphereDensityLike = None,
+    client: Any = None,
 ) -> SphereGrid:
     """Move points to the centers of mass of their cells, in patches that may lie on several machines.
 
@@ -31,13 +45,17 @@ def move_in_patches(
     grid : SphereGrid
         Where to begin. Its points should be numbered along a curve, as those of `cvtimg.sphere_grid` are.
     moves : int
-        Number of moves of Lloyd's method, >= 0.
+        Number of moves at most, >= 0, by the method of `cvtimg.sphere_grid`.
+    tolerance : float
+        Points rest where the root mean square of their distances to centers of mass, by the sizes of cells, is no more
+        than this.
     n_patches : int
         Number of patches, >= 1.
     density : optional
         That of the grid, as in `cvtimg.sphere_grid`; 1 everywhere by default.
     client : dask.distributed.Client, optional
-        Whose workers hold the patches; without it they are moved one after the other.
+        Whose workers hold the patches, and send each other the positions of points along borders; the client is sent
+        sums. Without it patches are moved one after the other.
 
     Returns
     -------
@@ -47,7 +65,8 @@ def move_in_patches(
     Raises
     ------
     ValueError
-        If a number is out of range, or triangles are so large that patches are too small for them.
+        If a number is out of range, triangles are so large that patches are too small for them, or points are so far
+        from rest that they move across borders.
 
     Examples
     --------
@@ -59,68 +78,150 @@ def move_in_patches(
     True
     """
     check_at_least("moves", moves, 0, "the number of moves")
+    check_that("tolerance", tolerance >= 0, "be >= 0")
     check_at_least("n_patches", n_patches, 1, "the number of patches")
     weight = as_sphere_density(density)
     sums: SumCells = uniform_cells if weight is None else WeightedCells(Scaled(weight).for_cells(len(grid.points)))
-    points, bounds = grid.points.copy(), np.linspace(0, len(grid.points), n_patches + 1).astype(int)
-    reach = _HALO * float(np.sqrt(grid.areas.max()))
-    members = [_members(points, first, last, reach) for first, last in pairwise(bounds)]
-    patches: list[Any] = [
-        _Patch(points[ids], np.searchsorted(ids, [first, last]), sums, reach)
-        for ids, first, last in zip(members, bounds, bounds[1:], strict=False)
-    ]
-    if client is not None:
-        futures = [client.submit(_itself, patch, actor=True, pure=False) for patch in patches]
-        patches = [future.result() for future in futures]
-    for _ in range(moves):
-        steps = [patch.moved() for patch in patches]  # side by side, where workers have them
-        points = np.concatenate([step if client is None else step.result() for step in steps])
-        done = [patch.take(points[ids]) for patch, ids in zip(patches, members, strict=True)]
-        if client is not None:
-            for each in done:
-                each.result()
-    mesh = Triangulation(points)
-    return as_grid(mesh, sums, None)
+    patches = _Patches(grid, n_patches, sums, client)
+    follow(patches, moves, tolerance, Watch())
+    return as_grid(Triangulation(patches.points()), sums, None)
 
 
-def _itself(patch: _Patch) -> _Patch:
-    return patch
+class _Patches:
+    """All patches, side by side where workers have them."""
+
+    def __init__(self, grid: SphereGrid, n_patches: int, sums: SumCells, client: Any) -> None:
+        self.n_free, self.constant = len(grid.points), 0.0 if isinstance(sums, WeightedCells) else UNIFORM_ENERGY
+        self._is_remote = client is not None
+        block = block_size(self.n_free)
+        n_blocks = -(-self.n_free // block)
+        # Patches begin with a block, so that sums have the same parts for any number of them.
+        bounds = np.unique(np.linspace(0, n_blocks, n_patches + 1).astype(int)) * block
+        bounds[-1] = self.n_free
+        reach = _HALO * float(np.sqrt(grid.areas.max()))
+        members = [_members(grid.points, first, last, reach) for first, last in pairwise(bounds)]
+        self._patches = []
+        workers = list(client.nthreads()) if self._is_remote else []
+        for number, (near, ids) in enumerate(members):
+            own = slice(*np.searchsorted(ids, bounds[number : number + 2]).tolist())
+            owners = np.searchsorted(bounds, near, side="right") - 1
+            told = {
+                int(other): np.searchsorted(ids, near[owners == other])
+                for other in np.unique(owners)
+                if other != number
+            }
+            tells = {
+                other: theirs[(theirs >= bounds[number]) & (theirs < bounds[number + 1])] - bounds[number]
+                for other, (theirs, _) in enumerate(members)
+                if other != number
+            }
+            given = number, grid.points[ids], own, sums, block, reach, told, tells
+            if self._is_remote:
+                at = [workers[number % len(workers)]]
+                sent = client.scatter(given, workers=at, hash=False)
+                self._patches.append(client.submit(_Patch, sent, actor=True, pure=False, workers=at))
+            else:
+                self._patches.append(_Patch(given))
+        if self._is_remote:
+            self._patches = [future.result() for future in self._patches]
+        self._each("meet", self._patches)
+
+    def measured(self, slot: int) -> NDArray[np.float64]:
+        return np.concatenate(self._each("measured", slot))
+
+    def move(self, step: NDArray[np.float64], part: float, anyhow: bool) -> bool:
+        self._each("propose", step, part)
+        is_sound = all(self._each("exchange"))
+        if is_sound or anyhow:
+            self._each("settle")
+        return is_sound or anyhow
+
+    def points(self) -> Points:
+        return np.concatenate(self._each("positions"))
+
+    def _each(self, name: str, *args: Any) -> list[Any]:
+        answers = [getattr(patch, name)(*args) for patch in self._patches]
+        return [answer.result() for answer in answers] if self._is_remote else answers
 
 
-def _members(points: Points, first: int, last: int, reach: float) -> NDArray[np.intp]:
-    """Return the numbers of a patch's points, of those around them, and of some far away, in rising order."""
+def _members(points: Points, first: int, last: int, reach: float) -> tuple[_Indices, _Indices]:
+    """Return the numbers of a patch's points and those around them, and with some far away, in rising order."""
     from scipy.spatial import cKDTree
 
     distances = cKDTree(points[first:last]).query(points, distance_upper_bound=reach)[0]
-    near = np.flatnonzero(distances < np.inf)
-    far = np.flatnonzero(distances == np.inf)
-    return np.union1d(near, far[:: max(len(far) // _FAR, 1)])
+    near, far = np.flatnonzero(distances < np.inf), np.flatnonzero(distances == np.inf)
+    return near, np.union1d(near, far[:: max(len(far) // _FAR, 1)])
 
 
 class _Patch:
     """Points of which a stretch belongs to the patch; the others are what it must know of them."""
 
-    def __init__(self, points: Points, own: NDArray[np.intp], sums: SumCells, reach: float) -> None:
-        self._mesh = Triangulation(points)
-        self._own = slice(int(own[0]), int(own[1]))
-        self._sums = sums
-        self._widest = _SPAN / _HALO * reach
+    def __init__(self, given: tuple[Any, ...]) -> None:
+        self._number, points, self._own, sums, block, reach, self._told, self._tells = given
+        self._stretch = Stretch(Triangulation(points), self._own, sums, block)
+        self._start = self._stretch.points
+        self._reach = reach
 
-    def moved(self) -> Points:
-        """Return where the own points move to."""
+    def meet(self, patches: list[Any]) -> None:
+        """Take all patches, some of which are to be asked."""
+        self._others = patches
+
+    def positions(self) -> Points:
+        """Return where own points are."""
+        return self._stretch.points
+
+    def measured(self, slot: int) -> NDArray[np.float64]:
+        """Sum own cells, as a `Stretch` does."""
         self._check()
-        cells = self._sums(self._mesh)
-        there: Points = unit(self._mesh.points + cells.pulls / cells.masses[:, None])[self._own]
-        return there
+        return self._stretch.measured(slot)
 
-    def take(self, points: Points) -> None:
-        """Take the new positions of all points."""
-        self._mesh.replace(np.ascontiguousarray(points))
+    def propose(self, step: NDArray[np.float64], part: float) -> None:
+        """Find where own points may move to."""
+        self._there = self._stretch.moved(step, part)
+
+    def border(self, number: int) -> Points:
+        """Return where points may move to that another patch must know of."""
+        places: Points = self._there[self._tells[number]]
+        return places
+
+    async def border_meanwhile(self, number: int) -> Points:
+        """Return the same while this patch is at work, which asks others at that time."""
+        return self.border(number)
+
+    def exchange(self) -> bool:
+        """Ask others where their points may move to; return whether no triangle of own points turns over."""
+        mesh = self._stretch.mesh
+        self._proposed = mesh.points.copy()
+        self._proposed[self._own] = self._there
+        answers = {number: self._ask(self._others[number]) for number in self._told}
+        for number, answer in answers.items():
+            self._proposed[self._told[number]] = answer if isinstance(answer, np.ndarray) else answer.result()
+        return not mesh.n_turned(self._proposed, self._is_own(mesh.triangles))
+
+    def _ask(self, other: Any) -> Any:
+        answer = other.border_meanwhile(self._number)
+        if iscoroutine(answer):  # the other is in this process: nobody would wait for that
+            answer.close()
+            answer = other.border(self._number)
+        return answer
+
+    def settle(self) -> None:
+        """Move points to where they may move."""
+        self._stretch.mesh.replace(self._proposed)
+
+    def _is_own(self, triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
+        is_own: NDArray[np.bool_] = ((triangles >= self._own.start) & (triangles < self._own.stop)).any(axis=1)
+        return is_own
 
     def _check(self) -> None:
-        """Refuse triangles of own points that are so wide that a point outside of the halo may be in their caps."""
-        triangles = self._mesh.triangles
-        is_own = ((triangles >= self._own.start) & (triangles < self._own.stop)).any(axis=1)
-        gaps = self._mesh.circumcenters()[is_own] - self._mesh.points[triangles[is_own, 0]]
-        width = 2 * float(np.sqrt(np.einsum("ij,ij->i", gaps, gaps).max(initial=0)))
-        check_that("grid", width < self._widest, "have triangles no wider than half of what surrounds a patch")
+        """Refuse what may bring points that the patch is not told of into caps of its triangles."""
+        mesh = self._stretch.mesh
+        is_own = self._is_own(mesh.triangles)
+        width = 2 * _longest(mesh.circumcenters()[is_own] - mesh.points[mesh.triangles[is_own, 0]])
+        check_that("grid", width < _WIDEST * self._reach, "have triangles no wider than half of what surrounds a patch")
+        way = _longest(self._stretch.points - self._start)
+        check_that("grid", way < _FARTHEST * self._reach, "be so near to rest that points do not move across borders")
+
+
+def _longest(vectors: Points) -> float:
+    return float(np.sqrt(np.einsum("ij,ij->i", vectors, vectors).max(initial=0)))

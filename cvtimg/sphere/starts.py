@@ -8,6 +8,7 @@ import numpy as np
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg.engine.ordering import along_curve
+from cvtimg.sphere import _triangulation
 from cvtimg.sphere.densities import SphereDensity, fibonacci, from_degrees
 from cvtimg.sphere.triangulation import Points, Triangulation, unit
 
@@ -15,6 +16,8 @@ from cvtimg.sphere.triangulation import Points, Triangulation, unit
 _CANDIDATES, _FEWEST = 64, 1 << 17
 #: How far the midpoints of a lattice are turned about the poles, so that columns are not in line.
 _HALF = 0.5
+#: How far points move on before they are bisected, by the way that they have come, and how often that is smoothed.
+_MOVED_ON, _SMOOTHINGS = 0.5, 6
 
 
 def icosahedron() -> Triangulation:
@@ -42,6 +45,19 @@ def bisected(mesh: Triangulation) -> Triangulation:
     ab, bc, ca = number.reshape(-1, 3).T
     triangles = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
     return Triangulation(np.concatenate([mesh.points, middles]), triangles)
+
+
+def moved_on(mesh: Triangulation, shift: Points) -> None:
+    """Move points on along the way (N, 3) that they have come, so that less is left to go after they are bisected.
+
+    What a grid still has to move after bisection is smooth, and about half of what the coarser one had.
+    """
+    degrees = np.bincount(mesh.triangles.ravel(), minlength=len(shift))[:, None]
+    around = np.empty_like(shift)
+    for _ in range(_SMOOTHINGS):
+        _triangulation.sum_neighbors(mesh.triangles, shift, around)
+        shift = (shift + around / degrees) / 2
+    mesh.replace(unit(mesh.points + _MOVED_ON * shift))
 
 
 def in_order(mesh: Triangulation) -> Triangulation:

@@ -84,6 +84,11 @@ class Triangulation:
             self.points = np.ascontiguousarray(points)
             self._insert_all()
 
+    def n_turned(self, points: Points, which: NDArray[np.bool_]) -> int:
+        """Return how many triangles, of those that a mask (T,) selects, turn over when all points move."""
+        triangles = self.triangles[which]
+        return _triangulation.half_arcs_of_edges(points, triangles, 0, len(triangles), np.empty(triangles.shape))
+
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
         centers = np.empty(self.triangles.shape)

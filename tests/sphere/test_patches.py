@@ -9,6 +9,9 @@ import pytest
 
 from cvtimg import sphere_grid
 from cvtimg.sphere import Refinement, move_in_patches
+from cvtimg.sphere.descent import Terms, _Whole, descend, uniform_cells
+from cvtimg.sphere.patches import _Patches
+from cvtimg.sphere.steps import N_STEPS
 from cvtimg.sphere.triangulation import Triangulation, unit
 
 GRID = sphere_grid(6000, effort="fast", polish=False)
@@ -17,12 +20,32 @@ GRID = sphere_grid(6000, effort="fast", polish=False)
 @pytest.mark.parametrize("n_patches", [1, 2, 5])
 def test_patches_give_the_bits_of_one_mesh(n_patches: int) -> None:
     mesh = Triangulation(GRID.points)
-    for _ in range(4):
-        moments = mesh.uniform_moments()
-        areas = np.sqrt(np.einsum("ij,ij->i", moments, moments))
-        moments -= np.einsum("ij,ij->i", moments, mesh.points)[:, None] * mesh.points
-        mesh.replace(unit(mesh.points + moments / areas[:, None]))
-    assert (move_in_patches(GRID, 4, n_patches=n_patches).points == mesh.points).all()
+    descend(mesh, uniform_cells, Terms(12, 0.0))
+    assert not (mesh.points == GRID.points).all()
+    assert (move_in_patches(GRID, 12, n_patches=n_patches).points == mesh.points).all()
+
+
+def test_patches_rest_within_a_tolerance() -> None:
+    assert move_in_patches(GRID, 1000, tolerance=1e-4).offset <= 1e-4 < GRID.offset
+
+
+def test_steps_that_turn_triangles_over_are_halved_in_all_patches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg.sphere.steps._LONGEST", 10.0)
+    points = unit(GRID.points + 0.2 * np.sqrt(GRID.areas)[:, None] * np.random.default_rng(1).normal(size=(6000, 3)))
+    mesh = Triangulation(points)
+    whole = _Whole(mesh, uniform_cells, Terms(1, 0.0))
+    patches = _Patches(replace(GRID, points=points), 3, uniform_cells, None)
+    step = np.zeros(2 * N_STEPS + 1)
+    answers = []
+    for moving in (whole, patches):
+        sums = moving.measured(0).sum(axis=0)
+        step[-1] = -5 * sums[3] / sums[2]  # ten times as far as centers of mass
+        part = 1.0
+        while not moving.move(step, part, False):
+            part /= 2
+        answers.append(part)
+    assert answers[0] == answers[1] < 1
+    assert (patches.points() == mesh.points).all()
 
 
 def test_patches_follow_a_density() -> None:
@@ -38,8 +61,8 @@ def test_patches_follow_a_density() -> None:
 def test_workers_of_dask_give_the_same_bits() -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=":0") as client:
-        found = move_in_patches(GRID, 2, n_patches=2, client=client)
-    assert (found.points == move_in_patches(GRID, 2).points).all()
+        found = move_in_patches(GRID, 9, n_patches=3, client=client)
+    assert (found.points == move_in_patches(GRID, 9, n_patches=1).points).all()
 
 
 def test_triangles_too_wide_for_a_patch_are_refused() -> None:
