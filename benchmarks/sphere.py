@@ -2,8 +2,8 @@
 
 Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids, to given offsets and to those where
 `sphere_grid` stops; refined ones, with the energy by the quadrature that published figures are given in as well; nested
-ones; grids along coasts, of the package global-land-mask or of a mask; and moves in patches, here and on workers of Dask,
-with the processor seconds of all processes.
+ones; grids along coasts, of the package global-land-mask or of a mask; and moves in patches, here and on workers of
+Dask, with the processor seconds of all processes.
 
     python -m venv stripy && stripy/bin/pip install "numpy<2" stripy
     python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast,patches]
