@@ -251,7 +251,7 @@ def patches(quick: bool) -> list[Row]:
 
     import cvtimg
     from cvtimg.sphere import move_in_patches
-    from cvtimg.sphere.descent import uniform_cells
+    from cvtimg.sphere.cell_sums import uniform_cells
     from cvtimg.sphere.grids import as_grid
     from cvtimg.sphere.starts import bisected, in_order
     from cvtimg.sphere.triangulation import Triangulation

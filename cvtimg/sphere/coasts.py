@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg.engine.methods import Callback, Watch
+from cvtimg.sphere.cell_sums import SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -19,7 +20,6 @@ from cvtimg.sphere.densities import (
     check_globe,
     from_degrees,
 )
-from cvtimg.sphere.descent import SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid

@@ -11,8 +11,9 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, 
 from cvtimg._shared.choices import EffortName
 from cvtimg.engine.methods import Callback, Watch
 from cvtimg.regions.densities import ConstantDensity
+from cvtimg.sphere.cell_sums import Cells, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
-from cvtimg.sphere.descent import Cells, SumCells, Terms, WeightedCells, descend, uniform_cells
+from cvtimg.sphere.descent import Terms, descend
 from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_returned, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg.engine.methods import Callback, Watch
+from cvtimg.sphere.cell_sums import WeightedCells
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -20,7 +21,7 @@ from cvtimg.sphere.densities import (
     as_sphere_density,
     from_degrees,
 )
-from cvtimg.sphere.descent import Terms, WeightedCells, descend
+from cvtimg.sphere.descent import Terms, descend
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid

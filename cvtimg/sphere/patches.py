@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least, check_that
 from cvtimg.engine.methods import Watch
+from cvtimg.sphere.cell_sums import UNIFORM_ENERGY, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensityLike, as_sphere_density
-from cvtimg.sphere.descent import UNIFORM_ENERGY, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.grids import as_grid
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.steps import Stretch, block_size, follow

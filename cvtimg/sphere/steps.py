@@ -7,18 +7,16 @@ using MapReduce, Advances in Neural Information Processing Systems 27 (2014) 133
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
+from cvtimg.engine.methods import Watch
 from cvtimg.sphere import _steps
+from cvtimg.sphere.cell_sums import SumCells
 from cvtimg.sphere.triangulation import Points, Triangulation
-
-if TYPE_CHECKING:
-    from cvtimg.engine.methods import Watch
-    from cvtimg.sphere.descent import SumCells
 
 _Floats = NDArray[np.float64]
 

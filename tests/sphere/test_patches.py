@@ -9,7 +9,8 @@ import pytest
 
 from cvtimg import sphere_grid
 from cvtimg.sphere import Refinement, move_in_patches
-from cvtimg.sphere.descent import Terms, _Whole, descend, uniform_cells
+from cvtimg.sphere.cell_sums import uniform_cells
+from cvtimg.sphere.descent import Terms, _Whole, descend
 from cvtimg.sphere.patches import _Patches
 from cvtimg.sphere.steps import N_STEPS
 from cvtimg.sphere.triangulation import Triangulation, unit
