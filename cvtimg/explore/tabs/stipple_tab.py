@@ -18,6 +18,21 @@ from cvtimg.explore.tabs.base import Ask, Tab, reading
 _DRAWN = {"width": 200.0, "marks": "disks", "pen_width": "auto", "order": "tour"}
 
 
+def _radius(name: str, label: str, default: float, largest: float) -> Number:
+    """Make the control of a radius of dots; its slider ends at `largest`."""
+    return Number(
+        name=name,
+        label=label,
+        default=default,
+        low=0.01,
+        high=1000,
+        slider=(0.1, largest),
+        step=0.1,
+        unit="px",
+        when={"dots": ["sized"], "limited": [True]},
+    )
+
+
 class StippleTab(Tab):
     """Stippling."""
 
@@ -46,28 +61,8 @@ class StippleTab(Tab):
             keyword="dots",
         ),
         Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
-        Number(
-            name="least",
-            label="Least radius",
-            default=0.5,
-            low=0.01,
-            high=1000,
-            slider=(0.1, 10),
-            step=0.1,
-            unit="px",
-            when={"dots": ["sized"], "limited": [True]},
-        ),
-        Number(
-            name="greatest",
-            label="Greatest radius",
-            default=4.0,
-            low=0.01,
-            high=1000,
-            slider=(0.1, 20),
-            step=0.1,
-            unit="px",
-            when={"dots": ["sized"], "limited": [True]},
-        ),
+        _radius("least", "Least radius", 0.5, 10),
+        _radius("greatest", "Greatest radius", 4.0, 20),
         Number(
             name="max_ink",
             label="Ink in black",
