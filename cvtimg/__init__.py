@@ -1,4 +1,4 @@
-"""Centroidal Voronoi tessellations of the colors of images.
+"""Centroidal Voronoi tessellations of the colors of images, and of images, regions, surfaces and the globe.
 
 The verbs are here, and the names that belong to them in the package of their subject: ``cvtimg.quantize`` returns a
 ``cvtimg.quantization.Quantized``. Each is imported when it is first used, so that ``import cvtimg`` costs next to

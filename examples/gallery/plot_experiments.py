@@ -2,8 +2,8 @@
 A design of experiments
 =======================
 
-Thirty runs of an experiment with three inputs, in pairs of axes, among twenty runs that were made before (crosses). In
-each tenth of an axis there are as many.
+Thirty runs of an experiment with three inputs, in pairs of axes, among twenty runs that were made before (crosses).
+Each tenth of an axis has the same number of runs.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 Merging exposures
 =================
 
-Three noisy exposures of one scene, taken from the hand: each is shifted by a few pixels. Their mean is blurred;
+Three noisy, hand-held exposures of one scene, each shifted by a few pixels. Their mean is blurred;
 `restore` aligns them first and then removes the noise.
 """
 

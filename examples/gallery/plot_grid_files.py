@@ -2,7 +2,7 @@
 Grids of the globe on charts
 ============================
 
-A grid of 5,000 cells that are four times as fine around Europe, as it is seen from there and on a map.
+A grid of 5,000 cells, four times as fine around Europe, seen from there and on a map.
 """
 
 from io import BytesIO

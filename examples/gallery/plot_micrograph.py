@@ -3,7 +3,7 @@ A noisy micrograph
 ==================
 
 A drawn texture like bone under noise, as in a short exposure, in two phases. The true mask is known, so errors can be
-shown: pixels that are labeled wrongly are red.
+shown: wrongly labeled pixels are red.
 """
 
 import sys

@@ -2,8 +2,8 @@
 Stippling for a plotter
 =======================
 
-A portrait in the dots of a pen of 0.7 mm on paper 120 mm wide, the way of the pen through them, and the same portrait
-in four pens.
+A portrait in the dots of a 0.7 mm pen on paper 120 mm wide, the path of the pen through them, and the same portrait in
+four pens.
 """
 
 from pathlib import Path
