@@ -28,8 +28,9 @@ def seen_by_segments(outline: Any, points: NDArray[Any], places: NDArray[Any]) -
     import shapely
 
     barriers = shapely.union_all(shapely.linestrings(outline.barriers.reshape(-1, 2, 2)))
+    shapely.prepare(barriers)
     ends = np.stack(np.broadcast_arrays(places[:, None], points), axis=2)
-    return np.asarray(~shapely.crosses(shapely.linestrings(ends), barriers))
+    return np.asarray(~shapely.crosses(barriers, shapely.linestrings(ends)))
 
 
 def distances(region: Region, slits: Any, points: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
