@@ -44,7 +44,7 @@ demo: $(VENV)/installed
 # The quick tests; TESTS=all runs the slow ones too.
 TESTS ?= quick
 test: $(VENV)/extra-test
-	$(BIN)/pytest -n auto tests --pyargs cvtimg $(if $(filter all,$(TESTS)),,-m "not slow")
+	$(BIN)/pytest -n auto --dist worksteal tests --pyargs cvtimg $(if $(filter all,$(TESTS)),,-m "not slow")
 
 lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff check .

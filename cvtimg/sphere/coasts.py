@@ -31,6 +31,8 @@ _SMOOTHING, _FEWEST_CELLS = 1.0, 6.0
 _PIXELS = 3.0
 #: Islands that are left out, and lakes, are so far from the height of the coast, 0.5.
 _FLAT = 0.02
+#: Two points meet on a coast where they would be nearer than this part of a cell.
+_TOGETHER = 0.05
 #: Points on coasts that are crowded go this far aside, in sizes of cells: those whose cells hold less of the coast than
 #: this part of the size, and than their neighbors' cells; every so many moves, in the first part of all moves.
 _ASIDE, _CROWDED, _EVERY, _FIRST_PART = 1.1, 0.8, 10, 0.7
@@ -113,7 +115,7 @@ def coastal_grid(
         if watch(cells.energy):
             break
         there = unit(mesh.points + cells.pulls / cells.masses[:, None])
-        on_coast = coast.crosses(mesh, on_coast)
+        on_coast = coast.claimed(there, coast.crosses(mesh, on_coast), float(np.sqrt(cells.areas.min())))
         centers, there[on_coast] = there[on_coast], coast.nearest(there[on_coast])
         if move % _EVERY == _EVERY - 1 and move < _FIRST_PART * settings.moves:
             # Where two rows of points come to the same coast, one of them must leave it.
@@ -143,7 +145,7 @@ def _settled(
 
     for _ in range(_ROUNDS):
         added = coast.crosses(mesh, on_coast) & ~on_coast
-        on_coast = on_coast | added
+        on_coast = coast.claimed(mesh.points, on_coast | added, float(sizes.min()))
         mesh.replace(project(mesh.points.copy(), mesh.points))
         polish_angles(mesh, sizes, _MOVES, project=project)
         polish_angles(mesh, sizes, _LAST_MOVES, bounds=_WIDER, project=project)
@@ -223,6 +225,18 @@ class Coast:
         n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + own, n_corners + 1))
         crossed: NDArray[np.bool_] = (n_land > 0) & (n_land < n_corners)
         return crossed
+
+    def claimed(self, points: Points, on_coast: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
+        """Tell which of those (N,) points go to the coast: of two that would meet there, the nearer one does."""
+        from scipy.spatial import cKDTree
+
+        which = np.flatnonzero(on_coast)
+        places = self.nearest(points[which])
+        far = np.linalg.norm(points[which] - places, axis=1)
+        pairs = cKDTree(places).query_pairs(_TOGETHER * size, output_type="ndarray")
+        claimed = on_coast.copy()
+        claimed[which[np.where(far[pairs[:, 0]] < far[pairs[:, 1]], pairs[:, 1], pairs[:, 0])]] = False
+        return claimed
 
     def crowded(
         self, mesh: Triangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]

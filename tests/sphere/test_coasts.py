@@ -90,6 +90,22 @@ def test_the_nearest_place_of_a_coast_is_on_it() -> None:
     assert coast.is_land(places).tolist() == [True, True, False]
 
 
+def test_of_points_that_would_meet_on_the_coast_the_nearer_one_goes_there() -> None:
+    lat = np.linspace(89.5, -89.5, 180)[:, None]
+    coast = Coast.of(np.broadcast_to(lat > 0, (180, 360)), 0.05)
+    points = from_degrees([0, 0, 90, 90, 180], [2, -1, 3, -3, 5])
+    claimed = coast.claimed(points, np.array([True, True, True, True, False]), 0.05)
+    assert claimed.tolist()[:2] == [False, True]
+    assert claimed[2:4].sum() == 1
+    assert not claimed[4]
+
+
+def test_a_grid_that_mirrors_itself_at_its_coast_is_made() -> None:
+    grid = coastal_grid(642, np.broadcast_to(np.arange(60)[:, None] < 30, (60, 120)))
+    assert grid.on_coast.any()
+    assert straddling(grid) == 0
+
+
 def test_a_globe_without_a_coast_is_refused() -> None:
     with pytest.raises(ValueError, match="n=3 must be an integer >= 4"):
         coastal_grid(3, continents())
