@@ -15,7 +15,7 @@ from typing import TypeAlias
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
 from cvtimg.files.finding import image_suffixes
-from cvtimg.files.remote import find_remote, is_remote
+from cvtimg.files.remote import find_remote, is_remote, url_as_stored, url_of
 
 __all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
 
@@ -258,17 +258,19 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
         if is_standard(path):
             continue
         if _identity(path) in inputs - {None}:
-            raise WrongUsageError(f"{path} is an input, which is never replaced; choose another output")
+            raise WrongUsageError(f"{url_of(path)} is an input, which is never replaced; choose another output")
         place = os.path.normcase(path.resolve())
         if place in owners:
             who = f"two outputs of {owner}" if owners[place] == owner else f"{owners[place]} and {owner}"
-            raise WrongUsageError(f"{who} would both become {path}")
+            raise WrongUsageError(f"{who} would both become {url_of(path)}")
         owners[place] = owner
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Return the device and inode, which are the same for all names and links of a file, or None if there is none."""
+def _identity(path: Path) -> tuple[int, int] | str | None:
+    """Return what is the same for all names of a file: device and inode, or the URL; None if there is no such file."""
     try:
+        if is_remote(path):
+            return url_as_stored(path)
         status = path.stat()
     except OSError:  # its own task reports the error
         return None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cvtimg.batch.tasks import Row, WrongUsageError
+from cvtimg.files.remote import exists, read_copies, url_of
 
 __all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
@@ -96,7 +97,7 @@ class Report:
 
         is_json = path.suffix.lower() == ".jsonl"
         rows = [_flat(row) for row in self._rows] if not is_json else self._rows
-        if append and path.exists():
+        if append and exists(path):
             rows = _merged(_read_lines(path) if is_json else _read_csv(path), rows)
         text = _lines(rows) if is_json else _csv(rows)
         write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
@@ -128,11 +129,13 @@ def _merged(before: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
     return list(known.values())
 
 
+@read_copies
 def _read_lines(path: Path) -> list[Row]:
     with path.open(errors="surrogateescape") as file:
         return [json.loads(line) for line in file]
 
 
+@read_copies
 def _read_csv(path: Path) -> list[Row]:
     import csv
 
@@ -198,7 +201,7 @@ def reason(path: str | Path, error: Exception) -> str:
 
     if isinstance(error, MemoryError):
         return "needs more memory than there is"
-    text = one_line(error).removeprefix(f"{path}: ")
+    text = one_line(error).removeprefix(f"{path}: ").removeprefix(f"{url_of(path)}: ")
     name = type(error).__name__
     return text if isinstance(error, (OSError, ValueError, ImportError)) or text in ("", name) else f"{name}: {text}"
 

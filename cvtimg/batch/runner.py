@@ -17,7 +17,7 @@ from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.progress import Step, progress
 from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
-from cvtimg.files.remote import check_is_new, fetch, is_remote, remote_exists, send, url_of
+from cvtimg.files.remote import check_is_new, exists, fetch, is_remote, send, url_of
 
 __all__ = ["Running", "check_plan", "fold", "run"]
 
@@ -189,11 +189,7 @@ def _n_bytes(column: str, files: Sequence[Path]) -> Row:
 
 
 def _is_done(task: Task) -> bool:
-    return bool(task.outputs) and all(_exists(path) for path in task.outputs.values())
-
-
-def _exists(path: Path) -> bool:
-    return remote_exists(path) if is_remote(path) else path.exists()
+    return bool(task.outputs) and all(map(exists, task.outputs.values()))
 
 
 def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
@@ -233,10 +229,10 @@ def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], running: Running
 
 def _on_copies(task: Task, *, work: Callable[[Task], Any]) -> Any:
     """Do work without outputs, on copies of inputs that are elsewhere."""
-    inputs = Task(task.sources, {}, task.shown)
     if not any(map(is_remote, task.sources)):
         return work(task)
     with TemporaryDirectory(prefix="cvtimg-") as folder:
+        inputs = Task(task.sources, {}, task.shown)
         return work(_fetched(inputs, folder=Path(folder), overwrite=False, by_url=()))
 
 

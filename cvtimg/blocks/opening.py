@@ -12,8 +12,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_shape, check_that
+from cvtimg._shared.checks import check_choice, check_in_range, check_shape, check_that
 from cvtimg._shared.extras import needs
+from cvtimg._shared.messages import one_line
 from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
 from cvtimg.files.remote import is_remote, open_remote, remote_folder, url_of
 from cvtimg.files.whole import StrPath
@@ -52,11 +53,11 @@ def open_blocks(
     Raises
     ------
     ValueError
-        If the file is of another kind, or a column is missing.
+        If the file is of another kind, or a column is missing or not of numbers.
     OSError
         If it cannot be read.
     ImportError
-        If Dask is missing, or what the kind of file needs: zarr or pyarrow.
+        If Dask is not installed, or zarr or pyarrow for such files.
 
     Examples
     --------
@@ -98,7 +99,7 @@ def _of_array(place: str, array: Any, columns: Sequence[str] | None, weight: str
     numbers = {name: number for number, name in enumerate(names)}
     numbers |= {str(number): number for number in range(len(names))}
     for name in [*(columns or ()), *([] if weight is None else [weight])]:
-        check_choice(f"{place}: column", name, [*names, name] if name in numbers else names)
+        check_in_range(f"{place}: column", name, name in numbers, f"one of {', '.join(names)}")
     weighted = None if weight is None else numbers[weight]
     chosen = [n for n in range(len(names)) if n != weighted] if columns is None else [numbers[name] for name in columns]
     whole = as_blocks(array)
@@ -112,7 +113,10 @@ def _zarr_array(place: str) -> Any:
         import zarr
     except ImportError as error:
         raise ImportError(f"{place}: needs {needs('zarr 3.1 or newer', 'zarr')}") from error
-    stored = zarr.open_array(place, mode="r")
+    try:
+        stored = zarr.open_array(place, mode="r")
+    except (OSError, ValueError) as error:
+        raise OSError(f"{place}: is not a Zarr array ({one_line(error)})") from error
     check_shape(place, stored.shape, stored.ndim in (1, 2) and 0 not in stored.shape, "(N,) or (N, D) with N, D >= 1")
     return dask_arrays().from_zarr(stored)[:, None] if stored.ndim == 1 else as_blocks(stored).rows
 
@@ -148,9 +152,13 @@ def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
 
 
 def _fetch_rows(place: str, begin: int, end: int, *, start: int, width: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    row_bytes = width * dtype.itemsize
     with _opened(place) as file:
-        file.seek(start + begin * width * dtype.itemsize)
-        return np.frombuffer(file.read((end - begin) * width * dtype.itemsize), dtype).reshape(-1, width)
+        file.seek(start + begin * row_bytes)
+        content = file.read((end - begin) * row_bytes)
+    if len(content) < (end - begin) * row_bytes:
+        raise OSError(f"{place}: is truncated")
+    return np.frombuffer(content, dtype).reshape(-1, width)
 
 
 def _opened(place: str) -> Any:
@@ -158,32 +166,51 @@ def _opened(place: str) -> Any:
 
 
 def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, missing: str) -> Blocks:
-    try:
-        from pyarrow import parquet
-    except ImportError as error:
-        raise ImportError(f"{place}: needs {needs('pyarrow', 'parquet')}") from error
     files = _parquet_files(place)
     check_that(place, bool(files), "have at least one .parquet file in it")
-    groups, lengths, schema = [], [], None
-    for name in files:
-        with _opened(name) as opened:
-            about = parquet.ParquetFile(opened)
-            schema = schema or about.schema_arrow
-            groups += [(name, number) for number in range(about.metadata.num_row_groups)]
-            lengths += [about.metadata.row_group(number).num_rows for number in range(about.metadata.num_row_groups)]
-    assert schema is not None
-    names = [name for name in schema.names if name != weight] if columns is None else list(columns)
-    for name in [*names, *([weight] if weight else [])]:
-        check_choice(f"{place}: column", name, schema.names)
-    # A row without a value has NaN for it.
-    dtype = np.result_type(
-        *(schema.field(name).type.to_pandas_dtype() for name in names), *([np.float32] if missing == "drop" else [])
-    )
-    rows = [partial(_read_group, name, number, names, dtype, missing) for name, number in groups]
+    headers = [_parquet_header(file) for file in files]
+    names = [name for name in headers[0][0].names if name != weight] if columns is None else list(columns)
+    # The same column may have other types in other files, and a row without a value has NaN for it.
+    types = [_type_of(file, schema, name) for file, (schema, _) in zip(files, headers, strict=True) for name in names]
+    dtype = np.result_type(*types, *([np.float32] if missing == "drop" else []))
+    groups = [(file, group) for file, (_, sizes) in zip(files, headers, strict=True) for group in range(len(sizes))]
+    lengths = [size for _, sizes in headers for size in sizes]
+    check_that(place, sum(lengths) > 0, "have rows")
+    rows = [partial(_read_group, file, group, names, dtype, missing) for file, group in groups]
     found = as_blocks(_joined(rows, lengths, (len(names),), dtype))
-    weights = [partial(_read_weights, name, number, weight, missing) for name, number in groups] if weight else []
-    joined = _joined(weights, lengths, (), np.dtype(np.float64)) if weight else None
-    return Blocks(found.rows, joined, None, tuple(names))
+    if weight is None:
+        return Blocks(found.rows, None, None, tuple(names))
+    for file, (schema, _) in zip(files, headers, strict=True):
+        _type_of(file, schema, weight)
+    weights = [partial(_read_weights, file, group, weight, missing) for file, group in groups]
+    return Blocks(found.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names))
+
+
+def _parquet_header(place: str) -> tuple[Any, list[int]]:
+    """Return the schema of a file, and the number of rows of each row group."""
+    try:
+        from pyarrow import ArrowException, parquet
+    except ImportError as error:
+        raise ImportError(f"{place}: needs {needs('pyarrow', 'parquet')}") from error
+    with _opened(place) as file:
+        try:
+            about = parquet.ParquetFile(file)
+        except ArrowException as error:
+            raise OSError(f"{place}: is not a Parquet file ({one_line(error)})") from error
+        sizes = [about.metadata.row_group(group).num_rows for group in range(about.metadata.num_row_groups)]
+        return about.schema_arrow, sizes
+
+
+def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
+    """Return the type of a column, which must be of numbers."""
+    from pyarrow import types
+
+    check_choice(f"{place}: column", name, schema.names)
+    kind = schema.field(name).type
+    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+    check_that(f"{place}: column {name!r} of type {kind}", is_number, "be of numbers; name the columns to use")
+    found: np.dtype[Any] = np.dtype(kind.to_pandas_dtype())
+    return found
 
 
 def _parquet_files(place: str) -> list[str]:
@@ -195,6 +222,7 @@ def _parquet_files(place: str) -> list[str]:
 
 def _read_group(place: str, group: int, names: Sequence[str], dtype: np.dtype[Any], missing: str) -> NDArray[Any]:
     """Read some columns of a row group, (n, C)."""
+    import pyarrow
     from pyarrow import parquet
 
     with _opened(place) as file:
@@ -204,7 +232,7 @@ def _read_group(place: str, group: int, names: Sequence[str], dtype: np.dtype[An
         column = table.column(name)
         whole = missing == "drop" or not column.null_count
         check_that(f"{place}: column {name!r} of row group {group}", whole, "have no missing values")
-        rows[:, number] = column.to_numpy()
+        rows[:, number] = (column.cast(pyarrow.float64(), safe=False) if column.null_count else column).to_numpy()
     return rows
 
 

@@ -22,15 +22,16 @@ from cvtimg._shared.messages import one_line
 
 __all__ = [
     "check_is_new",
+    "exists",
     "fetch",
     "find_remote",
     "is_remote",
     "open_remote",
     "read_copies",
-    "remote_exists",
     "remote_file",
     "remote_folder",
     "send",
+    "url_as_stored",
     "url_of",
 ]
 
@@ -57,6 +58,23 @@ def url_of(path: StrPath) -> str:
     """
     found = _URL.fullmatch(str(path))
     return f"{found[1]}://{found[2]}" if found else str(path)
+
+
+def url_as_stored(path: StrPath) -> str:
+    """Return the URL of a file as its file system writes it: the same for all ways to write it.
+
+    Raises
+    ------
+    OSError
+        If nothing opens such URLs.
+
+    Examples
+    --------
+    >>> url_as_stored("memory:///folder/a.png"), url_as_stored("memory://folder/a.png")
+    ('memory:///folder/a.png', 'memory:///folder/a.png')
+    """
+    files, place = _opened(url_of(path))
+    return str(files.unstrip_protocol(place))
 
 
 def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
@@ -122,10 +140,21 @@ def open_remote(url: str) -> Any:
         raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
 
 
-def remote_exists(path: StrPath) -> bool:
-    """Whether there is such a file."""
+def exists(path: StrPath) -> bool:
+    """Whether there is such a file, here or elsewhere.
+
+    Raises
+    ------
+    OSError
+        If nothing answers.
+    """
+    if not is_remote(path):
+        return Path(path).exists()
     files, place = _opened(url_of(path))
-    return bool(files.exists(place))
+    try:
+        return bool(files.exists(place))
+    except Exception as error:
+        raise OSError(f"{url_of(path)}: cannot be read ({one_line(error)})") from error
 
 
 def check_is_new(path: StrPath) -> None:
@@ -136,7 +165,7 @@ def check_is_new(path: StrPath) -> None:
     FileExistsError
         If there is one.
     """
-    if remote_exists(path):
+    if exists(path):
         raise FileExistsError(f"{url_of(path)}: exists already; pass overwrite (--overwrite) to replace it")
 
 
@@ -176,6 +205,8 @@ def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
         if parent := place.rpartition("/")[0]:
             files.makedirs(parent, exist_ok=True)
         if source.is_dir():
+            if files.exists(place):  # chunks of an older array must not stay
+                files.rm(place, recursive=True)
             files.put(f"{source}/", f"{place}/", recursive=True)
         else:
             files.put_file(str(source), place)
@@ -211,7 +242,9 @@ def read_copies(read: Reader) -> Reader:
             try:
                 return read(*given.args, **given.kwargs)
             except (OSError, ValueError) as error:
-                raise type(error)(str(error).replace(str(copy), url_of(source))) from error
+                # Kinds of ValueError, such as UnicodeDecodeError, cannot be made of a message alone.
+                kind = type(error) if isinstance(error, OSError) else ValueError
+                raise kind(str(error).replace(str(copy), url_of(source))) from error
 
     return cast("Reader", reading)
 

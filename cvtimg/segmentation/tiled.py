@@ -129,7 +129,7 @@ def segment_file(
     TypeError, ValueError
         If an argument is invalid; the message names it.
     OSError
-        If a file cannot be read by tiles or written.
+        If a file cannot be read in tiles or written.
 
     Examples
     --------

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.blocks import Block, Blocks, blocks_of, over_blocks
 from cvtimg.engine.block_descent import survey
-from cvtimg.files.remote import is_remote
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.files import Scaling, write_label_parts
 
@@ -23,10 +23,11 @@ _LARGE_BYTES = 1 << 30
 
 
 def is_large_table(path: Path) -> bool:
-    """Whether a table is opened in blocks: Parquet and Zarr always, and .npy files of more than 1 GiB."""
+    """Whether a table is opened in blocks: Parquet and Zarr always, and .npy arrays of more than 1 GiB."""
     kind = path.suffix.lower()
-    large = kind == ".npy" and not is_remote(path) and path.is_file() and path.stat().st_size > _LARGE_BYTES
-    return large or kind in (".parquet", ".zarr")
+    if kind == ".npy" and path.is_file() and path.stat().st_size > _LARGE_BYTES:
+        return np.load(path, mmap_mode="r").dtype.names is None  # a structured array is no array of rows
+    return kind in (".parquet", ".zarr")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,8 +70,16 @@ class Spread:
 
 
 def spread_of(blocks: Blocks) -> Spread:
-    """Measure all rows in one pass."""
-    return over_blocks(blocks, _spread_of_block, Spread.total)
+    """Measure all rows in one pass.
+
+    Raises
+    ------
+    ValueError
+        If no row has a positive weight.
+    """
+    found = over_blocks(blocks, _spread_of_block, Spread.total)
+    check_that("at least one row", found.mass > 0, "be complete and of positive weight")
+    return found
 
 
 def _spread_of_block(block: Block) -> Spread:

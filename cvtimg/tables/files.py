@@ -315,14 +315,12 @@ def find_tables(path: StrPath) -> list[Path]:
     if not folder.is_dir():
         return find_images(path)
     inside = (file.relative_to(folder) for file in folder.rglob("*") if file.suffix.lower() in TABLE_SUFFIXES)
-    found = [folder / file for file in inside if not any(part.startswith(".") for part in file.parts)]
-    tables = [file for file in found if file.is_file() or file.suffix.lower() == ".zarr"]
-    # A folder of Parquet files that is called so is one table.
-    whole = {file for file in folder.rglob("*.parquet") if file.is_dir()}
-    tables = [file for file in [*tables, *whole] if not whole & set(file.parents)]
+    found = {folder / file for file in inside if not any(part.startswith(".") for part in file.parts)}
+    tables = {file for file in found if file.is_file() or file.suffix.lower() in BLOCK_SUFFIXES}
     if not tables:
         raise FileNotFoundError(f"{path}: no table ({', '.join(TABLE_SUFFIXES)}) in this folder")
-    return sorted(tables)
+    # Files in a folder that is called like a table are parts of it.
+    return sorted(file for file in tables if not tables & set(file.parents))
 
 
 def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) -> list[int]:

@@ -14,7 +14,7 @@ import pytest
 
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.files.remote import is_remote, url_of
+from cvtimg.files.remote import fetch, is_remote, read_copies, send, url_of
 from cvtimg.files.whole import whole_file
 
 fsspec = pytest.importorskip("fsspec")
@@ -72,6 +72,41 @@ def test_a_file_is_not_replaced_unless_asked(memory: object, capsys: pytest.Capt
     with fsspec.open("memory://out/a.png", "rb") as file:
         Path("a.png").write_bytes(file.read())
     assert len(np.unique(read_image("a.png").reshape(-1, 3), axis=0)) == 2
+
+
+@pytest.mark.parametrize("output", ["memory://in/a.png", "memory:///in/a.png"])
+def test_an_input_elsewhere_is_never_replaced(memory: object, capsys: pytest.CaptureFixture[str], output: str) -> None:
+    before = in_memory("in/a.png")
+    assert cli.main(["quantize", "memory://in/a.png", "-k", "4", "-o", output, "--overwrite"]) == 2
+    assert "memory://in/a.png is an input" in capsys.readouterr().err.replace(":///", "://")
+    assert in_memory("in/a.png") == before
+
+
+def test_a_report_elsewhere_keeps_the_rows_of_earlier_runs(memory: object) -> None:
+    for name in ("memory://in/a.png", "memory://in/c.bmp"):
+        command = ["quantize", name, "-k", "4", "--out-dir", "out", "--quiet", "--skip-existing"]
+        assert cli.main([*command, "--report", "memory://rows.csv"]) == 0
+    assert in_memory("rows.csv").count(b"\ndone,memory://in/") == 2
+
+
+def test_an_array_that_replaces_another_keeps_none_of_its_chunks(memory: object) -> None:
+    zarr = pytest.importorskip("zarr")
+    for value in (1, 0):  # chunks of zeros are not stored
+        array = zarr.create_array(f"{value}.zarr", shape=(4,), dtype="u1", fill_value=0)
+        array[:] = value
+        send(Path(f"{value}.zarr"), "memory://out/a.zarr", overwrite=True)
+    fetch("memory://out/a.zarr", Path("back.zarr"))
+    assert (zarr.open_array("back.zarr")[:] == 0).all()
+
+
+def test_errors_of_any_kind_name_the_url_of_a_copy(memory: object) -> None:
+    @read_copies
+    def read(path: Path) -> str:
+        return path.read_text(encoding="utf-8")
+
+    assert read("memory://in/notes.txt") == "no picture"  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="can't decode byte"):
+        read("memory://in/a.png")  # type: ignore[arg-type]
 
 
 def test_a_bad_file_is_named_by_its_url_and_writes_nothing(memory: object, capsys: pytest.CaptureFixture[str]) -> None:

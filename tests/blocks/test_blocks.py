@@ -200,6 +200,39 @@ def test_columns_of_parquet(tmp_path: Path) -> None:
         tessellate(open_blocks(tmp_path / "b.parquet"), 2)
 
 
+def test_files_of_one_table_may_have_other_types_of_numbers(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    for number, part in enumerate(([1, 2], [0.5, 1.5])):
+        parquet.write_table(pa.table({"x": part}), tmp_path / f"{number}.parquet")
+    np.testing.assert_array_equal(open_blocks(tmp_path).rows.compute().ravel(), [1, 2, 0.5, 1.5])
+    parquet.write_table(pa.table({"x": [True, None]}), tmp_path / "2.parquet")
+    np.testing.assert_array_equal(open_blocks(tmp_path, missing="drop").rows.compute().ravel(), [1, 2, 0.5, 1.5, 1])
+
+
+def test_what_is_no_table_of_numbers_is_named(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    names = pa.array(["a", "b"])
+    for kind, column in (("string", names), ("dictionary", names.dictionary_encode())):
+        parquet.write_table(pa.table({"x": [1, 2], "name": column}), tmp_path / "a.parquet")
+        assert open_blocks(tmp_path / "a.parquet", columns=["x"]).n_dims == 1
+        with pytest.raises(ValueError, match=rf"a\.parquet: column 'name' of type {kind}.* must be of numbers"):
+            open_blocks(tmp_path / "a.parquet")
+    parquet.write_table(pa.table({"x": pa.array([], pa.float64())}), tmp_path / "a.parquet")
+    with pytest.raises(ValueError, match=r"a\.parquet must have rows"):
+        open_blocks(tmp_path / "a.parquet")
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    with pytest.raises(OSError, match=r"a\.parquet: is not a Parquet file"):
+        open_blocks(tmp_path / "a.parquet")
+    (tmp_path / "a.zarr").mkdir()
+    pytest.importorskip("zarr")
+    with pytest.raises(OSError, match=r"a\.zarr: is not a Zarr array"):
+        open_blocks(tmp_path / "a.zarr")
+
+
 def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = ROWS.copy()
     rows[170:340] = np.nan

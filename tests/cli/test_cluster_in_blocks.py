@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,13 @@ def test_rows_without_a_value_are_dropped_or_named(here: Path, capsys: pytest.Ca
         assert not Path("none.csv").exists()
 
 
+def test_weights_that_are_all_zero_are_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parquet.write_table(pa.table({"x": ROWS[:, 0], "n": 0 * WEIGHTS}), "zero.parquet")
+    assert cli.main(["cluster", "zero.parquet", "-k", "3", "--weight", "n", "--standardize"]) == 1
+    message = "cvtimg: zero.parquet: at least one row must be complete and of positive weight\n"
+    assert capsys.readouterr().err == message
+
+
 def test_columns_that_are_not_there_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name, names in (("a.zarr", "col0, col1, col2"), ("a.parquet", "x, y, n")):
         assert cli.main(["cluster", name, "-k", "3", "--columns", "z"]) == 1
@@ -136,6 +144,7 @@ def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> No
         Path(name).unlink()
     for file in Path().glob("*-labels.*"):
         file.unlink()
+    shutil.copytree("many.parquet", ".hidden/many.parquet")
     assert cli.main(["cluster", ".", "-k", "3", "--out-dir", "out", "--json"]) == 0
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [row["input"] for row in rows] == ["a.parquet", "a.zarr", "many.parquet"]

@@ -208,10 +208,13 @@ def test_given_colors_are_brought_to_16_bits(monkeypatch: pytest.MonkeyPatch, op
         assert (0x80 * 257,) * 3 in found
 
 
-def test_what_cannot_be_read_by_tiles_says_why() -> None:
+def test_what_cannot_be_read_in_tiles_says_why() -> None:
     write(np.moveaxis(PICTURE, 2, 0), planarconfig="separate", tile=(64, 64))
-    with pytest.raises(OSError, match=r"a\.tif: cannot be read by tiles|holds"):
+    with pytest.raises(OSError, match=r"a\.tif: cannot be read in tiles|holds"):
         quantize_file("a.tif", "b.tif", 4)
+    write_image("a.png", PICTURE)
+    with pytest.raises(OSError, match=r"a\.png: cannot be read in tiles: it is neither a TIFF file nor a Zarr array"):
+        quantize_file("a.png", "b.tif", 4)
     Path("no.zarr").mkdir()
     with pytest.raises(OSError, match="is not a Zarr array"):
         quantize_file("no.zarr", "b.tif", 4)

@@ -15,7 +15,15 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.bands import SAMPLES, Band, Bands, Form, band_height, in_heights
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
-from cvtimg.pictures.formats.tiff import Layout, count_pages, icc_profile, sample_options, size_of, tiff_tags
+from cvtimg.pictures.formats.tiff import (
+    TIFF_MAGICS,
+    Layout,
+    count_pages,
+    icc_profile,
+    sample_options,
+    size_of,
+    tiff_tags,
+)
 
 __all__ = ["open_tiff", "write_tiff"]
 
@@ -36,6 +44,9 @@ def open_tiff(path: StrPath) -> Bands:
     with reading(path) as file:
         import tifffile
 
+        if not file.read(4).startswith(TIFF_MAGICS):
+            raise UnfitContentError("cannot be read in tiles: it is neither a TIFF file nor a Zarr array")
+        file.seek(0)
         with tifffile.TiffFile(file) as tiff:
             page, tags = tiff.pages.first, tiff_tags(tiff)
             if (n_pages := count_pages(file)) > 1:
@@ -60,7 +71,7 @@ def _check_page(page: Any) -> None:
     elif not _is_plain(page) and math.prod(page.chunks) * page.dtype.itemsize > _MOST_AT_ONCE:
         problem = "it is one piece"
     if problem:
-        raise UnfitContentError(f"cannot be read by tiles: {problem}")
+        raise UnfitContentError(f"cannot be read in tiles: {problem}")
 
 
 def _is_plain(page: Any) -> bool:
