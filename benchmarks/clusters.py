@@ -2,9 +2,9 @@
 
 Rows come from zarr arrays in a scratch folder: pixels, three bytes each, of photographs with a little noise, and
 vectors of 32 float32 from 400 Gaussians. Shown are seconds on the clock, seconds of all processors, the largest memory
-of a worker, and the energy per row, the same for all: of the tenth that the
-engine in memory is fitted to, and of all rows. Rivals that would take hours get fewer rows, as the table
-says; seconds for all rows are then in proportion. Each cluster is started anew, with one thread per worker.
+of a worker, and the energy per row, over the tenth of the rows to which the engine in memory is fitted and over all
+rows, for every program alike. Rivals that would take hours get fewer rows, as the table says; seconds for all rows are
+then in proportion. Each cluster is started anew, with one thread per worker.
 
     python benchmarks/clusters.py                         # 10^8 pixels, 10^7 vectors
     python benchmarks/clusters.py --pixels 500000000      # 2 GB of disk

@@ -108,12 +108,10 @@ def cluster(
     plan = plan_each(inputs, find_tables, outputs, out_dir=out_dir, suffixes=frozenset(TABLE_SUFFIXES))
     shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
     read = {"columns": names, "weight": weight, "missing": missing}
-    work = partial(
-        _cluster, read=read, number=number, engine=engine, standardize=standardize, overwrite=common.overwrite
-    )
-    by_url = tuple(
-        suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"
-    )  # those in memory have more kinds of columns
+    how = _Clustering(read, number, engine, standardize, common.overwrite)
+    work = partial(_cluster, how=how)
+    # A .npy file may fit into memory, where it is read like a .csv.
+    by_url = tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
     return run_plan(plan, work, shown, common, skip_existing=skip_existing, by_url=by_url)
 
 
@@ -131,20 +129,22 @@ def _split(columns: str) -> list[str]:
     return names
 
 
-def _cluster(
-    task: Task,
-    stopwatch: Stopwatch,
-    *,
-    read: Mapping[str, Any],
-    number: int | str,
-    engine: options.EngineOptions,
-    standardize: bool,
-    overwrite: bool,
-) -> Row:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Clustering:
+    """How tables are clustered: what is read of them, and how many means are found in which way."""
+
+    read: Mapping[str, Any]
+    number: int | str
+    engine: options.EngineOptions
+    standardize: bool
+    overwrite: bool
+
+
+def _cluster(task: Task, stopwatch: Stopwatch, *, how: _Clustering) -> Row:
     from cvtimg.tables.blocked import is_large_table
 
     work = _cluster_in_blocks if is_large_table(task.source) else _cluster_in_memory
-    found = work(task, stopwatch, read=read, number=number, engine=engine, standardize=standardize, overwrite=overwrite)
+    found = work(task, stopwatch, how)
     stopwatch.lap("write")
     result, total = found.result, found.total
     return {
@@ -171,69 +171,51 @@ class _Found:
     curve: EnergyCurve | None
 
 
-def _cluster_in_memory(
-    task: Task,
-    stopwatch: Stopwatch,
-    *,
-    read: Mapping[str, Any],
-    number: int | str,
-    engine: options.EngineOptions,
-    standardize: bool,
-    overwrite: bool,
-) -> _Found:
+def _cluster_in_memory(task: Task, stopwatch: Stopwatch, how: _Clustering) -> _Found:
     from cvtimg import tessellate
     from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_row_labels
 
-    table = read_table(task.source, **read)
+    table = read_table(task.source, **how.read)
     stopwatch.lap("read")
-    scaling = Scaling.of(table.rows, table.weights) if standardize else None
+    scaling = Scaling.of(table.rows, table.weights) if how.standardize else None
     rows = scaling.apply(table.rows) if scaling else table.rows
-    n_generators, curve = _count(number, rows, table.weights, engine)
-    result = tessellate(rows, n_generators, density=table.weights, **engine.keywords)
+    n_generators, curve = _count(how, rows, table.weights)
+    result = tessellate(rows, n_generators, density=table.weights, **how.engine.keywords)
     stopwatch.lap("cluster")
-    write_row_labels(task.output, result.labels, table.kept, overwrite=overwrite)
-    _write_means(task, table.names, result, scaling, overwrite)
+    write_row_labels(task.output, result.labels, table.kept, overwrite=how.overwrite)
+    _write_means(task, table.names, result, scaling, how.overwrite)
     return _Found(result, table.names, len(table.kept), energy_about_mean(rows, table.weights), curve)
 
 
-def _cluster_in_blocks(
-    task: Task,
-    stopwatch: Stopwatch,
-    *,
-    read: Mapping[str, Any],
-    number: int | str,
-    engine: options.EngineOptions,
-    standardize: bool,
-    overwrite: bool,
-) -> _Found:
+def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, how: _Clustering) -> _Found:
     from cvtimg import tessellate
     from cvtimg.batch.on_dask import on_cluster_of_task
     from cvtimg.blocks import open_blocks
     from cvtimg.tables.blocked import sample_rows, spread_of, standardized, write_block_labels
 
     with on_cluster_of_task():
-        given = open_blocks(task.source, **read)
+        given = open_blocks(task.source, **how.read)
         spread = spread_of(given)
         stopwatch.lap("read")
-        scaling = spread.scaling if standardize else None
+        scaling = spread.scaling if how.standardize else None
         blocks = standardized(given, scaling) if scaling else given
-        rows, weights = sample_rows(blocks, engine.seed) if number == "auto" else (None, None)
-        n_generators, curve = _count(number, rows, weights, engine)
-        result = tessellate(blocks, n_generators, **engine.keywords)
+        rows, weights = sample_rows(blocks, how.engine.seed) if how.number == "auto" else (None, None)
+        n_generators, curve = _count(how, rows, weights)
+        result = tessellate(blocks, n_generators, **how.engine.keywords)
         stopwatch.lap("cluster")
-        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=overwrite)
-    _write_means(task, blocks.names, result, scaling, overwrite)
+        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=how.overwrite)
+    _write_means(task, blocks.names, result, scaling, how.overwrite)
     total = spread.squares / scaling.deviations**2 if scaling else spread.squares
     return _Found(result, blocks.names, n_rows, float(total.sum()), curve)
 
 
-def _count(number: int | str, rows: Any, weights: Any, engine: options.EngineOptions) -> tuple[int, EnergyCurve | None]:
-    """Return the number of clusters, and the curve that it was read from, if it was."""
+def _count(how: _Clustering, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
+    """Return the number of clusters, and with "auto" the curve from which it is read."""
     from cvtimg.elbow.curves import auto_count
 
-    if number != "auto":
-        return int(number), None
-    return auto_count(rows, density=weights, volume_power=engine.volume_power, rng=engine.seed)
+    if how.number != "auto":
+        return int(how.number), None
+    return auto_count(rows, density=weights, volume_power=how.engine.volume_power, rng=how.engine.seed)
 
 
 def _write_means(

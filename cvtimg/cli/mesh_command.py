@@ -149,10 +149,8 @@ def _mesh(
         stopwatch.lap("read")
         flat = {"--size": size is not None, "--measures": measures, "--plot": "--plot" in task.outputs}
         flat |= {"--grade": making["grade"] != _GRADE, "--min-size": making["min_size"] > 0}
-        if any(flat.values()):
-            raise ValueError(
-                f"has voxels, for which there is no {' and no '.join(name for name, given in flat.items() if given)}"
-            )
+        if unfit := [option for option, given in flat.items() if given]:
+            raise ValueError(f"has voxels, for which there is no {' and no '.join(unfit)}")
         return _fill(task, stopwatch, labels, is_mask, making, overwrite=overwrite)
     sizes = None if size is None else read_size(size)
     stopwatch.lap("read")
