@@ -91,7 +91,7 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     try:
         if glob.has_magic(place):
             found = [name for name in files.glob(place) if _is_whole(name) or not files.isdir(name)]
-        elif Path(place).suffix.lower() not in suffixes and files.isdir(place):
+        elif not _is_whole(place) and Path(place).suffix.lower() not in suffixes and files.isdir(place):
             inside = dict.fromkeys(_whole(str(name)) for name in files.find(place))
             found = [name for name in inside if Path(name).suffix.lower() in suffixes]
         else:

@@ -99,6 +99,16 @@ def test_an_array_that_replaces_another_keeps_none_of_its_chunks(memory: object)
     assert (zarr.open_array("back.zarr")[:] == 0).all()
 
 
+def test_an_array_elsewhere_is_segmented_in_tiles(memory: object) -> None:
+    zarr = pytest.importorskip("zarr")
+    zarr.create_array("near.zarr", data=PICTURES["a.png"], chunks=(4, 4, 3))
+    send(Path("near.zarr"), "memory://far.zarr", overwrite=False)
+    for source, output in (("memory://far.zarr", "memory://labels.zarr"), ("near.zarr", "labels.zarr")):
+        assert cli.main(["segment", source, "-k", "2", "-o", output, "--quiet"]) == 0
+    fetch("memory://labels.zarr", Path("back.zarr"))
+    np.testing.assert_array_equal(zarr.open_array("back.zarr")[:], zarr.open_array("labels.zarr")[:])
+
+
 def test_errors_of_any_kind_name_the_url_of_a_copy(memory: object) -> None:
     @read_copies
     def read(path: Path) -> str:
