@@ -10,6 +10,9 @@
 #define HALVINGS 5
 /* while it would leave a triangle with less than this part of its area. */
 #define LEAST_AREA_LEFT 0.1
+/* Making edges even must not flatten triangles: this part of the sum of their squared sides is twice the area of half as
+ * good a triangle as an equilateral one. */
+#define LEAST_SHAPE 0.144
 /* What a triangle costs that has turned over. */
 #define INFINITY_COST 1e30
 /* Steps are shorter where edges hardly tell the direction: the part of the trace that is added to second derivatives. */
@@ -25,6 +28,25 @@ static int keeps_area(const struct triangulation *mesh, const int32_t *around, i
             return 0;
     }
     return 1;
+}
+
+static double squared_sides(const double *a, const double *b, const double *c)
+{
+    double x = b[0] - a[0], y = b[1] - a[1], u = c[0] - b[0], v = c[1] - b[1], p = a[0] - c[0], q = a[1] - c[1];
+    return x * x + y * y + u * u + v * v + p * p + q * q;
+}
+
+/* Whether a triangle around a vertex gets flat, or flatter than it is, when the vertex moves to `place`. */
+static int gets_flat(const struct triangulation *mesh, const int32_t *around, int n, const double *old,
+                     const double *place)
+{
+    for (int i = 0; i < n; i++) {
+        const double *b = place_of(mesh, next_corner(around[i])), *c = place_of(mesh, last_corner(around[i]));
+        double area2 = twice_area(place, b, c), squares = squared_sides(place, b, c);
+        if (area2 < LEAST_SHAPE * squares && area2 * squared_sides(old, b, c) < twice_area(old, b, c) * squares)
+            return 1;
+    }
+    return 0;
 }
 
 /* Move a vertex by `step`, or a part of it if it does not slide along a border; `step` becomes what it was moved by. */
@@ -174,7 +196,7 @@ static int ends_around(const struct triangulation *mesh, const int32_t *around, 
 }
 
 /* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
- * one that leaves all triangles enough area. */
+ * one that leaves all triangles enough area, and makes none flat. */
 static int step_to_even(const struct triangulation *mesh, const double *metric, int32_t vertex, const double *tangent,
                         double mean, double share, double *step)
 {
@@ -203,7 +225,7 @@ static int step_to_even(const struct triangulation *mesh, const double *metric, 
     for (double part = share; part > 0.1 * share; part /= 2) {
         double there[2] = {place[0] + part * down[0], place[1] + part * down[1]};
         if (cost_of_edges(mesh, metric, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
-            || !keeps_area(mesh, around, n, place, there))
+            || !keeps_area(mesh, around, n, place, there) || gets_flat(mesh, around, n, place, there))
             continue;
         step[0] = part * down[0], step[1] = part * down[1];
         return 1;

@@ -114,7 +114,8 @@ def _longest_edges(values: Points) -> NDArray[np.float64]:
 
 def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:
     """Shorten steps that are longer than vertices may move at once."""
-    capped: Points = steps * np.minimum(1, _LONGEST * sizes / np.maximum(_lengths(steps), 1e-300))[:, None]
+    longest = _LONGEST * sizes
+    capped: Points = steps * (longest / np.maximum(_lengths(steps), longest))[:, None]
     return capped
 
 

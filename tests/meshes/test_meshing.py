@@ -207,6 +207,28 @@ def test_vertices_move_as_far_as_triangles_keep_area() -> None:
     assert (done != 0).any(axis=1).mean() > 0.5
 
 
+def test_triangles_do_not_get_flat_where_edges_are_made_even() -> None:
+    points = np.random.default_rng(3).random((30, 2))
+    mesh = Triangulation(points, np.zeros(30, bool), delaunay(points), np.empty((0, 2), np.int32))
+
+    def shapes() -> NDArray[np.float64]:
+        corners = mesh.points[mesh.triangles]
+        squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
+        return 2 * 3**0.5 * signed_areas(mesh) / squares  # 1 for an equilateral triangle
+
+    for _ in range(20):
+        before = shapes()
+        mesh.even(np.tile([1.0, 0.0, 1.0], (30, 1)))
+        assert (shapes() > np.minimum(before, 0.498) - 1e-12).all()
+        mesh.flip(None)
+
+
+def test_coordinates_of_trillions_give_no_warning(recwarn: pytest.WarningsRecorder) -> None:
+    mesh = mesh_region(1e12 * np.array(L_SHAPE), n=60, effort="fast")
+    assert mesh.area == pytest.approx(3e24)
+    assert not recwarn.list
+
+
 def test_borders_that_crowd_have_short_edges() -> None:
     slit = PolygonRegion([[[0, 0], [4, 0], [4, 2], [0, 2]], [[0.5, 0.02], [3.5, 0.02], [3.5, 1], [0.5, 1]]])
     mesh = mesh_region(slit, edge_length=0.3)
