@@ -38,8 +38,8 @@ _MOST_VERTICES = 1 << 26
 _ROUNDS, _NEAR = 8, 0.01
 #: Where it falls by less than this, short edges on borders need them: then sizes grow faster, up to a limit.
 _STUCK, _STEEPER, _STEEPEST = 0.8, 1.5, 1.0
-#: Where that leaves too many on borders, sizes are larger by this factor.
-_COARSEST = 100.0
+#: Where that leaves too many on borders, sizes are larger by the first of these factors that does not.
+_COARSER = (1.1, 1.25, 1.5, 2.0, 4.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,6 +342,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     The number on borders is by a share of what sizes ask for.
     """
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
+    most = np.inf if wanted.n is None else wanted.n
     start: Field
     if wanted.metric is not None:
         start = MetricField.of(wanted.metric, outline, wanted.n, ends)
@@ -365,12 +366,13 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
         if ratio > _STUCK * before:
             grade = min(grade * _STEEPER, max(grade, _STEEPEST))
         before = ratio
-    if wanted.n is not None and len(borders.points) > wanted.n:
-        coarsest = start.scaled(_COARSEST * factor)
-        borders, field = _with_alone(
-            *place_on_borders(outline, coarsest, _STEEPEST, wanted.least, share), alone, _STEEPEST
-        )
-    if wanted.n is not None and len(borders.points) > wanted.n:
+    for coarser in _COARSER:
+        if len(borders.points) <= most:
+            return borders, field
+        field = start.scaled(coarser * factor)
+        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share)
+        borders, field = _with_alone(borders, field, alone, _STEEPEST)
+    if len(borders.points) > most:
         refuse("n", wanted.n, f"at least {len(borders.points)}, the vertices that the border needs")
     return borders, field
 
