@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -13,6 +13,9 @@ from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_su
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
+
+if TYPE_CHECKING:
+    from cvtimg.meshes import Mesh
 
 EXAMPLES = """Examples:
 
@@ -137,7 +140,6 @@ def _mesh(
 
     import cvtimg
     from cvtimg.cli.mesh_inputs import read_region, read_segments, read_size
-    from cvtimg.files.whole import write_whole
     from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
@@ -163,15 +165,7 @@ def _mesh(
     stopwatch.lap("mesh")
     found.save(task.output, overwrite=overwrite)
     if "--plot" in task.outputs:
-        from cvtimg.plotting.meshes import draw_mesh
-
-        path = task.outputs["--plot"]
-        image = None if over is None else cvtimg.read_image(over)
-        drawn = draw_mesh(
-            found.points, found.triangles, found.qualities, found.edges, path.suffix.lower(),
-            image=image, y_down=not is_polygon or image is not None,
-        )  # fmt: skip
-        write_whole(path, drawn, overwrite=overwrite)
+        _plot(found, task.outputs["--plot"], over, y_down=not is_polygon, overwrite=overwrite)
     stopwatch.lap("write")
     each = measure_triangles(found.points, found.triangles)
     return {
@@ -186,6 +180,27 @@ def _mesh(
         "n_iter": len(found.energies) - 1,
         **(asdict(found.measures()) if measures else {}),
     }
+
+
+def _plot(found: Mesh, path: Path, over: Path | None, *, y_down: bool, overwrite: bool) -> None:
+    """Plot a mesh, over an image if there is one; then y is down, as in the image."""
+    from cvtimg import read_image
+    from cvtimg.files.whole import write_whole
+    from cvtimg.plotting.meshes import draw_mesh
+
+    image = None if over is None else read_image(over)
+    drawn = draw_mesh(
+        found.points, found.triangles, found.qualities, found.edges, path.suffix.lower(),
+        image=image, y_down=y_down or image is not None,
+    )  # fmt: skip
+    write_whole(path, drawn, overwrite=overwrite)
+
+
+def _refuse_flat(given: Mapping[str, bool]) -> None:
+    """Refuse options that are for triangles only."""
+    names = [name for name, is_given in given.items() if is_given]
+    if names:
+        raise ValueError(f"has voxels, for which there is no {' and no '.join(names)}")
 
 
 def _fill(
