@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from common import SAMPLES, timed
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.sparse import coo_array, csgraph
 
 Row = dict[str, Any]
@@ -40,11 +39,12 @@ def pictures(data: Path) -> Iterator[tuple[str, Labels, int]]:
 def of_labels(data: Path, quick: bool) -> list[Row]:
     """Mesh images of labels; measure how far the area of the worst piece is off, and the whole."""
     import cvtimg
+    from cvtimg.labels.components import connected_pieces
     from cvtimg.meshes import measure_triangles
 
     rows = []
     for name, labels, n in list(pictures(data))[: 1 if quick else None]:
-        pieces = pieces_of(labels)
+        pieces = connected_pieces(labels)
         mesh, seconds = timed(partial(cvtimg.mesh_labels, pieces, n=n), time.process_time)
         each = measure_triangles(mesh.points, mesh.triangles)
         pixels = np.bincount(pieces.ravel())[1:]
@@ -62,16 +62,6 @@ def of_labels(data: Path, quick: bool) -> list[Row]:
             "mean q": round(float(each.qualities.mean()), 4),
         })  # fmt: skip
     return rows
-
-
-def pieces_of(labels: Labels) -> Labels:
-    """Give each connected piece of all labels a number of its own."""
-    pieces, n_pieces = np.zeros(labels.shape, np.int32), 0
-    for label in np.unique(labels[labels != 0]):
-        found, n_found = ndimage.label(labels == label)
-        pieces[found > 0] = found[found > 0] + n_pieces
-        n_pieces += n_found
-    return pieces
 
 
 def n_components(triangles: NDArray[np.int32], tags: NDArray[np.int32]) -> int:

@@ -241,7 +241,7 @@ class Coast:
     def crowded(
         self, mesh: Triangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Tell which points (N,) on the coast have so little of it that they may leave it, no two of them neighbors."""
+        """Tell which points (N,) on the coast have too little of it, and no more than their neighbors have."""
         from scipy.spatial import cKDTree
 
         nearest = cKDTree(mesh.points).query(unit(self.starts + self.ends))[1]
