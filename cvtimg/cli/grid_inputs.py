@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg.files.remote import read_copies
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -42,6 +44,7 @@ def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
     return parts or None
 
 
+@read_copies
 def read_grid_points(path: Path) -> NDArray[np.float64]:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np

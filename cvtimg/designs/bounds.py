@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.files.remote import read_copies
 from cvtimg.files.whole import StrPath
 
 
+@read_copies
 def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
 

@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images
-from cvtimg.files.remote import find_remote, is_remote, url_of
+from cvtimg.files.remote import find_remote, is_remote, read_copies, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns
@@ -77,6 +77,7 @@ class Table:
         return f"Table({len(self.rows)} of {len(self.kept)} rows{weighted}: {names})"
 
 
+@read_copies
 def read_table(
     path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"
 ) -> Table:
@@ -84,7 +85,7 @@ def read_table(
 
     Parameters
     ----------
-    path : str or path-like
+    path : path or URL
         A ``.npy`` file with an (N,), (N, D) or structured array; any other file is UTF-8 text with commas, semicolons
         or tabs between values, which may be in double quotes. Empty lines are ignored.
     columns : sequence of str, optional

@@ -14,6 +14,7 @@ import pytest
 
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
+from cvtimg.cli.grid_inputs import read_grid_points
 from cvtimg.files.remote import fetch, is_remote, read_copies, send, url_of
 from cvtimg.files.whole import whole_file
 
@@ -158,6 +159,20 @@ def test_files_that_are_read_besides_may_be_elsewhere(memory: object, capsys: py
     assert in_memory("far.png") == Path("near.png").read_bytes()
     assert cli.main(["segment", "memory://in/a.png", "-k", "3", "--mask", "memory://none.png", "-o", "c.png"]) == 1
     assert "memory://none.png: cannot be read" in capsys.readouterr().err
+
+
+def test_designs_and_grids_go_on_from_tables_elsewhere(memory: object) -> None:
+    Path("axes.csv").write_text("name,low,high\nx,0,1\ny,2,9\n")
+    fsspec.filesystem("memory").put_file("axes.csv", "/axes.csv")
+    assert cli.main(["design", "-n", "8", "--bounds", "memory://axes.csv", "-o", "memory://runs.csv", "--quiet"]) == 0
+    for axes, old in (("memory://axes.csv", "memory://runs.csv"), ("axes.csv", "runs.csv")):
+        Path("runs.csv").write_bytes(in_memory("runs.csv"))
+        command = ["design", "-n", "4", "--bounds", axes, "--existing", old, "-o", "more.csv", "--overwrite", "--json"]
+        assert cli.main(command) == 0
+        Path("more.csv").rename(f"{axes[:3]}.csv")
+    assert Path("mem.csv").read_bytes() == Path("axe.csv").read_bytes()
+    assert cli.main(["sphere", "-n", "42", "-o", "memory://grid.csv", "--quiet"]) == 0
+    assert read_grid_points(Path("memory://grid.csv")).shape == (42, 3)
 
 
 def test_images_are_read_and_written_by_url_and_errors_name_the_url(memory: object) -> None:

@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg.cli import app as cli
+from cvtimg.files.remote import fetch
 
 pytest.importorskip("dask")
 pa = pytest.importorskip("pyarrow")
@@ -150,10 +151,20 @@ def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert [row["input"] for row in rows] == ["a.parquet", "a.zarr", "many.parquet"]
 
 
-def test_tables_elsewhere_are_read_in_parts(here: Path, memory: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_elsewhere_are_read_in_parts(
+    here: Path, memory: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied = []
+
+    def spy(path: Path, target: Path) -> None:
+        copied.append(path.name)
+        fetch(path, target)
+
+    monkeypatch.setattr("cvtimg.batch.runner.fetch", spy)
     for name in FILES:
         memory.put(name, f"/in/{name}", recursive=True)
     assert cli.main(["cluster", "memory://in", "-k", "3", "--out-dir", "memory://out", "--json"]) == 0
+    assert sorted(copied) == ["a.csv", "a.npy"]
     rows = {row["input"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
     assert list(rows) == [f"memory://in/{name}" for name in sorted(FILES)]
     for name in FILES:
