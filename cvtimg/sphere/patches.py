@@ -102,6 +102,7 @@ class _Patches:
         members = [_members(grid.points, first, last, reach) for first, last in pairwise(bounds)]
         self._patches = []
         workers = list(client.nthreads()) if self._is_remote else []
+        check_that("client", bool(workers) or not self._is_remote, "have workers")
         for number, (near, ids) in enumerate(members):
             own = slice(*np.searchsorted(ids, bounds[number : number + 2]).tolist())
             owners = np.searchsorted(bounds, near, side="right") - 1

@@ -66,6 +66,15 @@ def test_workers_of_dask_give_the_same_bits() -> None:
     assert (found.points == move_in_patches(GRID, 9, n_patches=1).points).all()
 
 
+def test_a_client_without_workers_is_refused() -> None:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.Client(processes=False, n_workers=0, dashboard_address=":0") as client,
+        pytest.raises(ValueError, match="client must have workers"),
+    ):
+        move_in_patches(GRID, 1, client=client)
+
+
 def test_triangles_too_wide_for_a_patch_are_refused() -> None:
     with pytest.raises(ValueError, match="grid must have triangles no wider"):
         move_in_patches(replace(GRID, points=unit(np.random.default_rng(0).normal(size=(6000, 3)))), 1)
