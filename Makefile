@@ -8,7 +8,7 @@ WHEEL ?=
 export PATH := $(abspath $(BIN)):$(PATH)
 
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
-RECIPES := pyproject.toml meson.build $(shell find cvtimg -name meson.build)
+RECIPES := pyproject.toml meson.build cvtimg/meson.build
 
 .PHONY: install demo test lint docs man completions notebooks napari dist bench clean
 
