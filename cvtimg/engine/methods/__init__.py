@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
-from cvtimg.engine.methods._iteration import Callback, Conditions, Iterate, Iteration, Method, Stopping, Watch
+from cvtimg._shared.iteration import Callback, Stopping, Watch
+from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration, Method
 from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds
 from cvtimg.engine.methods.macqueen import macqueen
 from cvtimg.engine.methods.optimal1d import optimal1d

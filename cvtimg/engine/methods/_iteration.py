@@ -8,49 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg.engine.points import Points
-
-#: Receives the number of the step and the energy before it; returns True to stop.
-Callback = Callable[[int, float], bool | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Stopping:
-    """When an iteration stops.
-
-    Attributes
-    ----------
-    tolerance : float
-        The iteration has converged when a pass lowers the energy by at most this fraction of it.
-    max_iterations : int
-        Maximum number of passes.
-    """
-
-    tolerance: float
-    max_iterations: int
-
-    def converged(self, energies: list[float]) -> bool:
-        """Whether the last pass changed next to nothing."""
-        if energies[-1] == 0:
-            return True
-        return len(energies) > 1 and energies[-2] - energies[-1] <= self.tolerance * energies[-2]
-
-
-class Watch:
-    """Counts the steps of all iterations that contribute to one result, and asks the callback whether to stop."""
-
-    def __init__(self, callback: Callback | None = None, outward: Callable[[float], float] = float) -> None:
-        self._callback = callback
-        self._outward = outward
-        self._n_steps = 0
-        self.stopped = False
-
-    def __call__(self, energy: float) -> bool:
-        """Report a step; return whether to stop now."""
-        if self._callback is not None and not self.stopped:
-            self.stopped = bool(self._callback(self._n_steps, self._outward(energy)))
-        self._n_steps += 1
-        return self.stopped
 
 
 @dataclass(frozen=True, slots=True, eq=False)

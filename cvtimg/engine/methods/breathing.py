@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration, Stopping
+from cvtimg._shared.iteration import Stopping
+from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
 from cvtimg.engine.points import Points, assign, assign_two, cell_energies
 from cvtimg.engine.seeding import halves
 

@@ -1,0 +1,84 @@
+"""The loop of all iterations: step until the energy rests, the steps run out, or the caller has seen enough."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+#: Receives the number of the step and the energy before it; returns True to stop.
+Callback = Callable[[int, float], bool | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Stopping:
+    """When an iteration stops.
+
+    Attributes
+    ----------
+    tolerance : float
+        The iteration has converged when a step lowers the energy by at most this fraction of it.
+    max_iterations : int
+        Maximum number of steps.
+    """
+
+    tolerance: float
+    max_iterations: int
+
+    def converged(self, energies: list[float]) -> bool:
+        """Whether the last step changed next to nothing."""
+        if energies[-1] == 0:
+            return True
+        return len(energies) > 1 and energies[-2] - energies[-1] <= self.tolerance * energies[-2]
+
+
+class Watch:
+    """Counts the steps of all iterations that contribute to one result, and asks the callback whether to stop."""
+
+    def __init__(self, callback: Callback | None = None, outward: Callable[[float], float] = float) -> None:
+        self._callback = callback
+        self._outward = outward
+        self._n_steps = 0
+        self.stopped = False
+
+    def __call__(self, energy: float) -> bool:
+        """Report a step; return whether to stop now."""
+        if self._callback is not None and not self.stopped:
+            self.stopped = bool(self._callback(self._n_steps, self._outward(energy)))
+        self._n_steps += 1
+        return self.stopped
+
+
+class History(NamedTuple):
+    """The energies before each step and at the end, and whether the iteration converged."""
+
+    energies: list[float]
+    converged: bool
+
+
+def iterate(
+    energy: float, step: Callable[[], float | None], stopping: Stopping, watch: Callable[[float], bool] | None = None
+) -> History:
+    """Step until the energy converges.
+
+    Parameters
+    ----------
+    energy : float
+        Energy at the start.
+    step : callable
+        Makes a step and returns the energy after it; None if no step lowers it, where the iteration has converged.
+    stopping : Stopping
+        When to stop.
+    watch : callable, optional
+        Receives the energy before each step, and returns True to stop.
+    """
+    energies = [energy]
+    while True:
+        asked = watch is not None and watch(energies[-1])
+        converged = stopping.converged(energies)
+        if asked or converged or len(energies) > stopping.max_iterations:
+            return History(energies, converged)
+        after = step()
+        if after is None:
+            return History(energies, True)
+        energies.append(after)
