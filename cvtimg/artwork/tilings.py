@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import sum_by_label
 from cvtimg.artwork import _mosaics
 from cvtimg.artwork.painting import Painted, by_rows, paint
 from cvtimg.artwork.relocation import relocate
@@ -132,7 +133,7 @@ class DelaunayTiling:
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of a square of the mean area of the triangles around each point."""
         corners = self.triangles.ravel()
-        areas = np.bincount(corners, np.repeat(painted.areas, 3), n_points)
+        areas = sum_by_label(corners, np.repeat(painted.areas, 3), n_points)
         return np.sqrt(areas / np.maximum(np.bincount(corners, minlength=n_points), 1))
 
     def keep_inside(self, points: Floats) -> Floats:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import optional
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.placement.moments import Moments
-from cvtimg.placement.sums import by_mass, sum_by_cell
 from cvtimg.regions import Box, ConstantDensity, Density, PictureRegion, PolygonRegion, Region
 from cvtimg.regions.polygons import triangle_areas, triangulate
 
@@ -103,7 +103,7 @@ class PolygonMoments:
         if isinstance(self._density, ConstantDensity):
             sums *= self._density.value
         masses = sums[:, 0].copy()
-        return Moments(masses, generators + by_mass(sums[:, 1:3], masses), float(sums[:, 3].sum()))
+        return Moments(masses, generators + per_mass(sums[:, 1:3], masses), float(sums[:, 3].sum()))
 
     def _sums(self, cells: Polygons, generators: Points) -> NDArray[np.float64]:
         triangles, own = triangulate(cells)
@@ -114,7 +114,7 @@ class PolygonMoments:
         weights = self._density(at).reshape(len(triangles), -1) * _WEIGHTS * triangle_areas(triangles)[:, None]
         steps = places - generators[own][:, None]
         parts = [weights, weights * steps[..., 0], weights * steps[..., 1], weights * (steps**2).sum(axis=2)]
-        return sum_by_cell(own, np.stack([part.sum(axis=1) for part in parts], axis=1), len(cells))
+        return sum_by_label(own, np.stack([part.sum(axis=1) for part in parts], axis=1), len(cells))
 
 
 def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
@@ -130,7 +130,7 @@ def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
     squares = x1 * x1 + x1 * x2 + x2 * x2 + y1 * y1 + y1 * y2 + y2 * y2
     parts = (cross / 2, cross * (x1 + x2) / 6, cross * (y1 + y2) / 6, cross * squares / 12)
     cell = own[ring[:-1][inside]]
-    return sum_by_cell(cell, np.stack(parts, axis=1), len(cells))
+    return sum_by_label(cell, np.stack(parts, axis=1), len(cells))
 
 
 def _oriented_rings(cells: Polygons) -> tuple[Polygons, NDArray[np.intp]]:

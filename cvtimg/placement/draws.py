@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count
+from cvtimg._shared.sums import per_mass
 from cvtimg.engine.methods import Probabilistic
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.moments import Moments
@@ -127,8 +128,7 @@ def _draw(
         masses += size / draws * part.masses
         sums += size / draws * part.masses[:, None] * (part.centroids - generators)
         energy += size / draws * part.energy
-    steps = np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=masses[:, None] > 0)
-    return Moments(masses, generators + steps, energy)
+    return Moments(masses, generators + per_mass(sums, masses), energy)
 
 
 def draw_part(region: Region, density: Density, generators: Points, n: int, seed: int) -> Moments:

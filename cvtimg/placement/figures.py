@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, check_one_of, check_shape
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.moments import Moments
-from cvtimg.placement.sums import by_mass, sum_by_cell
 
 Points = NDArray[np.float64]
 
@@ -168,10 +168,10 @@ class FigureMoments:
         """Compute the moments of the cells of (K, P) figures."""
         labels, squares = self.labels(generators)
         n = len(generators)
-        masses = sum_by_cell(labels, self._weights, n)
+        masses = sum_by_label(labels, self._weights, n)
         pulls = self._kind.pulls(generators[labels], self._rows)
         costs, slopes = self._kind.price(generators)
-        moves = by_mass(sum_by_cell(labels, self._weights[:, None] * pulls, n), masses) - slopes
+        moves = per_mass(sum_by_label(labels, pulls, n, self._weights), masses) - slopes
         energy = float((self._weights * squares).sum() + (masses * costs).sum())
         return Moments(masses, generators + moves, energy)
 

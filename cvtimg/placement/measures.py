@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.placement.cells import cell_rings, voronoi_cells
 from cvtimg.placement.samples import SampleMoments
-from cvtimg.placement.sums import by_mass, sum_by_cell
 from cvtimg.regions import Box, LpGauge, PictureRegion, PolygonRegion, Region
 from cvtimg.regions.polygons import triangle_areas, triangulate
 
@@ -128,9 +128,9 @@ def _sampled_cells(
     steps = moments.wrapped(samples.rows - points[labels])
     heights = np.zeros(n_points)
     np.maximum.at(heights, labels, np.linalg.norm(steps, axis=1))
-    volumes = sum_by_cell(labels, samples.density, n_points)
+    volumes = sum_by_label(labels, samples.density, n_points)
     products = np.einsum("m,md,me->mde", samples.density, steps, steps).reshape(-1, n_dims**2)
-    second = by_mass(sum_by_cell(labels, products, n_points), volumes)
+    second = per_mass(sum_by_label(labels, products, n_points), volumes)
     return heights, volumes, second.reshape(-1, n_dims, n_dims)
 
 
@@ -143,6 +143,6 @@ def _second_moments(
     total = steps.sum(axis=1)
     # Over a triangle: the outer products of its corners and of their sum, by 12.
     products = np.einsum("tid,tie->tde", steps, steps) + total[:, :, None] * total[:, None, :]
-    cells = sum_by_cell(own, areas, len(points))
-    sums = sum_by_cell(own, areas[:, None] * products.reshape(-1, 4) / 12, len(points))
+    cells = sum_by_label(own, areas, len(points))
+    sums = sum_by_label(own, areas[:, None] * products.reshape(-1, 4) / 12, len(points))
     return cells, (sums / cells[:, None]).reshape(-1, 2, 2)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.moments import Moments
-from cvtimg.placement.sums import by_mass, sum_by_cell
 from cvtimg.regions import Box, Gauge, LpGauge, Region
 
 Points = NDArray[np.float64]
@@ -45,13 +45,13 @@ class SampleMoments:
         """Compute the moments of the cells of (K, D) generators."""
         labels = self.labels(generators)
         steps = self.wrapped(self._rows - generators[labels])
-        masses = sum_by_cell(labels, self._weights, len(generators))
+        masses = sum_by_label(labels, self._weights, len(generators))
         if self._gauge == LpGauge(2):
             pulls, squares = steps, (steps**2).sum(axis=1)
         else:
             lengths = self._gauge.lengths(steps)
             pulls, squares = lengths[:, None] * self._gauge.slopes(steps), lengths**2
-        moves = by_mass(sum_by_cell(labels, self._weights[:, None] * pulls, len(generators)), masses)
+        moves = per_mass(sum_by_label(labels, pulls, len(generators), self._weights), masses)
         return Moments(masses, generators + moves, float((self._weights * squares).sum()))
 
     def labels(self, generators: Points) -> NDArray[np.intp]:

@@ -1,0 +1,34 @@
+"""Sums of what has one label."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def sum_by_label(
+    labels: NDArray[np.integer], values: NDArray[Any], n_labels: int = 0, weights: NDArray[Any] | None = None
+) -> NDArray[np.float64]:
+    """Sum values (M,) or (M, P), times weights (M,) if given, by their labels (M,): (K,) or (K, P) sums.
+
+    K is one more than the largest label, or `n_labels` if that is more. Values are added in double precision, one
+    after the other.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> sum_by_label(np.array([0, 1, 1]), np.array([[1, 2], [3, 4], [5, 6]])).tolist()
+    [[1.0, 2.0], [8.0, 10.0]]
+    """
+    if values.ndim == 1:
+        weighted = values if weights is None else weights * values
+        return np.bincount(labels, weighted, n_labels).astype(np.float64, copy=False)
+    return np.stack([sum_by_label(labels, column, n_labels, weights) for column in values.T], axis=1)
+
+
+def per_mass(sums: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Divide (K, P) sums by (K,) masses; 0 where there is none."""
+    has_mass = masses[:, None] > 0
+    return np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=has_mass)
