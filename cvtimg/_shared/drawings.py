@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg._shared.svg import captioned
 
 __all__ = ["MOST_SHAPES", "draw_dots", "draw_lines", "draw_solid", "edges_of", "seen_from"]
 
@@ -23,7 +24,7 @@ def draw_lines(caption: str, lines: _Floats, *, y_down: bool = False) -> str:
     """Draw line segments (S, 2, 2), each from (x, y) to (x, y)."""
     placed, height = _placed(lines.reshape(-1, 2), _SIZE, y_down)
     path = "".join(f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}" for x, y, u, v in placed.reshape(-1, 4).tolist())
-    return _page(caption, f"<path d='{path}' stroke='currentColor' stroke-width='0.5'/>", _SIZE, height)
+    return captioned(caption, _SIZE, height, f"<path d='{path}' stroke='currentColor' stroke-width='0.5'/>")
 
 
 def draw_dots(caption: str, points: _Floats, *, y_down: bool = False) -> str:
@@ -42,7 +43,7 @@ def draw_dots(caption: str, points: _Floats, *, y_down: bool = False) -> str:
         frame = f"<rect x='{left:.1f}' y='{top:.1f}' width='{size:.1f}' height='{height:.1f}' stroke='#bbb'/>"
         parts.append(frame)
         lowest = max(lowest, top + height)
-    return _page(caption, "".join(parts), _SIZE, lowest)
+    return captioned(caption, _SIZE, lowest, "".join(parts))
 
 
 def draw_solid(caption: str, points: _Floats, triangles: NDArray[np.integer], view: Sequence[float]) -> str:
@@ -57,7 +58,7 @@ def draw_solid(caption: str, points: _Floats, triangles: NDArray[np.integer], vi
     placed, height = _placed(nearest_last[..., :2].reshape(-1, 2), _SIZE, y_down=False)
     shape = "<path d='M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f} {:.1f}Z'/>"
     shapes = "".join(shape.format(*six) for six in placed.reshape(-1, 6).tolist())
-    return _page(caption, f"<g fill='white' stroke='#333' stroke-width='0.5'>{shapes}</g>", _SIZE, height)
+    return captioned(caption, _SIZE, height, f"<g fill='white' stroke='#333' stroke-width='0.5'>{shapes}</g>")
 
 
 def edges_of(triangles: NDArray[np.integer]) -> NDArray[np.integer]:
@@ -86,7 +87,3 @@ def _placed(points: _Floats, size: float, y_down: bool) -> tuple[_Floats, float]
     if not y_down:
         placed[:, 1] = height - placed[:, 1]
     return placed + _MARGIN, height + 2 * _MARGIN
-
-
-def _page(caption: str, body: str, width: float, height: float) -> str:
-    return f"<p>{html.escape(caption)}</p><svg width='{width:.0f}' height='{height:.0f}' fill='none'>{body}</svg>"

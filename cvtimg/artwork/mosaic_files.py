@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_choice, check_non_negative
+from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
 from cvtimg.artwork._mosaics import label_triangles
 from cvtimg.artwork.polygons import Polygons
-from cvtimg.artwork.svg import drawing, hexadecimal, number, numbers
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
@@ -86,7 +86,7 @@ class TileDrawing:
 
     def _svg(self) -> Iterator[str]:
         line = f'stroke="{_LINES}" stroke-width="{number(self.outline, 3)}"' if self.outline else _SEAM
-        return drawing(self.size[1], self.size[0], attributes=f' stroke-linejoin="round" {line}', body=self._body())
+        return drawing(self.size[1], self.size[0], self._body(), attributes=f' stroke-linejoin="round" {line}')
 
     def _body(self) -> Iterator[str]:
         translucent = self.colors.shape[1] in (2, 4) and bool((self._eight_bits()[:, 3] < 255).any())

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
+from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg.artwork.polygons import Polygons
-from cvtimg.artwork.svg import drawing, hexadecimal, layer, number, numbers
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file, write_text
 from cvtimg.labels.contours import Polygon
@@ -118,7 +118,7 @@ def write_svg(
     """Write dots as a drawing in millimeters, with a layer for each pen."""
     scale = paper.width / size[1]
     body = _layers(pens, ground, paper, scale)
-    write_text(path, drawing(paper.width, size[0] * scale, unit="mm", body=body), overwrite=overwrite)
+    write_text(path, drawing(paper.width, size[0] * scale, body, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
 
 def _layers(pens: Sequence[PenDots], ground: NDArray[np.uint8], paper: Paper, scale: float) -> Iterator[str]:
@@ -167,7 +167,7 @@ def write_cells(
         return
     scale = Paper(width, "lines", None).width / size[1]
     body = _cell_layers(pens, scale)
-    write_text(path, drawing(width, size[0] * scale, unit="mm", body=body), overwrite=overwrite)
+    write_text(path, drawing(width, size[0] * scale, body, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
 
 def _cell_layers(pens: Sequence[PenDots], scale: float) -> Iterator[str]:

@@ -7,7 +7,6 @@ in `cvtimg.elbow.rules` say where.
 
 from __future__ import annotations
 
-import html
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +24,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.svg import captioned
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
@@ -73,11 +73,9 @@ class EnergyCurve:
         down = 10 + (heights[0] - heights) / fall * 180
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
         k = self.elbow()
-        return (
-            f"<p>{html.escape(repr(self))}</p><svg width='400' height='200'>"
-            f"<polyline points='{points}' fill='none' stroke='currentColor' stroke-width='1.5'/>"
-            f"<circle cx='{across[k - 1]:.1f}' cy='{down[k - 1]:.1f}' r='5' fill='#e4002b'/></svg>"
-        )
+        line = f"<polyline points='{points}' stroke='currentColor' stroke-width='1.5'/>"
+        dot = f"<circle cx='{across[k - 1]:.1f}' cy='{down[k - 1]:.1f}' r='5' fill='#e4002b'/>"
+        return captioned(repr(self), 400, 200, line + dot)
 
     @property
     def n_max(self) -> int:

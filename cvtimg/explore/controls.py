@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from cvtimg.labels.formats.numbers import shortest
+from cvtimg._shared.svg import shortest
 
 __all__ = [
     "Choice",

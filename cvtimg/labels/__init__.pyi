@@ -3,9 +3,8 @@ from .contours import Contours, Polygon, find_contours
 from .edges import find_edges
 from .figures import mean_picture, region_means, region_table, run_lengths
 from .files import label_colors, read_labels, write_labels, write_table
-from .formats import CONTOUR_FORMATS, write_contours
+from .formats import CONTOUR_FORMATS, Drawing, write_contours
 from .formats.coco import write_coco
-from .formats.drawing import Drawing
 from .formats.geojson import write_geojson
 from .formats.svg import write_svg
 

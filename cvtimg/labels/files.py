@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_labels, check_within
+from cvtimg._shared.svg import shortest
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
-from cvtimg.labels.formats.numbers import shortest
 from cvtimg.pictures.files import Metadata, read_indices, write_image
 
 #: Suffixes of files of labels.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg.labels.contours import Contours
 from cvtimg.labels.figures import region_means
-from cvtimg.labels.formats.drawing import Drawing
+from cvtimg.labels.formats import Drawing
 from cvtimg.plotting.sheets import shown_colors
 
 

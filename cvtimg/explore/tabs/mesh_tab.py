@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.artwork.svg import numbers
+from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call
 from cvtimg.explore.controls import Choice, Control, Number, Settings
 from cvtimg.explore.layers import Drawing
@@ -174,12 +174,12 @@ def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:
     height, width = size
     fine, bold = (_lines(mesh, edges) for edges in (np.unique(sides, axis=0), mesh.edges))
     look = 'fill="none" stroke-linecap="round"'
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
+    body = (
         f'<g {look}><path d="{fine}" stroke="#fff" stroke-opacity=".75" stroke-width="{2.4 * thickness:.3f}"/>'
         f'<path d="{fine}" stroke="#124" stroke-width="{thickness:.3f}"/>'
-        f'<path d="{bold}" stroke="#d61" stroke-width="{3 * thickness:.3f}"/></g></svg>'
-    ).encode()
+        f'<path d="{bold}" stroke="#d61" stroke-width="{3 * thickness:.3f}"/></g>'
+    )
+    return "".join(drawing(width, height, [body])).encode()
 
 
 def _lines(mesh: Mesh, edges: Any) -> str:

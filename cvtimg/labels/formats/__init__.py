@@ -1,25 +1,60 @@
 """Files of contours, a format per module.
 
-A module of this package has a function ``write(path, drawing, overwrite)`` that takes a `drawing.Drawing`. To add a
-format, add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there. COCO, which holds
-masks and not contours, is in `coco`.
+A module of this package has a function ``write(path, drawing, overwrite)`` that takes a `Drawing`. To add a format,
+add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there. COCO, which holds masks
+and not contours, is in `coco`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.files.whole import StrPath
 
 if TYPE_CHECKING:
-    from cvtimg.labels.formats.drawing import Drawing
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CONTOUR_FORMATS", "write_contours"]
+    from cvtimg.labels.contours import Polygon
+
+__all__ = ["CONTOUR_FORMATS", "PLACE_DIGITS", "Drawing", "write_contours"]
 
 #: The registry: modules by suffix. Modules are given by name, because ``cvtimg segment --help`` must not import NumPy.
 CONTOUR_FORMATS = {".svg": "svg", ".geojson": "geojson"}
+#: Decimal places of a coordinate in pixels; half of the last is far below the clearance of borders.
+PLACE_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawing:
+    """Contours, and what formats can tell about them.
+
+    Attributes
+    ----------
+    polygons : tuple of Polygon
+        Those of `Contours`, by label.
+    size : (int, int)
+        Height and width of the image.
+    colors : (max label + 1, 3) uint8 array
+        Color of each label.
+    properties : mapping of int to mapping
+        Properties of each label.
+    transform : (2, 3) array, optional
+        Maps (x, y, 1) in pixels to coordinates on a map.
+    epsg : int, optional
+        Code of the coordinate system of that map.
+    """
+
+    polygons: tuple[Polygon, ...]
+    size: tuple[int, int]
+    colors: NDArray[np.uint8]
+    properties: Mapping[int, Mapping[str, Any]]
+    transform: ArrayLike | None = None
+    epsg: int | None = None
 
 
 def write_contours(path: StrPath, drawing: Drawing, *, overwrite: bool = False) -> None:

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.geojson import collection, feature
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
-from cvtimg.labels.formats.drawing import Drawing
-from cvtimg.labels.formats.numbers import PLACE_DIGITS
+from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
     """Write the polygons of a drawing with their properties, in the coordinates of its map if it has one."""
-    write_geojson(
-        path,
-        drawing.polygons,
-        drawing.properties,
-        transform=drawing.transform,
-        epsg=drawing.epsg,
-        overwrite=overwrite,
-    )
+    place: dict[str, Any] = {"transform": drawing.transform, "epsg": drawing.epsg}
+    write_geojson(path, drawing.polygons, drawing.properties, **place, overwrite=overwrite)
 
 
 def write_geojson(
@@ -76,29 +69,15 @@ def write_geojson(
     """
     matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
     features = (
-        json.dumps(
-            {
-                "type": "Feature",
-                "properties": {"label": label, **properties[label]},
-                "geometry": _geometry(list(pieces), matrix),
-            },
-            separators=(",", ":"),
-            allow_nan=False,
-        )
+        feature(_placed(pieces, matrix), {"label": label, **properties[label]})
         for label, pieces in groupby(polygons, key=lambda polygon: polygon.label)
     )
-    system = f'"crs":{{"type":"name","properties":{{"name":"urn:ogc:def:crs:EPSG::{epsg}"}}}},' if epsg else ""
-    head = f'{{"type":"FeatureCollection",{system}"features":[\n'
-    write_text(path, [head, ",\n".join(features), "\n]}\n"], overwrite=overwrite)
+    write_text(path, collection(features, epsg), overwrite=overwrite)
 
 
-def _geometry(pieces: Sequence[Polygon], matrix: NDArray[np.float64]) -> dict[str, Any]:
+def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64]) -> list[list[list[list[float]]]]:
+    """Map rings to the coordinates of the file, and keep their sense there."""
     mirrored = np.linalg.det(matrix[:, :2]) < 0
     digits = max(PLACE_DIGITS - math.floor(math.log10(np.abs(matrix[:, :2]).max())), 0)
-    drawn = []
-    for polygon in pieces:
-        rings = [(ring @ matrix[:, :2].T + matrix[:, 2]).round(digits) for ring in polygon.rings]
-        drawn.append([ring[:: -1 if mirrored else 1].tolist() for ring in rings])
-    if len(drawn) == 1:
-        return {"type": "Polygon", "coordinates": drawn[0]}
-    return {"type": "MultiPolygon", "coordinates": drawn}
+    placed = [[(ring @ matrix[:, :2].T + matrix[:, 2]).round(digits) for ring in piece.rings] for piece in pieces]
+    return [[ring[:: -1 if mirrored else 1].tolist() for ring in rings] for rings in placed]

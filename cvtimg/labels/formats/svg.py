@@ -8,10 +8,11 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.svg import drawing as svg_drawing
+from cvtimg._shared.svg import hexadecimal, numbers
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
-from cvtimg.labels.formats.drawing import Drawing
-from cvtimg.labels.formats.numbers import PLACE_DIGITS, shortest
+from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
@@ -54,20 +55,18 @@ def write_svg(
     <path id="segment-1" fill="#ff8000" stroke="#ff8000" d="M0,0 2,0 2,2 0,2Z"/>
     """
     height, width = size
+    write_text(path, svg_drawing(width, height, _body(polygons, colors)), overwrite=overwrite)
+
+
+def _body(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:
     # Renderers let the background shine through where polygons share a border; a thin stroke covers it.
-    head = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">\n'
-        '<g fill-rule="evenodd" stroke-width="0.3" stroke-linejoin="round">\n'
-    )
-    write_text(path, [head, *_svg_paths(polygons, colors), "</g>\n</svg>\n"], overwrite=overwrite)
-
-
-def _svg_paths(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:
+    yield '<g fill-rule="evenodd" stroke-width="0.3" stroke-linejoin="round">\n'
     for label, pieces in groupby(polygons, key=lambda polygon: polygon.label):
-        color = "#" + colors[label].tobytes().hex()
-        rings = "".join(f"M{_svg_places(ring[:-1])}Z" for polygon in pieces for ring in polygon.rings)
+        color = hexadecimal(colors[label])
+        rings = "".join(f"M{_places(ring[:-1])}Z" for polygon in pieces for ring in polygon.rings)
         yield f'<path id="segment-{label}" fill="{color}" stroke="{color}" d="{rings}"/>\n'
+    yield "</g>\n"
 
 
-def _svg_places(places: NDArray[np.float64]) -> str:
-    return " ".join(f"{shortest(x)},{shortest(y)}" for x, y in places.round(PLACE_DIGITS).tolist())
+def _places(ring: NDArray[np.float64]) -> str:
+    return " ".join(map(",".join, zip(*(numbers(axis, PLACE_DIGITS) for axis in ring.T), strict=True)))

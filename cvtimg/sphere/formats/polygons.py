@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, BinaryIO, TypeAlias
@@ -10,6 +9,7 @@ from typing import Any, BinaryIO, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.geojson import collection, feature
 from cvtimg.files.vtu import POLYGON, vtu_content
 from cvtimg.sphere.formats.connectivity import Indices, connect
 from cvtimg.sphere.formats.content import GridContent
@@ -28,18 +28,17 @@ def write_geojson(file: BinaryIO, grid: GridContent) -> None:
     around = connect(grid.triangles, len(grid.points))
     geometry = measure(grid.points, around)
     areas = (geometry.cell_areas * grid.radius**2).tolist()
-    file.write(b'{"type": "FeatureCollection", "features": [\n')
     corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
     offsets = np.concatenate([[0], np.cumsum(around.degrees)]).astype(np.int32)
-    for number, pieces in enumerate(cell_polygons(geometry.vertices, corners, offsets)):
-        rings = [[*piece, piece[0]] for piece in pieces]
-        shape: dict[str, Any] = {"type": "Polygon", "coordinates": rings}
-        if len(rings) > 1:
-            shape = {"type": "MultiPolygon", "coordinates": [[ring] for ring in rings]}
-        properties = {"area": areas[number], "neighbors": int(around.degrees[number])}
-        feature = {"type": "Feature", "id": number, "geometry": shape, "properties": properties}
-        file.write(b",\n" * bool(number) + json.dumps(feature).encode())
-    file.write(b"\n]}\n")
+    features = (
+        feature(
+            [[[*piece, piece[0]]] for piece in pieces],
+            {"area": areas[number], "neighbors": int(around.degrees[number])},
+            id=number,
+        )
+        for number, pieces in enumerate(cell_polygons(geometry.vertices, corners, offsets))
+    )
+    file.writelines(text.encode() for text in collection(features))
 
 
 def write_vtu(file: BinaryIO, grid: GridContent) -> None:
