@@ -102,8 +102,8 @@ def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False)
 
     Parameters
     ----------
-    image : array or Pillow image
-        As for `linear_light`.
+    image : (H, W) or (H, W, C) array, or Pillow image
+        Gray or sRGB, with alpha or without, as for `stipple`.
     white_cutoff : float
         Coverage, in 0..1, below which paper stays white.
     invert : bool

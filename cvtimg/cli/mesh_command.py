@@ -64,7 +64,7 @@ MinSize = Annotated[
     Option("--min-size", metavar="H", parser=options.number(0), help="Least size; smaller details are left out."),
 ]
 Output = Annotated[
-    Path | None, Option("--output", "-o", metavar="FILE", help="Mesh file: .vtu, .msh, .obj, .stl, or by meshio.")
+    Path | None, Option("--output", "-o", metavar="FILE", help="Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.")
 ]
 OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME.vtu.")]
 Measures = Annotated[bool, Option("--measures", help="Report the eight measures of mesh quality.")]

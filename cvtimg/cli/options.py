@@ -131,8 +131,8 @@ Images = Annotated[
     list[str],
     typer.Argument(
         metavar="INPUT...",
-        help="Images, folders, patterns like 'a/*.tif', - for standard input, or @FILE for a list of names (@- to read "
-        "the list from standard input).",
+        help="Images, URLs, folders, patterns like 'a/*.tif', - for standard input, or @FILE for a list of names (@- "
+        "for one on standard input).",
     ),
 ]
 Output = Annotated[
@@ -146,7 +146,7 @@ Output = Annotated[
     ),
 ]
 OutDir = Annotated[
-    Path | None, Option(metavar="DIR", help="Folder for outputs NAME.png; subfolders are kept as in the input.")
+    Path | None, Option(metavar="DIR", help="Folder for outputs, which keep the names and subfolders of the inputs.")
 ]
 SkipExisting = Annotated[
     bool, Option("--skip-existing", help="Skip inputs whose outputs all exist, to resume a run that was stopped.")
@@ -157,7 +157,7 @@ MaxPixels = Annotated[
         "--max-pixels",
         metavar="N",
         parser=whole_number(1, 1 << 62),
-        help="Refuse larger images, for safety; 178956970 by default, no limit for images read in tiles.",
+        help="Refuse larger images, for safety; 178956970 by default.",
     ),
 ]
 
@@ -248,9 +248,7 @@ class EngineOptions:
 class CommonOptions:
     """Options of every command: whether to replace files, and what to print."""
 
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace existing outputs; inputs are never replaced.")] = (
-        False
-    )
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace existing outputs, but never an input.")] = False
     as_json: Annotated[bool, Option("--json", help="Print one JSON object per line and input, not a table.")] = False
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False
     report_file: Annotated[

@@ -97,7 +97,7 @@ EdgeWeight = Annotated[
         "--edge-weight",
         metavar="L|auto",
         parser=options.or_auto(options.number(0)),
-        help="Penalty per pixel of border (>= 0); larger values give smoother segments; auto follows the noise.",
+        help="Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
     ),
 ]
 Radius = Annotated[

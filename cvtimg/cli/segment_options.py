@@ -83,7 +83,7 @@ EdgeWeight = Annotated[
     Option(
         metavar="L|auto",
         parser=options.or_auto(_AMOUNT),
-        help="Penalty per pixel of border (>= 0); larger values give smoother segments; auto follows the noise.",
+        help="Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
     ),
 ]
 EdgeRadius = Annotated[

@@ -75,7 +75,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     References
     ----------
     V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Reliability Engineering and System Safety 91 (2006) 1266-1280,
-    doi 10.1016/j.ress.2005.11.033.
+    doi 10.1016/j.ress.2005.11.023.
 
     Examples
     --------

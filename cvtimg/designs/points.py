@@ -172,7 +172,7 @@ def design(
     References
     ----------
     V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Reliability Engineering and System Safety 91 (2006) 1266-1280,
-    doi 10.1016/j.ress.2005.11.033. Returning to Latin points after each move is our own, as are the swaps of neighbors
+    doi 10.1016/j.ress.2005.11.023. Returning to Latin points after each move is our own, as are the swaps of neighbors
     that then lower the discrepancy.
 
     Examples
