@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg.artwork.polygons import Polygons
+from cvtimg.files.arrays import save_arrays
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file, write_text
 from cvtimg.labels.contours import Polygon
@@ -98,12 +99,13 @@ def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> N
         rows = zip(*(column.tolist() for column in columns), strict=True)
         write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
         return
+    if suffix == ".npz":
+        colors = np.stack([pen.color for pen in pens])
+        arrays = {"points": points, "radii": radii, "masses": masses, "layers": layers, "colors": colors}
+        save_arrays(path, "stipples", arrays, overwrite=overwrite)
+        return
     with whole_file(path, overwrite=overwrite) as file:
-        if suffix == ".npy":
-            np.save(file, np.column_stack([points, radii, layers]))
-        else:
-            colors = np.stack([pen.color for pen in pens])
-            np.savez(file, points=points, radii=radii, masses=masses, layers=layers, colors=colors)
+        np.save(file, np.column_stack([points, radii, layers]))
 
 
 def write_svg(

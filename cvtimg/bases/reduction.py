@@ -16,9 +16,11 @@ from cvtimg.bases.snapshots import Snapshots, as_snapshots
 from cvtimg.bases.subspaces import distances, find_subspaces, principal_axes
 from cvtimg.elbow.rules import Scale, chord_linear
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.arrays import load_arrays, save_arrays
+from cvtimg.files.whole import StrPath
 
 _Floats = NDArray[np.float64]
+_KIND = "reduced basis"
 
 #: Kinds of bases, by the names of `kind`.
 KINDS = ("pod", "cvt", "cvod")
@@ -157,12 +159,8 @@ class Basis:
             If the file cannot be written, or exists and `overwrite` is false.
         """
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
-        with whole_file(path, overwrite=overwrite) as file:
-            np.savez(
-                file,
-                allow_pickle=False,
-                **{field.name: np.asarray(getattr(self, field.name)) for field in fields(self)},
-            )
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        save_arrays(path, _KIND, arrays, overwrite=overwrite)
 
 
 def _joined(parts: Iterable[Projection]) -> Projection:
@@ -196,11 +194,7 @@ def read_basis(path: StrPath) -> Basis:
     ...     read_basis(f"{folder}/basis.npz")
     Basis(kind='pod', 2 modes of shape (4,), 66.67% explained)
     """
-    try:
-        with np.load(path) as stored:
-            values = {field.name: stored[field.name] for field in fields(Basis)}
-    except (KeyError, ValueError, AttributeError, EOFError) as error:
-        raise OSError(f"{path}: holds no reduced basis") from error
+    values: dict[str, Any] = load_arrays(path, _KIND, [field.name for field in fields(Basis)])
     values |= {"kind": str(values["kind"]), "variance": float(values["variance"])}
     return Basis(**{**values, "shape": tuple(int(side) for side in values["shape"])})
 

@@ -21,6 +21,7 @@ from cvtimg._shared.extras import optional
 from cvtimg.blocks.passes import Block, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks
 from cvtimg.files.finding import find_images
+from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.frames import Frames, is_animated, read_frames
 
@@ -187,11 +188,12 @@ def _of_path(path: Path) -> Snapshots:
     if suffix == ".zarr":
         zarr = optional("zarr", "zarr")
 
-        return _of_array(zarr.open_array(str(path), mode="r"))
-    if path.is_dir():
+        return _of_array(zarr.open_array(url_of(path), mode="r"))
+    if path.is_dir() or (is_remote(path) and not suffix):
         return _of_images(find_images(path))
     if suffix == ".npy":
-        return _of_array(np.load(path, mmap_mode="r"))
+        with local_copy(path) as file:
+            return _of_array(np.load(file, mmap_mode=None if is_remote(path) else "r"))
     if is_animated(path):
         return _of_array(np.stack(read_frames(path).images))
     raise ValueError(f"{path} is one image; snapshots must be a folder of images, a film, or a .npy or .zarr array")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cvtimg.batch.tasks import Row, WrongUsageError
-from cvtimg.files.remote import exists, read_copies, url_of
+from cvtimg.files.remote import exists, local_copy, url_of
 
 __all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
@@ -98,7 +98,7 @@ class Report:
         is_json = path.suffix.lower() == ".jsonl"
         rows = [_flat(row) for row in self._rows] if not is_json else self._rows
         if append and exists(path):
-            rows = _merged(_read_lines(path) if is_json else _read_csv(path), rows)
+            rows = _merged(_read_rows(path), rows)
         text = _lines(rows) if is_json else _csv(rows)
         write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
 
@@ -129,17 +129,12 @@ def _merged(before: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
     return list(known.values())
 
 
-@read_copies
-def _read_lines(path: Path) -> list[Row]:
-    with path.open(errors="surrogateescape") as file:
-        return [json.loads(line) for line in file]
-
-
-@read_copies
-def _read_csv(path: Path) -> list[Row]:
+def _read_rows(path: Path) -> list[Row]:
     import csv
 
-    with path.open(newline="", errors="surrogateescape") as file:
+    with local_copy(path) as copy, copy.open(newline="", errors="surrogateescape") as file:
+        if path.suffix.lower() == ".jsonl":
+            return [json.loads(line) for line in file]
         return list(csv.DictReader(file))
 
 

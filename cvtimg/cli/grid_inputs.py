@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.files.remote import read_copies
+from cvtimg.files.remote import exists, local_copy
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,15 +44,15 @@ def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
     return parts or None
 
 
-@read_copies
 def read_grid_points(path: Path) -> NDArray[np.float64]:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np
 
-    if not path.is_file():
+    if not exists(path):
         raise FileNotFoundError(f"--parent {path}: no such file")
     try:
-        table = _from_netcdf(path) if path.suffix.lower() == ".nc" else _from_table(path)
+        with local_copy(path) as file:
+            table = _from_netcdf(file) if file.suffix.lower() == ".nc" else _from_table(file)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error
     lengths = np.linalg.norm(table, axis=1)

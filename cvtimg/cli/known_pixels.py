@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.files.remote import read_copies
-
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -58,7 +56,6 @@ def _known(
     return known & not_black(shown)
 
 
-@read_copies
 def _read_masks(path: Path, n: int) -> Sequence[NDArray[Any]]:
     """Read a mask for each of n images: its pages or frames, or its only one for all."""
     from cvtimg.pictures import is_animated, read_frames, read_pages

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.files.remote import read_copies
+from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 
 
-@read_copies
 def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
 
@@ -41,7 +39,9 @@ def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
     """
     try:
-        lines = list(csv.DictReader(Path(path).read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True))
+        with local_copy(path) as file:
+            text = file.read_text(encoding="utf-8-sig")
+        lines = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
         bounds = np.array([[float(line["low"]), float(line["high"])] for line in lines])
         return [line["name"] for line in lines], bounds.reshape(-1, 2)
     except (KeyError, TypeError, ValueError) as error:

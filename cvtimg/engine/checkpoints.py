@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
+from cvtimg.files.remote import exists
+from cvtimg.files.whole import StrPath
+
+_KIND = "checkpoint"
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """A file with generators, and the energies that led to them.
+    """A file or URL with generators, and the energies that led to them.
 
     Attributes
     ----------
@@ -38,14 +39,12 @@ class Checkpoint:
         ValueError
             If the file is of another job, or no checkpoint.
         """
-        if self.path is None or not Path(self.path).exists():
+        if self.path is None or not exists(self.path):
             return None
         try:
-            with np.load(self.path) as saved:
-                state: dict[str, Any] = dict(saved)
-        except (ValueError, EOFError, BadZipFile, AttributeError):
-            state = {}
-        check_that(f"checkpoint={str(self.path)!r}", "job" in state, "be a file that an earlier run saved")
+            state = load_arrays(self.path, _KIND, ("job", "generators", "energies"))
+        except UnfitArraysError as error:
+            raise ValueError(f"checkpoint={str(self.path)!r} must be a file that an earlier run saved") from error
         same = str(state["job"]) == self.job
         check_that(f"checkpoint={str(self.path)!r}", same, "be of the same samples, blocks and options")
         return state["generators"], state["energies"].tolist()
@@ -53,5 +52,5 @@ class Checkpoint:
     def save(self, generators: NDArray[np.float64], energies: Sequence[float]) -> None:
         """Write the state, whole or not at all."""
         if self.path is not None:
-            with whole_file(self.path, overwrite=True) as file:
-                np.savez(file, job=self.job, generators=generators, energies=np.array(energies, np.float64))
+            state = {"job": self.job, "generators": generators, "energies": np.array(energies, np.float64)}
+            save_arrays(self.path, _KIND, state, overwrite=True)

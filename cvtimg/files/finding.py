@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
+from cvtimg.files.remote import find_remote, is_remote, url_of
 from cvtimg.files.whole import StrPath
 
 # Formats that Pillow identifies but cannot decode, or renders with an external program: Ghostscript should not run on
@@ -23,7 +24,7 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     paths : path or iterable of paths
         Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow
         reads; hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for
-        any depth.
+        any depth. URLs are found by fsspec.
 
     Returns
     -------
@@ -50,6 +51,8 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
 
 
 def _expand(path: StrPath) -> list[Path]:
+    if is_remote(path):
+        return find_remote(url_of(path), image_suffixes())
     given = Path(path)
     if given.is_dir() and given.suffix.lower() != ".zarr":
         inside = sorted(

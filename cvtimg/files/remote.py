@@ -9,13 +9,11 @@ import glob
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import wraps
-from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, TypeAlias, TypeVar, cast
+from typing import Any, BinaryIO, TypeAlias
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
@@ -26,8 +24,8 @@ __all__ = [
     "fetch",
     "find_remote",
     "is_remote",
+    "local_copy",
     "open_remote",
-    "read_copies",
     "remote_file",
     "remote_folder",
     "send",
@@ -37,7 +35,6 @@ __all__ = [
 
 #: As in `whole`, which imports this module.
 StrPath: TypeAlias = str | os.PathLike[str]
-Reader = TypeVar("Reader", bound=Callable[..., Any])
 
 #: A scheme has two letters or more: one is a drive of Windows.
 _URL = re.compile(r"([a-z][a-z0-9+.-]+):/+(.*)", re.DOTALL)
@@ -226,27 +223,29 @@ def remote_file(path: StrPath, *, overwrite: bool) -> Iterator[BinaryIO]:
         send(copy, path, overwrite=overwrite)
 
 
-def read_copies(read: Reader) -> Reader:
-    """Let a function whose first argument is a file to read take a URL as well, of which it reads a copy."""
+@contextmanager
+def local_copy(path: StrPath) -> Iterator[Path]:
+    """Give a file to read that is here: the file itself, or a copy of what a URL names, removed when the block ends.
 
-    @wraps(read)
-    def reading(*args: Any, **kwargs: Any) -> Any:
-        given = signature(read).bind(*args, **kwargs)
-        name, source = next(iter(given.arguments.items()))
-        if not isinstance(source, (str, os.PathLike)) or not is_remote(source):
-            return read(*args, **kwargs)
-        with TemporaryDirectory(prefix="cvtimg-") as folder:
-            copy = Path(folder, Path(source).name)
-            fetch(source, copy)
-            given.arguments[name] = copy
-            try:
-                return read(*given.args, **given.kwargs)
-            except (OSError, ValueError) as error:
-                # Kinds of ValueError, such as UnicodeDecodeError, cannot be made of a message alone.
-                kind = type(error) if isinstance(error, OSError) else ValueError
-                raise kind(str(error).replace(str(copy), url_of(source))) from error
+    Errors in the block that name the copy name the URL instead.
 
-    return cast("Reader", reading)
+    Raises
+    ------
+    OSError
+        If a URL cannot be read.
+    """
+    if not is_remote(path):
+        yield Path(path)
+        return
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        copy = Path(folder, Path(path).name)
+        fetch(path, copy)
+        try:
+            yield copy
+        except (OSError, ValueError) as error:
+            # Kinds of ValueError, such as UnicodeDecodeError, cannot be made of a message alone.
+            kind = type(error) if isinstance(error, OSError) else ValueError
+            raise kind(str(error).replace(str(copy), url_of(path))) from error
 
 
 def _opened(url: str) -> tuple[Any, str]:

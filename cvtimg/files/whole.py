@@ -7,10 +7,11 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import BinaryIO, TypeAlias
 
 from cvtimg._shared.messages import one_line
-from cvtimg.files.remote import is_remote, remote_file
+from cvtimg.files.remote import check_is_new, is_remote, remote_file, send
 
 StrPath: TypeAlias = str | os.PathLike[str]
 
@@ -99,6 +100,15 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
 
     Parameters and errors are those of `whole_file`. An existing folder is removed only after the new one is complete.
     """
+    if is_remote(path):
+        if not overwrite:
+            check_is_new(path)
+        with TemporaryDirectory(prefix="cvtimg-") as scratch:
+            folder = Path(scratch, Path(path).name)
+            folder.mkdir()
+            yield folder
+            send(folder, path, overwrite=overwrite)
+        return
     target = Path(os.path.realpath(path))
     if target.exists() and not overwrite:
         raise _exists(path)

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg._shared.pixels import peak
-from cvtimg.files.remote import read_copies
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
@@ -59,7 +58,6 @@ PALETTE_FORMATS = {
 }
 
 
-@read_copies
 def read_palette(path: StrPath) -> NDArray[np.uint8]:
     r"""Read the colors of a palette file or of an image.
 

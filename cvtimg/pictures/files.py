@@ -17,7 +17,6 @@ from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import with_mark
 from cvtimg.files.finding import find_images
-from cvtimg.files.remote import read_copies
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suffixes
@@ -42,7 +41,6 @@ __all__ = [
 ]
 
 
-@read_copies
 def read_image(
     source: Source, *, page: int | None = None, channel_axis: int | None = None, keep_profile: bool = False
 ) -> NDArray[Any]:
@@ -50,7 +48,7 @@ def read_image(
 
     Parameters
     ----------
-    source : path, bytes or binary file
+    source : path, URL, bytes or binary file
         Any raster format that Pillow reads (PNG, JPEG, TIFF, WebP, GIF, BMP, AVIF and others), TIFF with any sample
         type and number of bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Only the first
         frame of an animation is read. Use `read_frames` for animations and `read_pages` for multi-page files.
@@ -135,7 +133,6 @@ def read_indices(source: Source) -> NDArray[Any]:
         return decode(file, indices=True)
 
 
-@read_copies
 def image_info(source: Source) -> ImageInfo:
     """Read the header of an image file without decoding its pixels.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,13 +61,8 @@ class Frames:
 
 def is_animated(path: StrPath) -> bool:
     """Return whether a file has several frames. Pages of a document do not count as frames."""
-    with reading(path) as file:
-        try:
-            image = open_picture(file)
-        except OSError:  # a format that Pillow does not read
-            return False
-        with image:
-            return image.format in ANIMATED and bool(getattr(image, "is_animated", False))
+    with reading(path) as file, _opened(file) as image:
+        return image is not None
 
 
 def read_frames(path: StrPath) -> Frames:
@@ -99,11 +95,23 @@ def read_frames(path: StrPath) -> Frames:
     ((40.0, 60.0), 9)
     """
     with reading(path) as file:
-        image = open_picture(file) if is_animated(path) else None
-        if image is None:
-            return Frames((decode(file),), (0.0,), 1)
-        with image:
-            return _decode_frames(image)
+        with _opened(file) as image:
+            if image is not None:
+                return _decode_frames(image)
+        file.seek(0)
+        return Frames((decode(file),), (0.0,), 1)
+
+
+@contextmanager
+def _opened(file: BinaryIO) -> Iterator[ImageFile.ImageFile | None]:
+    """Open an animation with Pillow; None for files of one image or of pages."""
+    try:
+        image = open_picture(file)
+    except OSError:  # a format that Pillow does not read
+        yield None
+        return
+    with image:
+        yield image if image.format in ANIMATED and getattr(image, "is_animated", False) else None
 
 
 def write_frames(

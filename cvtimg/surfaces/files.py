@@ -10,6 +10,7 @@ import numpy as np
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
+from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 from cvtimg.surfaces.triangulated import TriangulatedSurface
 from cvtimg.surfaces.vertex_density import VertexDensity
@@ -80,7 +81,7 @@ def _loaded(path: StrPath, *, process: bool) -> Any:
     except ImportError as error:
         raise ImportError(f"{path}: needs {needs('trimesh', 'surfaces')}") from error
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
-    with Path(path).open("rb") as file:
+    with local_copy(path) as copy, copy.open("rb") as file:
         try:
             found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=process)
             if process:

@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images
-from cvtimg.files.remote import find_remote, is_remote, read_copies, url_of
+from cvtimg.files.remote import find_remote, is_remote, local_copy, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns
@@ -77,7 +77,6 @@ class Table:
         return f"Table({len(self.rows)} of {len(self.kept)} rows{weighted}: {names})"
 
 
-@read_copies
 def read_table(
     path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"
 ) -> Table:
@@ -126,7 +125,12 @@ def read_table(
     (('girth', 'height'), [[0.8, 11.5], [1.25, 14.0]])
     """
     check_choice("missing", missing, MISSING)
-    source = open_columns(Path(path))
+    with local_copy(path) as file:
+        return _read_table(file, columns, weight, missing)
+
+
+def _read_table(path: Path, columns: Sequence[str] | None, weight: str | None, missing: str) -> Table:
+    source = open_columns(path)
     chosen = _choose(source, columns, weight)
     names = [source.names[number] for number in chosen]
     values = source.values(chosen)

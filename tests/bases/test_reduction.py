@@ -123,7 +123,7 @@ def test_saved_bases_come_back(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"suffix='\.txt' must be one of \.npz"):
         basis.save(tmp_path / "a.txt")
     (tmp_path / "b.npz").write_bytes(b"no basis")
-    with pytest.raises(OSError, match="holds no reduced basis"):
+    with pytest.raises(OSError, match="is not a reduced basis"):
         read_basis(tmp_path / "b.npz")
 
 

@@ -15,8 +15,25 @@ import pytest
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.grid_inputs import read_grid_points
-from cvtimg.files.remote import fetch, is_remote, read_copies, send, url_of
+from cvtimg.files import find_images
+from cvtimg.files.remote import fetch, is_remote, local_copy, send, url_of
 from cvtimg.files.whole import whole_file
+from cvtimg.labels import read_labels, write_labels
+from cvtimg.palettes import read_palette, write_palette
+from cvtimg.pictures import (
+    Form,
+    Frames,
+    Metadata,
+    count_pages,
+    is_animated,
+    open_bands,
+    read_frames,
+    read_metadata,
+    read_pages,
+    write_bands,
+    write_frames,
+    write_pages,
+)
 
 fsspec = pytest.importorskip("fsspec")
 RNG = np.random.default_rng(9)
@@ -111,13 +128,10 @@ def test_an_array_elsewhere_is_segmented_in_tiles(memory: object) -> None:
 
 
 def test_errors_of_any_kind_name_the_url_of_a_copy(memory: object) -> None:
-    @read_copies
-    def read(path: Path) -> str:
-        return path.read_text(encoding="utf-8")
-
-    assert read("memory://in/notes.txt") == "no picture"  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="can't decode byte"):
-        read("memory://in/a.png")  # type: ignore[arg-type]
+    with local_copy("memory://in/notes.txt") as copy:
+        assert copy.read_text(encoding="utf-8") == "no picture"
+    with pytest.raises(ValueError, match="can't decode byte"), local_copy("memory://in/a.png") as copy:
+        copy.read_text(encoding="utf-8")
 
 
 def test_a_bad_file_is_named_by_its_url_and_writes_nothing(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
@@ -208,3 +222,26 @@ def test_a_server_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
         thread.join()
         server.server_close()
     np.testing.assert_array_equal(read_image("b.png"), quantize(PICTURES["a.png"], 4).image)
+
+
+def test_whatever_is_written_at_a_url_is_read_back_from_there(memory: object) -> None:
+    picture = PICTURES["a.png"]
+    frames = Frames((picture, picture[::-1].copy()), (40.0, 60.0), 0)
+    write_frames("memory://film.png", frames)
+    assert is_animated("memory://film.png")
+    assert read_frames("memory://film.png").durations == frames.durations
+    write_pages("memory://pages.tif", np.stack(frames.images))
+    assert count_pages("memory://pages.tif") == 2
+    np.testing.assert_array_equal(read_pages("memory://pages.tif").images[1], frames.images[1])
+    write_image("memory://marked.png", picture, metadata=Metadata(dpi=(300, 300)))
+    assert round(read_metadata("memory://marked.png").dpi[0]) == 300
+    write_labels("memory://labels.png", [[0, 1, 200]])
+    assert read_labels("memory://labels.png").tolist() == [[0, 1, 200]]
+    write_palette("memory://colors.hex", picture[0])
+    np.testing.assert_array_equal(read_palette("memory://colors.hex"), picture[0])
+    for name in ("memory://tiles.tif", "memory://tiles.zarr"):
+        if name.endswith("zarr"):
+            pytest.importorskip("zarr")
+        write_bands(name, Form(picture.shape, picture.dtype), [picture])
+        np.testing.assert_array_equal(np.concatenate(list(open_bands(name))), picture)
+    assert [path.name for path in find_images("memory://in")] == ["a.png", "c.bmp", "b.png"]

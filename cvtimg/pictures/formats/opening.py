@@ -20,6 +20,7 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
+from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
 
 __all__ = [
@@ -101,19 +102,20 @@ def reading(source: Source) -> Iterator[BinaryIO]:
 def name_of(source: Source) -> str:
     """Return the name of a source for messages."""
     if isinstance(source, (str, os.PathLike)):
-        return os.fspath(source)
+        return url_of(source)
     return "bytes" if isinstance(source, (bytes, bytearray, memoryview)) else str(getattr(source, "name", "stream"))
 
 
 @contextmanager
 def _opened(source: Source) -> Iterator[BinaryIO]:
-    """Open a path or bytes as a seekable file; a file that is already open stays open."""
+    """Open a path, a URL or bytes as a seekable file; a file that is already open stays open."""
     if isinstance(source, (str, os.PathLike)):
-        if Path(source).is_dir():  # Windows would report "permission denied"
-            raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
-        with Path(source).open("rb") as file:
-            # Some decoders need to seek, which pipes do not support.
-            yield file if file.seekable() else BytesIO(_all_of(file))
+        with local_copy(source) as path:
+            if path.is_dir():  # Windows would report "permission denied"
+                raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
+            with path.open("rb") as file:
+                # Some decoders need to seek, which pipes do not support.
+                yield file if file.seekable() else BytesIO(_all_of(file))
     elif isinstance(source, (bytes, bytearray, memoryview)):
         yield BytesIO(source)
     else:

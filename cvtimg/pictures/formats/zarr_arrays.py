@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.extras import needs
+from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.bands import SAMPLES, Band, Bands, Form, band_height, in_heights
 
@@ -39,7 +40,7 @@ def _zarr_array(path: StrPath) -> Any:
     try:
         import zarr
 
-        found = zarr.open(str(path), mode="r")
+        found = zarr.open(url_of(path), mode="r")
         return found["0"] if isinstance(found, zarr.Group) else found
     except ImportError as error:
         raise OSError(f"{path}: needs {needs('zarr', 'zarr')}") from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_alone, check_at_least, check_choice, check_count, check_non_negative
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.arrays import load_arrays, save_arrays
+from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation.hierarchy._merging import label_pixels
 from cvtimg.segmentation.hierarchy.borders import find_borders
@@ -21,7 +21,7 @@ from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cra
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
 
-_FORMAT = "cvtimg region hierarchy 1"
+_KIND = "region hierarchy"
 _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
 #: Objects differ by this part of the standard deviation of the image from their surroundings, and fill no more than
 #: this part of it.
@@ -336,9 +336,8 @@ class RegionHierarchy:
         True
         """
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
-        with whole_file(path, overwrite=overwrite) as file:
-            np.savez_compressed(file, format=_FORMAT, default_threshold=self.default_threshold, **arrays)
+        arrays = {name: getattr(self, name) for name in ("default_threshold", *_ARRAYS)}
+        save_arrays(path, _KIND, arrays, compressed=True, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: StrPath) -> RegionHierarchy:
@@ -351,14 +350,8 @@ class RegionHierarchy:
         OSError
             If it cannot be read.
         """
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                if str(file["format"]) != _FORMAT:
-                    raise ValueError(f"format {file['format']}")
-                arrays: dict[str, Any] = {name: file[name] for name in _ARRAYS}
-                return cls(**arrays, default_threshold=float(file["default_threshold"]))
-        except (KeyError, ValueError, TypeError, AttributeError, BadZipFile) as error:
-            raise ValueError(f"{path}: is not a region hierarchy ({error})") from error
+        arrays: dict[str, Any] = load_arrays(path, _KIND, ("default_threshold", *_ARRAYS))
+        return cls(**{**arrays, "default_threshold": float(arrays["default_threshold"])})
 
     def _n_regions(self, n_regions: int | None, threshold: float | None, min_regions: int) -> int:
         """Return how many regions a cut has."""

@@ -1,0 +1,105 @@
+"""Arrays in one .npz file with a tag that says what they are: saved whole, and read back from the same place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.messages import one_line
+from cvtimg.files.remote import local_copy, url_of
+from cvtimg.files.whole import StrPath, whole_file
+
+__all__ = ["UnfitArraysError", "load_arrays", "save_arrays"]
+
+#: Name of the tag among the arrays.
+_TAG = "format"
+
+
+class UnfitArraysError(OSError, ValueError):
+    """The content of a file is not what it should be."""
+
+
+def save_arrays(
+    path: StrPath,
+    kind: str,
+    arrays: Mapping[str, ArrayLike],
+    *,
+    version: int = 1,
+    compressed: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write arrays to a NumPy .npz file, complete or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+        File or URL.
+    kind : str
+        What the arrays are, such as "region hierarchy".
+    arrays : mapping of str to array-like
+        Numbers and text; "format" is the name of the tag.
+    version : int
+        Raise it when older programs must not read the file.
+    compressed : bool
+        Smaller, but slower.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is false.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_arrays(f"{folder}/a.npz", "list of primes", {"primes": [2, 3, 5]})
+    ...     load_arrays(f"{folder}/a.npz", "list of primes", ["primes"])["primes"].tolist()
+    [2, 3, 5]
+    """
+    write: Any = np.savez_compressed if compressed else np.savez
+    with whole_file(path, overwrite=overwrite) as file:
+        write(file, **{_TAG: f"cvtimg {kind} {version}", **arrays})
+
+
+def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, version: int = 1) -> dict[str, NDArray[Any]]:
+    """Read arrays that `save_arrays` wrote.
+
+    A file without a tag, as older versions wrote them, is accepted if it has arrays of all the names.
+
+    Parameters
+    ----------
+    path, kind, version
+        As in `save_arrays`.
+    names : iterable of str
+        Arrays to read.
+
+    Returns
+    -------
+    dict of str to array
+
+    Raises
+    ------
+    UnfitArraysError
+        If the file holds something else; an `OSError` and a `ValueError`.
+    OSError
+        If the file cannot be read.
+    """
+    wanted = f"cvtimg {kind} {version}"
+    try:
+        with local_copy(path) as copy, copy.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            tag = str(stored[_TAG]) if _TAG in stored else wanted
+            found = {name: stored[name] for name in names} if tag == wanted else {}
+    except OSError:
+        raise
+    except Exception as error:  # zipfile, zlib and NumPy raise many kinds of errors for damaged files
+        raise UnfitArraysError(f"{url_of(path)}: is not a {kind} ({one_line(error)})") from error
+    if tag != wanted:
+        raise UnfitArraysError(f"{url_of(path)}: is not a {kind} that this version reads, but a {tag}")
+    return found

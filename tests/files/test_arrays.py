@@ -1,0 +1,77 @@
+"""Tagged arrays come back as they were, and nothing else does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cvtimg.artwork.stipple_files import PenDots, write_table
+from cvtimg.bases import read_basis, reduced_basis
+from cvtimg.engine.checkpoints import Checkpoint
+from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
+from cvtimg.segmentation import RegionHierarchy, segment_hierarchy
+
+
+def test_arrays_come_back_and_a_file_that_exists_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    save_arrays(path, "list", {"numbers": np.arange(3), "name": "x"}, compressed=True)
+    found = load_arrays(path, "list", ["name", "numbers"])
+    assert (str(found["name"]), found["numbers"].tolist()) == ("x", [0, 1, 2])
+    with pytest.raises(FileExistsError):
+        save_arrays(path, "list", {})
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"PK\3\4 cut off"])
+def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.npz"
+    path.write_bytes(content)
+    with pytest.raises(UnfitArraysError, match=r"a\.npz: is not a list"):
+        load_arrays(path, "list", ["numbers"])
+
+
+def test_another_kind_a_newer_version_and_a_missing_array_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    save_arrays(path, "list", {"numbers": [1]}, version=2)
+    with pytest.raises(UnfitArraysError, match="is not a list that this version reads, but a cvtimg list 2"):
+        load_arrays(path, "list", ["numbers"])
+    with pytest.raises(UnfitArraysError, match="but a cvtimg list 2"):
+        load_arrays(path, "tree", ["numbers"], version=2)
+    with pytest.raises(UnfitArraysError, match="names is not a file in the archive"):
+        load_arrays(path, "list", ["names"], version=2)
+    with pytest.raises(FileNotFoundError):
+        load_arrays(tmp_path / "none.npz", "list", [])
+
+
+def test_files_without_a_tag_are_read_as_before(tmp_path: Path) -> None:
+    basis = reduced_basis(np.eye(4), 2)
+    parts = {name: getattr(basis, name) for name in basis.__slots__}
+    np.savez(tmp_path / "basis.npz", **{name: np.asarray(part) for name, part in parts.items()})
+    np.testing.assert_array_equal(read_basis(tmp_path / "basis.npz").modes, basis.modes)
+    np.savez(tmp_path / "state.npz", job="a", generators=np.zeros((2, 3)), energies=np.ones(4))
+    state = Checkpoint(tmp_path / "state.npz", "a").load()
+    assert state is not None
+    assert state[1] == [1.0] * 4
+
+
+def test_what_is_saved_at_a_url_is_read_back_from_there() -> None:
+    fsspec = pytest.importorskip("fsspec")
+    basis, tree = reduced_basis(np.eye(4), 2), segment_hierarchy(np.eye(30))
+    basis.save("memory://kept/basis.npz")
+    np.testing.assert_array_equal(read_basis("memory://kept/basis.npz").modes, basis.modes)
+    tree.save("memory://kept/tree.npz")
+    np.testing.assert_array_equal(RegionHierarchy.load("memory://kept/tree.npz").merges, tree.merges)
+    state = Checkpoint("memory://kept/state.npz", "job")
+    assert state.load() is None
+    state.save(np.ones((2, 3)), [3.0, 2.0])
+    found = state.load()
+    assert found is not None
+    assert found[1] == [3.0, 2.0]
+    fsspec.filesystem("memory").rm("/kept", recursive=True)
+
+
+def test_dots_say_what_they_are(tmp_path: Path) -> None:
+    dots = PenDots("black", np.zeros(3, np.uint8), np.ones((2, 2)), np.ones(2), np.ones(2))
+    write_table(tmp_path / "a.npz", [dots], overwrite=False)
+    assert load_arrays(tmp_path / "a.npz", "stipples", ["layers"])["layers"].tolist() == [0, 0]
