@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy, url_of
@@ -25,7 +25,7 @@ class UnfitArraysError(OSError, ValueError):
 def save_arrays(
     path: StrPath,
     kind: str,
-    arrays: Mapping[str, ArrayLike],
+    arrays: Mapping[str, Any],
     *,
     version: int = 1,
     compressed: bool = False,
