@@ -42,17 +42,6 @@ FACES = {
     for alias in node.names
 }
 
-#: Modules that raise errors about the contents of files, or about options that an input cannot follow.
-ABOUT_FILES = (
-    "bases.snapshots",
-    "cli.",
-    "palettes.formats.",
-    "pictures.formats.",
-    "segmentation.hierarchy.tree",
-    "tables.columns",
-    "tables.files",
-)
-
 
 def imported(tree: ast.Module) -> set[str]:
     """Return the modules of cvtimg that a module imports, at its top or in a function."""
@@ -102,15 +91,6 @@ def test_modules_do_not_import_each_other_in_circles(imports: dict[str, set[str]
     # A package's face imports lazily, so it closes no circle.
     graph = {name: others - {package(name)} for name, others in imports.items()}
     TopologicalSorter(graph).prepare()
-
-
-def test_arguments_are_checked_in_one_package(trees: dict[str, ast.Module]) -> None:
-    raising = {
-        name
-        for name, tree in trees.items()
-        if not name.startswith(("_shared.checks", *ABOUT_FILES)) and raised(tree) & {"ValueError", "TypeError"}
-    }
-    assert raising == set()
 
 
 def test_no_module_is_named_like_a_public_function() -> None:
