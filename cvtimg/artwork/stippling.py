@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_in_unit_range, check_needs
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_needs
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
 from cvtimg.artwork.separations import PROCESS_COLORS, palette_coverages, process_coverages
 from cvtimg.artwork.stipples import Stipples
@@ -85,8 +85,8 @@ def stipple(
     True
     """
     check_choice("dots", dots, DOTS)
-    check_in_unit_range("white_cutoff", white_cutoff)
-    check_in_range("max_ink", max_ink, check_in_unit_range("max_ink", max_ink) > 0, "> 0")
+    check_in_range("white_cutoff", white_cutoff, 0 <= white_cutoff <= 1, "in 0..1")
+    check_in_range("max_ink", max_ink, 0 < max_ink <= 1, "> 0 and <= 1")
     if radius_range is not None:
         _check_radii(radius_range, dots)
     if layers is not None:

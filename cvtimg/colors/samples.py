@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alike, check_alpha, check_pixels, check_weights
+from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg.colors import _counting
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
@@ -161,7 +161,10 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     >>> merged.colors.ravel().tolist(), merged.density.tolist()
     ([0, 7, 9], [2.0, 3.0, 1.0])
     """
-    check_alike("samples to merge", [samples.colors for samples in several])
+    kinds = {f"{samples.colors.dtype} x {samples.colors.shape[1]}" for samples in several}
+    if len(kinds) != 1:
+        found = ", ".join(sorted(kinds)) or "none"
+        raise ValueError(f"samples to merge must have one type and number of channels, not {found}")
     alpha = several[0].alpha
     merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis], alpha=alpha)
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])

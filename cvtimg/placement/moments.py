@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_picture_density, check_place_weights, check_places
+from cvtimg._shared.checks import check_picture_density, check_places
 from cvtimg._shared.threads import in_parts
 from cvtimg.placement import _moments
 
@@ -178,7 +178,7 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
     ([2.0, 4.0], [[1.0, 0.5], [3.25, 0.5]])
     """
     places = check_places("points", points, 2)
-    return PixelMoments(density)(places, check_place_weights("weights", weights, len(places)))
+    return PixelMoments(density)(places, _checked(weights, len(places)))
 
 
 def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLike | None = None) -> NDArray[np.int32]:
@@ -191,7 +191,16 @@ def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLik
     [[0, 0, 1, 1]]
     """
     places = check_places("points", points, 2)
-    return _labels(_Buckets(shape, places, check_place_weights("weights", weights, len(places))))
+    return _labels(_Buckets(shape, places, _checked(weights, len(places))))
+
+
+def _checked(weights: ArrayLike | None, n_places: int) -> NDArray[np.float64] | None:
+    if weights is None:
+        return None
+    array = np.ascontiguousarray(weights, np.float64)
+    check_shape("weights", array.shape, array.shape == (n_places,), f"({n_places},), one weight for each place")
+    check_finite("weights", array)
+    return array
 
 
 def _labels(buckets: _Buckets) -> NDArray[np.int32]:

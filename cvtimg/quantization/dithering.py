@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_most, check_choice, check_in_unit_range
+from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
@@ -125,7 +125,7 @@ def dither(
     0.25
     """
     chosen = DITHERS[check_choice("method", method, DITHERS)]
-    strength = check_in_unit_range("strength", strength)
+    check_in_range("strength", strength, 0 <= strength <= 1, "in 0..1")
     kinds = np.zeros(len(places), np.uint8) if kinds is None else np.asarray(kinds, np.uint8)
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
@@ -284,7 +284,8 @@ def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:
 def _to_kernels(*arrays: NDArray[Any]) -> tuple[list[NDArray[np.float32]], Frame]:
     """Bring (n, D) places to four coordinates, from 0 up, in a frame that suits float32."""
     n_dims = arrays[0].shape[1]
-    check_at_most("places", n_dims, MAX_DIMS, "coordinates to be dithered")
+    if n_dims > MAX_DIMS:
+        raise ValueError(f"places must have at most {MAX_DIMS} coordinates to be dithered, not {n_dims}")
     low = np.min([array.min(axis=0) for array in arrays], axis=0).astype(np.float64)
     size = float((np.max([array.max(axis=0) for array in arrays], axis=0) - low).max())
     frame = Frame(low, scale_for_float32(size))

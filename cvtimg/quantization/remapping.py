@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_most, check_choice, check_colors
+from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of, peak, says_alpha, with_mark
 from cvtimg.colors.fidelity import psnr
@@ -218,7 +218,8 @@ def map_samples(
     kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]
     if (kinds[0] == CLEAR).any() and not (kinds[1] == CLEAR).any():
         colors = np.concatenate([colors, np.zeros_like(colors[:1])])
-    check_at_most("palette", len(colors), MAX_COLORS, "colors")
+    if len(colors) > MAX_COLORS:
+        raise ValueError(f"palette must have at most {MAX_COLORS} colors, not {len(colors)}")
     dtype = np.uint8 if len(colors) <= 256 else np.uint16
     if dither is None:
         labels, energy = _map(samples, colors, space)

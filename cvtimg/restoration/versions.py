@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_image, check_masks, check_same, check_that, check_version_weights
+from cvtimg._shared.checks import check_image, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
@@ -111,11 +111,11 @@ def stack_versions(
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
     check_that("images", len(images) > 0, "have at least one version")
     read = [_read(number, image, nodata, alpha) for number, image in enumerate(images)]
-    check_same("size", [known.shape for _, known in read])
+    _check_same("size", [known.shape for _, known in read])
     if not channels:
-        check_same("bands", [values.shape[2] for values, _ in read])
-        check_same("type", [str(values.dtype) for values, _ in read])
-    given = check_masks(masks, len(read), read[0][1].shape)
+        _check_same("bands", [values.shape[2] for values, _ in read])
+        _check_same("type", [str(values.dtype) for values, _ in read])
+    given = _check_masks(masks, len(read), read[0][1].shape)
     known = np.stack([seen & mask for (_, seen), mask in zip(read, given, strict=True)], axis=2)
     check_that("images", bool(known.any()), "have at least one known pixel; no version knows any pixel")
     placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
@@ -124,6 +124,27 @@ def stack_versions(
     grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
     return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey, white)
+
+
+def _check_same(what: str, found: Sequence[object]) -> None:
+    """Refuse versions that differ in what they must share."""
+    for number, other in enumerate(found):
+        if other != found[0]:
+            raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
+
+
+def _check_masks(
+    masks: Sequence[ArrayLike | None] | None, n_versions: int, shape: tuple[int, ...]
+) -> list[NDArray[np.bool_]]:
+    """Return an (H, W) mask for each version, True where it is known; all known by default."""
+    if masks is None:
+        masks = [None] * n_versions
+    if len(masks) != n_versions:
+        raise ValueError(f"masks has {len(masks)} masks and must have {n_versions}, one for each version, or None")
+    arrays = [np.ones(shape, np.bool_) if mask is None else np.asarray(mask) for mask in masks]
+    for number, array in enumerate(arrays):
+        check_shape(f"masks[{number}]", array.shape, array.shape == shape, f"{shape}, the size of the versions")
+    return [array != 0 for array in arrays]
 
 
 def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -188,7 +209,11 @@ def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.float64]) -> NDArray[np.float64]:
     """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
     if weights is not None:
-        trust = check_version_weights(weights, versions.n_versions)
+        trust = np.asarray(weights, np.float64)
+        each = (versions.n_versions,)
+        check_shape("weights", trust.shape, trust.shape == each, f"{each}, one for each version")
+        if not (np.isfinite(trust).all() and trust.min() > 0):
+            raise ValueError(f"weights={trust.tolist()} must be finite and > 0")
     else:
         trust = 1 / usual_noise(versions, noise) ** 2
     shares: NDArray[np.float64] = trust / trust.mean()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_at_most, check_choice, check_in_range, check_that, refuse_type
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg.regions import ConstantDensity, as_density
 from cvtimg.regions.densities import Density
@@ -117,7 +117,8 @@ def surface_points(
     """
     shape = as_surface(surface)
     n = check_at_least("n", n, 4, "the corners of a tetrahedron")
-    check_at_most("n", n, _MOST_POINTS, "points")
+    if n > _MOST_POINTS:
+        raise ValueError(f"n={n} must be at most {_MOST_POINTS}")
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")

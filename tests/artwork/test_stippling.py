@@ -185,7 +185,7 @@ def test_the_drawing_has_the_light_of_the_image() -> None:
         ({"n_dots": 0}, "n_dots=0 must be in 1..19200, the number of pixels"),
         ({"n_dots": 9, "dots": "square"}, "dots='square' must be one of equal, equal-mass, sized"),
         ({"n_dots": 9, "max_ink": 0}, "max_ink=0 must be > 0"),
-        ({"n_dots": 9, "max_ink": 1.2}, "max_ink=1.2 must be in 0..1"),
+        ({"n_dots": 9, "max_ink": 1.2}, "max_ink=1.2 must be > 0 and <= 1"),
         ({"n_dots": 9, "white_cutoff": -1}, "white_cutoff=-1 must be in 0..1"),
         ({"n_dots": 9, "radius_range": (1, 2)}, 'needs dots="sized"'),
         ({"n_dots": 9, "dots": "sized", "radius_range": (3, 2)}, "the least first"),

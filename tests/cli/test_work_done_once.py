@@ -36,7 +36,7 @@ def test_quantize_does_each_step_once(tmp_path: Path, monkeypatch: pytest.Monkey
     counts: Counter[str] = Counter()
     counted(monkeypatch, counts, "cvtimg.pictures.formats.opening", "open_picture")
     counted(monkeypatch, counts, "cvtimg.pictures.formats.decoding", "decode")
-    counted(monkeypatch, counts, "cvtimg._shared.checks.images", "check_pixels")
+    counted(monkeypatch, counts, "cvtimg._shared.checks", "check_pixels")
     counted(monkeypatch, counts, "cvtimg.colors.samples", "color_samples")
     counted(monkeypatch, counts, "cvtimg.engine.points", "pack")
     assert main([*arguments, str(tmp_path / "second.png")]) == 0

@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_one_dimension
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, cell_energies
@@ -119,7 +118,8 @@ class _Levels:
 
 
 def _levels(points: Points) -> _Levels:
-    check_one_dimension("method='optimal1d'", points.n_dims)
+    if points.n_dims != 1:
+        raise ValueError(f"method='optimal1d' needs samples of one dimension, not D={points.n_dims}")
     weighted = points.density > 0
     given = points.coordinate(0)[weighted]
     distinct = np.unique(given)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_at_least, check_shares
+from cvtimg._shared.checks import check_at_least
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -60,7 +60,9 @@ class Probabilistic:
         if self.draws is not None:
             check_at_least("draws", self.draws, 1, "or None")
         for first, second in (("a1", "a2"), ("b1", "b2")):
-            check_shares({first: getattr(self, first), second: getattr(self, second)})
+            one, other = float(getattr(self, first)), float(getattr(self, second))
+            if not (one >= 0 and other >= 0 and abs(one + other - 1) <= 1e-12):
+                raise ValueError(f"{first}={one} and {second}={other} must be >= 0, with sum 1")
 
     def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
         """Iterate until the best energy converges."""
