@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_picture_density, check_places
+from cvtimg._shared.checks import check_finite, check_picture_density, check_places, check_shape
 from cvtimg._shared.threads import in_parts
 from cvtimg.placement import _moments
 
