@@ -8,14 +8,12 @@ separates them; `join_regions` therefore takes the step across their border for 
 
 from __future__ import annotations
 
-import heapq
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.labels import _components
+from cvtimg._shared.sums import sum_by_label
+from cvtimg.labels import _labels
+from cvtimg.labels.borders import Borders, find_borders
 
 #: The step across a border is measured this many pixels away from the two pixels at the border.
 _BEYOND_BORDER = 2
@@ -29,21 +27,6 @@ def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     from skimage.measure import label
 
     return np.asarray(label(labels, background=0, connectivity=1), dtype=np.int32)  # type: ignore[no-untyped-call]
-
-
-@dataclass(slots=True, eq=False)
-class _Regions:
-    """Regions, numbered from 0, and their borders.
-
-    Borders are (B, 2) pairs of regions, the smaller number first, (B,) lengths, and (B, D) sums over that length of
-    the steps in value from the first region to the second.
-    """
-
-    sizes: NDArray[np.int64]
-    means: NDArray[np.float64]
-    pairs: NDArray[np.int64]
-    lengths: NDArray[np.float64]
-    steps: NDArray[np.float64]
 
 
 def absorb_small(
@@ -70,34 +53,13 @@ def absorb_small(
     (H, W) int32 array
         Number in `pieces` of the piece that absorbed the piece of each pixel, or of that piece itself.
     """
-    regions = _measured(pieces, values)
-    n_regions = len(regions.sizes)
-    small = np.flatnonzero(regions.sizes < min_size)[::-1].astype(np.int32)
-    if not len(small) or not len(regions.pairs):
+    borders = find_borders(pieces)
+    sizes, sums = _measured(pieces, values)
+    if not len(borders.pairs) or sizes.min() >= min_size:
         return pieces
-    # Queues by size, of regions in reading order.
-    queues = np.full(min_size, -1, np.int32)
-    entries, queued = np.full(2 * n_regions, -1, np.int32), np.zeros(2 * n_regions, np.int32)
-    queued[: len(small)] = small
-    by_size = np.argsort(regions.sizes[small], kind="stable").astype(np.int32)
-    ordered = regions.sizes[small[by_size]]
-    same = ordered[1:] == ordered[:-1]
-    entries[by_size[1:][same]] = by_size[:-1][same]
-    queues[ordered] = by_size  # the last of each size
-    parents = np.arange(n_regions, dtype=np.int32)
-    _components.absorb(
-        regions.sizes,
-        regions.means,
-        *_border_lists(regions),
-        parents,
-        queues,
-        entries,
-        queued,
-        len(small),
-        length_price,
-        np.zeros(n_regions),
-        np.zeros(n_regions, np.int32),
-    )
+    means = sums / np.maximum(sizes, 1)[:, None]  # unused numbers are regions without pixels and borders
+    lengths, most = borders.lengths.astype(np.float64), min(min_size, pieces.size + 1)
+    parents = _labels.absorb(borders.pairs, lengths, sizes, means, most, length_price)
     return np.append(np.int32(0), parents + np.int32(1))[pieces]
 
 
@@ -112,128 +74,37 @@ def join_regions(regions: NDArray[np.int32], values: NDArray[np.float32], length
     ----------
     G. Koepfler, C. Lopez, J. Morel, SIAM J. Numerical Analysis 31 (1994) 282-299, doi 10.1137/0731015.
     """
-    measured = _measured(regions, values)
-    graph = _Graph(measured)
-    for region, neighbors in enumerate(graph.borders):
-        for other in neighbors:
-            if region < other:
-                graph.offer(region, other)
-    while graph.offers:
-        rate, region, other, age, other_age = heapq.heappop(graph.offers)
-        if rate >= length_price:
-            break
-        if graph.ages[region] == age and graph.ages[other] == other_age:
-            graph.join(region, other)
-    return np.append(0, graph.roots() + 1).astype(np.int32)[regions]
+    borders = find_borders(regions)
+    sizes, sums = _measured(regions, values)
+    steps = sum_by_label(np.repeat(np.arange(len(borders.pairs)), borders.lengths), _steps(borders, regions, values))
+    lengths = borders.lengths.astype(np.float64)
+    merges, _ = _labels.merge(borders.pairs, lengths, steps, sizes.astype(np.float64), sums, length_price)
+    # Every region gets the number of its first part: that of the lowest node in the tree of merges.
+    first = np.arange(len(sizes) + len(merges), dtype=np.int32)
+    for node, pair in enumerate(merges.tolist(), start=len(sizes)):
+        first[node] = min(first[pair[0]], first[pair[1]])
+    for node, pair in zip(range(len(first) - 1, len(sizes) - 1, -1), merges[::-1], strict=True):
+        first[pair] = first[node]
+    return np.append(np.int32(0), first[: len(sizes)] + np.int32(1))[regions]
 
 
-class _Graph:
-    """Regions with their borders, and offers to join two; an offer lapses when either region changes."""
-
-    def __init__(self, regions: _Regions) -> None:
-        self.sizes: list[float] = regions.sizes.tolist()
-        self.means: list[list[float]] = regions.means.tolist()
-        #: The neighbors of each region, with the length of the border and the sums of the steps to the neighbor.
-        self.borders: list[dict[int, tuple[float, list[float]]]] = [{} for _ in self.sizes]
-        self.parents = list(range(len(self.sizes)))
-        self.ages = [0] * len(self.sizes)
-        self.offers: list[tuple[float, int, int, int, int]] = []
-        borders = zip(regions.pairs.tolist(), regions.lengths.tolist(), regions.steps.tolist(), strict=True)
-        for (region, other), length, steps in borders:
-            self._border(region, other, length, steps)
-
-    def offer(self, region: int, other: int) -> None:
-        """Offer to join two regions at their rise in energy per pixel of border."""
-        length, steps = self.borders[region][other]
-        apart = sum((a - b) ** 2 for a, b in zip(self.means[region], self.means[other], strict=True))
-        step = sum((total / length) ** 2 for total in steps)
-        size, other_size = self.sizes[region], self.sizes[other]
-        rate = size * other_size / (size + other_size) * min(apart, step) / length
-        heapq.heappush(self.offers, (rate, region, other, self.ages[region], self.ages[other]))
-
-    def join(self, region: int, other: int) -> None:
-        """Join two neighbors: the one with fewer borders becomes part of the other."""
-        if len(self.borders[region]) > len(self.borders[other]):
-            region, other = other, region
-        size = self.sizes[region] + self.sizes[other]
-        share = self.sizes[region] / size
-        self.means[other] = [b + share * (a - b) for a, b in zip(self.means[region], self.means[other], strict=True)]
-        self.sizes[other] = size
-        self.parents[region] = other
-        for neighbor, (length, steps) in self.borders[region].items():
-            del self.borders[neighbor][region]
-            if neighbor != other:
-                more, more_steps = self.borders[other].get(neighbor, (0.0, [0.0] * len(steps)))
-                total = [a + b for a, b in zip(steps, more_steps, strict=True)]
-                self._border(other, neighbor, length + more, total)
-        self.borders[region] = {}
-        self.ages[region] = -1
-        self.ages[other] += 1
-        for neighbor in self.borders[other]:
-            self.offer(other, neighbor)
-
-    def _border(self, region: int, other: int, length: float, steps: list[float]) -> None:
-        self.borders[region][other] = length, steps
-        self.borders[other][region] = length, [-step for step in steps]
-
-    def roots(self) -> NDArray[np.int64]:
-        """Return the region that each region is now part of."""
-        roots = np.array(self.parents)
-        while (roots != roots[roots]).any():
-            roots = roots[roots]
-        return roots
-
-
-def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> _Regions:
-    n_regions = int(regions.max())
+def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(N,) pixels of each region, and (N, D) sums of their values."""
     own = regions[regions > 0] - 1
-    sizes = np.bincount(own, minlength=n_regions)
-    sums = [np.bincount(own, values[..., dim][regions > 0], n_regions) for dim in range(values.shape[2])]
-    # Unused numbers are regions without pixels and borders.
-    means = np.stack(sums, axis=1) / np.maximum(sizes, 1)[:, None]
-    keys, steps = zip(*(_steps(regions, values, axis) for axis in (0, 1)), strict=True)
-    found, border, lengths = np.unique(np.concatenate(keys), return_inverse=True, return_counts=True)
-    pairs = np.stack([found // n_regions, found % n_regions], axis=1)
-    totals = [np.bincount(border, column, len(found)) for column in np.concatenate(steps).T]
-    return _Regions(sizes.astype(np.int64), means, pairs, lengths.astype(np.float64), np.stack(totals, axis=1))
+    n_regions = int(regions.max())
+    return np.bincount(own, minlength=n_regions).astype(np.int64), sum_by_label(own, values[regions > 0], n_regions)
 
 
-def _steps(
-    regions: NDArray[np.int32], values: NDArray[np.float32], axis: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the pair of regions at each border pixel along an axis, as one number, and the step across it."""
-    region, value = np.moveaxis(regions, axis, 0), np.moveaxis(values, axis, 0)
-    before, across = np.nonzero((region[1:] != region[:-1]) & (region[1:] > 0) & (region[:-1] > 0))
-    after, last = before + 1, len(region) - 1
-    first, second = region[before, across].astype(np.int64) - 1, region[after, across].astype(np.int64) - 1
+def _steps(borders: Borders, regions: NDArray[np.int32], values: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(P, D) step in value across each crack, from the first region of its border to the second."""
+    down, right = borders.is_flat, ~borders.is_flat
+    before = borders.places
+    after = before + np.stack([down, right], axis=1)
+    reach = _BEYOND_BORDER * np.stack([down, right], axis=1)
     # Borders are blurred: look beyond them, but not beyond the mask.
-    near, far = np.maximum(before - _BEYOND_BORDER, 0), np.minimum(after + _BEYOND_BORDER, last)
-    near = np.where(region[near, across] > 0, near, before)
-    far = np.where(region[far, across] > 0, far, after)
-    step = (value[far, across] - value[near, across]).astype(np.float64)
-    step[first > second] *= -1
-    return np.minimum(first, second) * int(regions.max()) + np.maximum(first, second), step
-
-
-class _Borders(NamedTuple):
-    """Linked lists of the borders of each region."""
-
-    heads: NDArray[np.int32]
-    tails: NDArray[np.int32]
-    following: NDArray[np.int32]
-    others: NDArray[np.int32]
-    lengths: NDArray[np.float64]
-
-
-def _border_lists(regions: _Regions) -> _Borders:
-    own = np.concatenate([regions.pairs[:, 0], regions.pairs[:, 1]])
-    other = np.concatenate([regions.pairs[:, 1], regions.pairs[:, 0]])
-    order = np.argsort(own, kind="stable")
-    own = own[order]
-    heads, tails = np.full((2, len(regions.sizes)), -1, np.int32)
-    places = np.arange(len(own), dtype=np.int32)
-    heads[own[::-1]] = places[::-1]
-    tails[own] = places
-    following = np.append(np.where(own[1:] == own[:-1], places[1:], -1), -1).astype(np.int32)
-    lengths = np.concatenate([regions.lengths, regions.lengths])[order]
-    return _Borders(heads, tails, following, other[order].astype(np.int32), lengths)
+    near, far = np.maximum(before - reach, 0), np.minimum(after + reach, np.array(regions.shape) - 1)
+    near = np.where(regions[tuple(near.T)][:, None] > 0, near, before)
+    far = np.where(regions[tuple(far.T)][:, None] > 0, far, after)
+    steps = (values[tuple(far.T)] - values[tuple(near.T)]).astype(np.float64)
+    steps[regions[tuple(before.T)] > regions[tuple(after.T)]] *= -1
+    return steps

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.labels import _cracks
+from cvtimg.labels import _labels
 
 #: Stands for a label beyond the image.
 OUTSIDE = -1
@@ -91,7 +91,7 @@ def walk_cracks(labels: NDArray[np.int32]) -> Walk:
     steps_left = flat & np.uint8(15)
     path = np.empty(int(np.bitwise_count(steps_left).sum()), np.int64)
     starts = np.empty(len(path) // 4, np.int64)
-    n_rings = _cracks.follow_rings(flat, marks.shape[1], steps_left, path, starts)
+    n_rings = _labels.follow_rings(flat, marks.shape[1], steps_left, path, starts)
     corner, directions = path >> 2, path & 3
     corners = np.stack(np.divmod(corner, marks.shape[1]), axis=1)
     right, left = pixels_beside(corners, directions)
@@ -107,7 +107,7 @@ def pixels_beside(corners: _Index, directions: _Index) -> tuple[tuple[_Index, _I
 
 
 def _mark_corners(rimmed: NDArray[np.int32], regions: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """(H + 1, W + 1) bits of each corner, as `_cracks.follow_rings` reads them."""
+    """(H + 1, W + 1) bits of each corner, as `_labels.follow_rings` reads them."""
     height, width = rimmed.shape
     marks = np.zeros((height - 1, width - 1), np.uint8)
     flat = (rimmed[:-1, 1:-1] != rimmed[1:, 1:-1]).view(np.uint8)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg.segmentation import _edge_weight
+from cvtimg.segmentation import _segments
 
 #: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
 _ALMOST_NONE = 1e-3
@@ -257,8 +257,6 @@ class State:
         self.cells = Cells(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
         self._strips = strips
         self._n_pairs = self.n_boundary = 0
-        self._counts = np.zeros(n_segments + 1, np.int32)
-        self._found = np.zeros(len(self.disc.steps), np.int32)
 
     def begin(self) -> None:
         """Count neighbors, and measure the cells."""
@@ -266,7 +264,7 @@ class State:
         for strip in self._strips(False):
 
             def count(first: int, last: int, strip: Strip = strip) -> None:
-                _edge_weight.count_others(strip.labels, steps, margin, first, last, strip.others)
+                _segments.count_others(strip.labels, steps, margin, first, last, strip.others)
 
             in_parts(count, len(strip.values), work=strip.labels.size * len(steps) / 8)
             strip.stale[:] = 1
@@ -301,17 +299,7 @@ class State:
         moved = 0
         for strip in self._strips(backward):
             if strip.stale.any():
-                moved += _edge_weight.sweep(
-                    strip,
-                    self.cells,
-                    self.disc,
-                    self._counts,
-                    self._found,
-                    edge_weight,
-                    volume_power,
-                    connected,
-                    backward,
-                )
+                moved += _segments.sweep(strip, self.cells, self.disc, edge_weight, volume_power, connected, backward)
                 strip.save()
         self._count()
         return moved
@@ -321,9 +309,7 @@ class State:
         cells = self.cells
         moments = np.zeros((3, *cells.means.shape))
         for strip in self._strips(False):
-            _edge_weight.measure_cells(
-                strip.values, strip.weights, strip.labels, self.disc.margin, cells.means, moments
-            )
+            _segments.measure_cells(strip.values, strip.weights, strip.labels, self.disc.margin, cells.means, moments)
         cells.masses, sums, squares = np.ascontiguousarray(moments)
         step = np.divide(sums, cells.masses, out=np.zeros_like(sums), where=cells.masses > 0)
         cells.means += step

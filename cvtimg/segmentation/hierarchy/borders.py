@@ -9,15 +9,15 @@ D. Martin, C. Fowlkes, J. Malik, IEEE Trans. Pattern Analysis and Machine Intell
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg.segmentation.hierarchy import _borders
-from cvtimg.segmentation.hierarchy._borders import HIDDEN, N_LEVELS, REACH
+from cvtimg.labels.borders import Borders
+from cvtimg.segmentation import _segments
+from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
 from cvtimg.segmentation.hierarchy.channels import Channels
 
 #: Radii of the discs, and what each counts for.
@@ -30,53 +30,6 @@ _N_ANGLES = 16
 _STRAIGHT = 5.0
 #: Levels are smoothed by a Gaussian of this many bins.
 _SMOOTHING = 0.1 * N_LEVELS
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Borders:
-    """Borders between regions that are numbered from 0.
-
-    Attributes
-    ----------
-    pairs : (B, 2) int32 array
-        Regions at the two sides, the lower number first.
-    starts : (B + 1,) int32 array
-        Where the cracks of each border begin.
-    places : (P, 2) int32 array
-        Row and column of the pixel before each crack: above it or to its left.
-    is_flat : (P,) bool array
-        Whether the crack is below that pixel, else to its right.
-    """
-
-    pairs: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    places: NDArray[np.int32]
-    is_flat: NDArray[np.bool_]
-
-    @property
-    def lengths(self) -> NDArray[np.int32]:
-        """(B,) cracks of each border."""
-        return np.diff(self.starts)
-
-
-def find_borders(labels: NDArray[np.int32]) -> Borders:
-    """Find the borders between regions (H, W) numbered from 1; 0 is no region."""
-    n_regions = int(labels.max())
-    parts = []
-    for axis in (1, 0):
-        before, after = (labels[:, :-1], labels[:, 1:]) if axis else (labels[:-1], labels[1:])
-        rows, columns = np.nonzero((before != after) & (before > 0) & (after > 0))
-        low, high = np.sort([before[rows, columns] - 1, after[rows, columns] - 1], axis=0).astype(np.int64)
-        parts.append((low * n_regions + high, rows, columns, np.full(len(rows), axis == 0)))
-    keys, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
-    order = np.argsort(keys, kind="stable")
-    found, starts = np.unique(keys[order], return_index=True)
-    return Borders(
-        np.stack(np.divmod(found, n_regions), axis=1).astype(np.int32),
-        np.append(starts, len(keys)).astype(np.int32),
-        np.stack([rows, columns], axis=1).astype(np.int32)[order],
-        is_flat[order],
-    )
 
 
 def border_strengths(borders: Borders, channels: Channels) -> NDArray[np.float64]:
@@ -99,7 +52,7 @@ def _angles(borders: Borders) -> NDArray[np.int32]:
     middles = 2 * borders.places + np.stack([borders.is_flat, ~borders.is_flat], axis=1)
 
     def orient(first: int, last: int) -> None:
-        _borders.orient(middles, borders.starts, first, last, _STRAIGHT, _N_ANGLES, angles)
+        _segments.orient(middles, borders.starts, first, last, _STRAIGHT, _N_ANGLES, angles)
 
     in_parts(orient, len(borders.pairs), work=float(np.square(borders.lengths, dtype=np.float64).sum()))
     alone = np.where(borders.is_flat, 0, _N_ANGLES // 2)
@@ -121,7 +74,7 @@ def _half_disc_distances(
     distances = np.empty((len(flat), n_channels, len(RADII)), np.float32)
 
     def measure(first: int, last: int) -> None:
-        _borders.half_disc_distances(
+        _segments.half_disc_distances(
             padded.reshape(-1, n_channels), flat, turns, steps, counts, smoothing, first, last, distances
         )
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
+from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.averaging import Averaging, averaged
-from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy.borders import Borders
+from cvtimg.labels.borders import Borders
 
 
 def altitudes_between(

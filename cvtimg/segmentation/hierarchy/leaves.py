@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.labels.borders import Borders, find_borders
 from cvtimg.labels.components import absorb_small
+from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
-from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.hierarchy.borders import Borders, border_strengths, find_borders, smoothing_matrix
+from cvtimg.segmentation.hierarchy.borders import border_strengths, smoothing_matrix
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.eigenvectors import global_strengths
 from cvtimg.segmentation.hierarchy.merging import Merges, Weights, merge_regions

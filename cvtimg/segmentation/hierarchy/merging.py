@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy import _merging
+from cvtimg.labels import _labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,49 +75,17 @@ def merge_regions(
     -------
     Merges
     """
-    n_regions, n_borders = len(sizes), len(pairs)
-    if not n_borders:
-        return Merges(np.zeros((0, 2), np.int32), np.zeros(0))
-    halves = pairs.ravel()
-    perimeters: NDArray[np.float64] = np.bincount(halves, np.repeat(lengths, 2), n_regions).astype(np.float64)
-    degrees = np.bincount(halves, minlength=n_regions).astype(np.int32)
-    heads, following = _lists(halves, degrees)
-    merges = np.zeros((n_regions - 1, 2), np.int32)
-    altitudes = np.zeros(n_regions - 1)
-    n_merges = _merging.merge(
+    found, altitudes = _labels.merge(
         pairs.copy(),
         lengths.astype(np.float64),
-        strengths * lengths,
+        (strengths * lengths)[:, None],
         sizes.copy(),
-        perimeters,
         np.concatenate(histograms, axis=1),
+        np.inf,
         np.cumsum([0, *(histogram.shape[1] for histogram in histograms)], dtype=np.int32),
         weights.color,
         weights.texture,
         weights.shared,
         weights.size_power,
-        heads,
-        following,
-        np.empty(n_borders, np.int32),
-        np.empty(n_borders, np.int32),
-        np.empty(n_borders),
-        np.empty(n_borders, np.int32),
-        np.arange(n_regions, dtype=np.int32),
-        degrees,
-        np.full(n_regions, -1, np.int32),
-        merges,
-        altitudes,
     )
-    return Merges(merges[:n_merges], np.maximum.accumulate(altitudes[:n_merges]))
-
-
-def _lists(halves: NDArray[np.int32], degrees: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """For each region its first half border, and for each half border the next of the same region; -1 at the ends."""
-    order = np.argsort(halves, kind="stable").astype(np.int32)
-    stops = np.cumsum(degrees)
-    following = np.full(len(halves), -1, np.int32)
-    following[order[:-1]] = order[1:]
-    following[order[stops[degrees > 0] - 1]] = -1
-    heads = np.full(len(degrees), -1, np.int32)
-    heads[degrees > 0] = order[(stops - degrees)[degrees > 0]]
-    return heads, following
+    return Merges(found, np.maximum.accumulate(altitudes))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy.borders import find_borders
+from cvtimg.labels.borders import find_borders
 
 
 def cheapest_cut(

@@ -14,9 +14,9 @@ from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
+from cvtimg.labels.borders import find_borders
 from cvtimg.pictures.files import encode_image
-from cvtimg.segmentation.hierarchy._merging import label_pixels
-from cvtimg.segmentation.hierarchy.borders import find_borders
+from cvtimg.segmentation._segments import label_pixels
 from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks, on_pixels
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
@@ -155,9 +155,7 @@ class RegionHierarchy:
         nodes, leaf_labels = self._cut(self._n_regions(n_regions, threshold, min_regions))
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
-        labels = np.empty_like(self.leaves)
-        label_pixels(self.leaves, np.append(np.int32(0), new_label[leaf_labels]), labels)
-        return labels
+        return label_pixels(self.leaves, np.append(np.int32(0), new_label[leaf_labels]))
 
     def find_objects(
         self,

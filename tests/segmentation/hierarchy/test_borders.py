@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy._borders import N_LEVELS, N_TEXTONS
+from cvtimg.labels.borders import find_borders
+from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.borders import (
     RADII,
     _angles,
     _half_disc_distances,
-    find_borders,
     smoothing_matrix,
 )
 from cvtimg.segmentation.hierarchy.channels import Channels

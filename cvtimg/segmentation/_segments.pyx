@@ -1,16 +1,34 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops of the edge-weighted descent: one pass each, over buffers that the caller owns.
+"""The compiled loops of segmentation: the edge-weighted descent, half discs along borders, and labels of a cut.
 
-Nothing here allocates, checks its arguments or decides when to stop; `edge_weight.py` does. Each argument is marked
-IN, OUT or INOUT. Labels are padded: a frame of label 0, as wide as the disc of neighbors, surrounds the image, so that
-no labeled pixel has a neighbor outside the array. Pixels of label 0 are nobody's neighbors. A disc is given by the
-steps, in the flat padded image, from a pixel to each of its neighbors.
+Nothing here checks its arguments or decides when to stop. Each argument is marked IN, OUT or INOUT. In the descent,
+labels are padded: a frame of label 0, as wide as the disc of neighbors, surrounds the image, so that no labeled pixel
+has a neighbor outside the array. Pixels of label 0 are nobody's neighbors. A disc is given by the steps, in the flat
+padded image, from a pixel to each of its neighbors.
 """
+from libc.math cimport atan2, rint
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint64_t
-from libc.string cimport memcpy
+from libc.string cimport memcpy, memset
+
+import numpy as np
+
+#: M_PI is not standard C, and not in the headers for Windows.
+cdef double PI = 3.141592653589793
 
 cdef extern from "cell_weight.h" nogil:
     double cell_weight(double share, double power)
+
+cdef extern from "half_discs.h" nogil:
+    int _N_LEVELS "N_LEVELS"
+    int _N_TEXTONS "N_TEXTONS"
+    int _REACH "REACH"
+    int _SLOT "SLOT"
+    int _HIDDEN "HIDDEN"
+    int _MAX_CHANNELS "MAX_CHANNELS"
+    float channel_distance(const float *slots, const float *taps, int is_texton)
+
+#: Bins of a color channel, and of textons; what smoothing reaches; the bin of pixels that do not count.
+N_LEVELS, N_TEXTONS, REACH, HIDDEN = _N_LEVELS, _N_TEXTONS, _REACH, _HIDDEN
 
 
 def count_others(
@@ -121,8 +139,6 @@ def sweep(
     strip,               # INOUT: labels, others and stale, (H + 2 R, W + 2 R); IN: values and weights, (H, W, D)
     cells,               # INOUT: masses and means, (K + 1, D), energies, (K + 1,); IN: total, the mass of all
     disc,                # IN: steps, (S,), and margin, R
-    int32_t[::1] counts,  # scratch (K + 1,), zeros
-    int32_t[::1] found,  # scratch (S,)
     double edge_weight,  # IN
     double power,        # IN: cells count by their share of the mass to this power
     bint connected,      # IN: whether cells must stay in one piece
@@ -143,6 +159,7 @@ def sweep(
     cdef double[::1] energies = cells.energies
     cdef double total = cells.total
     cdef const int32_t[::1] steps = disc.steps
+    cdef int32_t[::1] counts = np.zeros(masses.shape[0], np.int32), found = np.empty(steps.shape[0], np.int32)
     cdef Py_ssize_t margin = disc.margin
     cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
     cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1]
@@ -240,3 +257,98 @@ def sweep(
                 counts[best] = 0
             counts[own] = 0
     return n_moved
+
+
+def orient(
+    const int32_t[:, ::1] places,  # IN (P, 2): twice the row and the column of the middle of each crack
+    const int32_t[::1] starts,     # IN (B + 1,): where the cracks of each border begin
+    Py_ssize_t first,              # IN: borders to look at
+    Py_ssize_t last,
+    double radius,                 # IN: pixels
+    int n_angles,                  # IN
+    int32_t[::1] angles,           # OUT (P,): main axis of the border near each crack, -1 where a crack is alone
+):
+    cdef Py_ssize_t b, i, j, n
+    cdef double reach = 4 * radius * radius, down, right, mean_down, mean_right, rr, rd, dd
+    with nogil:
+        for b in range(first, last):
+            for i in range(starts[b], starts[b + 1]):
+                n = 0
+                mean_down = mean_right = rr = rd = dd = 0
+                for j in range(starts[b], starts[b + 1]):
+                    down = places[j, 0] - places[i, 0]
+                    right = places[j, 1] - places[i, 1]
+                    if down * down + right * right <= reach:
+                        n += 1
+                        mean_down += down
+                        mean_right += right
+                        rr += right * right
+                        rd += right * down
+                        dd += down * down
+                # Sums of whole numbers: exact, so that no axis hangs on rounding.
+                rr = n * rr - mean_right * mean_right
+                rd = n * rd - mean_right * mean_down
+                dd = n * dd - mean_down * mean_down
+                angles[i] = -1
+                if rr + dd > 0:
+                    angles[i] = (<int32_t>rint(atan2(2 * rd, rr - dd) / (2 * PI) * n_angles) + n_angles) % n_angles
+
+
+def half_disc_distances(
+    const uint8_t[:, ::1] bins,       # IN (padded pixels, C): colors, then textons; HIDDEN for what does not count
+    const int32_t[::1] places,        # IN (P,): padded pixel before each crack
+    const int32_t[::1] turns,         # IN (P,): which of the discs lies along each crack
+    const int32_t[:, :, ::1] steps,   # IN (T, 2, S): from that pixel to those of either half, inner ones first
+    const int32_t[:, ::1] counts,     # IN (T, R): pixels of a half up to each radius
+    const float[::1] taps,            # IN (2 REACH + 1,): how levels are smoothed
+    Py_ssize_t first,                 # IN: cracks to look at
+    Py_ssize_t last,
+    float[:, :, ::1] distances,       # OUT (P, C, R)
+):
+    """Measure how the halves of discs around cracks differ: chi-square distances of their histograms."""
+    cdef float slots[512]  # MAX_CHANNELS * 2 * SLOT
+    cdef Py_ssize_t n_channels = bins.shape[1], c, p, r, s, side
+    cdef int begin, end
+    cdef const int32_t *step
+    cdef const uint8_t *pixel
+    cdef float *slot
+    with nogil:
+        for p in range(first, last):
+            memset(slots, 0, sizeof(slots))
+            begin = 0
+            for r in range(counts.shape[1]):
+                end = counts[turns[p], r]
+                for side in range(2):
+                    step = &steps[turns[p], side, 0]
+                    slot = slots + side * _SLOT + _REACH
+                    if n_channels == 4:
+                        for s in range(begin, end):
+                            pixel = &bins[places[p] + step[s], 0]
+                            slot[pixel[0]] += 1
+                            slot[2 * _SLOT + pixel[1]] += 1
+                            slot[4 * _SLOT + pixel[2]] += 1
+                            slot[6 * _SLOT + pixel[3]] += 1
+                    else:
+                        for s in range(begin, end):
+                            pixel = &bins[places[p] + step[s], 0]
+                            for c in range(n_channels):
+                                slot[2 * c * _SLOT + pixel[c]] += 1
+                begin = end
+                for c in range(n_channels):
+                    distances[p, c, r] = channel_distance(slots + 2 * c * _SLOT, &taps[0], c == n_channels - 1)
+
+
+def label_pixels(
+    const int32_t[:, ::1] leaves,  # IN (H, W): leaf of each pixel, plus 1; 0 outside the mask
+    const int32_t[::1] labels,     # IN (N + 1,): label of each leaf, that of 0 first
+):
+    """Look up the (H, W) label of each pixel, in a third of the time of numpy.take, which widens leaves to 64 bits."""
+    found = np.empty((leaves.shape[0], leaves.shape[1]), np.int32)
+    cdef int32_t[:, ::1] pixels = found
+    cdef Py_ssize_t i, n = leaves.shape[0] * leaves.shape[1]
+    cdef const int32_t *leaf = &leaves[0, 0]
+    cdef int32_t *pixel = &pixels[0, 0]
+    with nogil:
+        for i in range(n):
+            pixel[i] = labels[leaf[i]]
+    return found
