@@ -55,12 +55,11 @@ def _has_voxels(path: Path) -> bool:
     """Tell whether a file has several pages, or is a NumPy array of three dimensions."""
     import numpy as np
 
-    from cvtimg.cli.pages import has_pages
     from cvtimg.pictures import image_info
 
     if path.suffix.lower() == ".npy":
         return bool(np.load(path, mmap_mode="r").ndim == 3)
-    return has_pages(image_info(path))
+    return image_info(path).has_pages
 
 
 def _voxels(path: Path) -> NDArray[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,6 @@ from cvtimg.cli import options
 from cvtimg.cli import quantize_options as own
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.quantize_images import quantize_image
-from cvtimg.cli.quantize_options import QuantizeOptions
 from cvtimg.cli.sharing import count_known, share
 
 if TYPE_CHECKING:
@@ -95,7 +93,8 @@ def quantize(
         palette,
         shared_palette,
     )
-    mapping = _mapping(space, dither, dither_strength)
+    if dither_strength is not None and dither == "none":
+        raise WrongUsageError("--dither-strength needs --dither")
     check_suffix("-o", output, [*lossless_suffixes(), ".zarr"])
     check_suffix("--save-palette", save_palette, PALETTE_FORMATS)
     if optimize:
@@ -116,32 +115,33 @@ def quantize(
         also_read=[palette, weight_map, mask, *(one for one in lock or [] if isinstance(one, Path))],
         joint=saved if shared_palette else None,
     )
-    given: dict[str, Any] = {"palette": _read("--palette", palette, read_palette)} if palette else {}
-    if lock:
-        given["locked"] = _locked(lock)
-    how = QuantizeOptions(
-        mapping=mapping,
-        search={} if palette else {"n_colors": colors, **engine.keywords},
-        target={"psnr": psnr, "weights": weight_map and _read("--weight-map", weight_map, _read_weights)},
-        colors=given,
-        depth=depth,
-        max_bytes=max_bytes,
-        keep_metadata=keep_metadata,
-        optimize=optimize,
-        per_frame=per_frame,
-        mask=mask,
-        nodata=nodata,
-    )
+    finding = {"n_colors": colors, "space": space, "locked": _locked(lock) if lock else None, **engine.keywords}
+    how = {
+        **({"palette": _read("--palette", palette, read_palette), "space": space} if palette else finding),
+        "psnr": psnr,
+        "max_bytes": max_bytes,
+        "dither": None if dither == "none" else dither,
+        "dither_strength": dither_strength,
+        "weights": weight_map and _read("--weight-map", weight_map, _read_weights),
+        "mask": mask,
+        "nodata": nodata,
+        "depth": depth,
+        "per_frame": per_frame,
+        "keep_metadata": keep_metadata,
+        "optimize": optimize,
+        "max_pixels": max_pixels,
+        "overwrite": common.overwrite,
+    }
     if shared_palette:
         running = common.running(skip_existing=skip_existing, in_place=in_place)
-        find = partial(_palette_of_all, how=how)
+        find = partial(_palette_of_all, options=finding)
         count = partial(count_known, depth=depth, mask=mask, nodata=nodata, max_pixels=max_pixels)
         shared = share(plan, find, reading.chosen(count), running=running)
-        how = replace(how, search={}, colors={"palette": shared})
+        how = {"palette": shared, **{name: value for name, value in how.items() if name not in finding}, "space": space}
         if save_palette and shared is not None:
             write_palette(save_palette, shared, overwrite=running.overwrite or skip_existing)
             plan.joint = {}
-    work = partial(quantize_image, how=how, overwrite=common.overwrite, max_pixels=max_pixels)
+    work = partial(quantize_image, options=how)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
     return run_plan(
         plan,
@@ -199,20 +199,15 @@ def _check_optimize(output: Path | None) -> None:
         raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
 
 
-def _palette_of_all(samples: ColorSamples, *, how: QuantizeOptions) -> NDArray[Any]:
+def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> NDArray[Any]:
     """Find a palette as `quantize` would for one image."""
     from cvtimg import find_palette
+    from cvtimg.colors.spaces import to_depth
 
-    return find_palette(samples, **how.of_palette, **how.colors_of(samples.colors.dtype)).colors
-
-
-def _mapping(space: str, dither: str, strength: float | None) -> dict[str, Any]:
-    """Return the options of mapping to a palette, by their names in `quantize`."""
-    if dither != "none":
-        return {"space": space, "dither": dither, **({} if strength is None else {"dither_strength": strength})}
-    if strength is not None:
-        raise WrongUsageError("--dither-strength needs --dither")
-    return {"space": space}
+    locked = options["locked"]
+    if locked is not None:
+        locked = to_depth(locked, samples.colors.dtype)
+    return find_palette(samples, **{**options, "locked": locked}).colors
 
 
 def _locked(colors: list[str | Path]) -> NDArray[np.uint8]:

@@ -1,19 +1,14 @@
-"""Options that only ``cvtimg quantize`` has, and the values given to them."""
+"""Options that only ``cvtimg quantize`` has."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from typer import Option
 
 from cvtimg._shared.choices import DitherName
 from cvtimg.cli import options
-
-if TYPE_CHECKING:
-    import numpy as np
 
 Colors = Annotated[
     Any,
@@ -87,66 +82,3 @@ KeepMetadata = Annotated[
 ]
 Optimize = Annotated[bool, Option("--optimize", help="Make PNG files smaller with oxipng; slower.")]
 PerFrame = Annotated[bool, Option("--palette-per-frame", help="Use a palette for each frame or page, not one for all.")]
-
-
-@dataclass(frozen=True, slots=True)
-class QuantizeOptions:
-    """What is done to each image.
-
-    Attributes
-    ----------
-    mapping : dict
-        How pixels are mapped to a palette: options of `map_to_palette`.
-    search : dict
-        How a palette is found: options of `find_palette`; none where it is given.
-    target : dict
-        Options of `quantize` that neither is: a PSNR to reach, weights of the pixels.
-    colors : dict
-        Arguments that are 8-bit colors, to be converted to the depth of the image: "palette" or "locked".
-    depth : {"8", "16"} or None
-        Bits per channel to work with.
-    max_bytes : int or None
-        Largest size of the file.
-    keep_metadata, optimize, per_frame, mask, nodata
-        As the options of these names.
-    """
-
-    mapping: Mapping[str, Any]
-    search: Mapping[str, Any]
-    target: Mapping[str, Any]
-    colors: Mapping[str, Any]
-    depth: str | None
-    max_bytes: int | None
-    keep_metadata: bool
-    optimize: bool
-    per_frame: bool
-    mask: Path | None
-    nodata: float | None
-
-    @property
-    def of_palette(self) -> dict[str, Any]:
-        """Options for a palette alone, without the pixels."""
-        return {**self.search, "space": self.mapping["space"]}
-
-    def colors_of(self, dtype: np.dtype[Any]) -> dict[str, Any]:
-        """Convert given colors to the depth of an image."""
-        from cvtimg.colors.spaces import to_depth
-
-        return {name: to_depth(colors, dtype) for name, colors in self.colors.items()}
-
-    def unfit(self, *names: str) -> dict[str, Any]:
-        """Return those of the named options that are given; some inputs cannot have them."""
-        known = {
-            "--psnr": self.target.get("psnr"),
-            "--weight-map": self.target.get("weights"),
-            "--max-bytes": self.max_bytes,
-            "-k auto": True if self.search.get("n_colors") == "auto" else None,
-            "--dither": self.mapping.get("dither"),
-            "--depth": self.depth,
-            "--depth 16": True if self.depth == "16" else None,
-            "--keep-metadata": self.keep_metadata or None,
-            "--optimize": self.optimize or None,
-            "--mask": self.mask,
-            "--nodata": self.nodata,
-        }
-        return {name: known[name] for name in names if known[name] is not None}

@@ -17,7 +17,6 @@ from cvtimg._shared.choices import AutoEffortName
 from cvtimg.batch import InputsFailedError, Missing, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
-from cvtimg.cli.sample_types import as_stored
 
 if TYPE_CHECKING:
     import numpy as np
@@ -297,8 +296,9 @@ def _write(
     import numpy as np
 
     from cvtimg import write_image
+    from cvtimg.pictures.formats.encoding import as_stored
 
-    stored, notes = as_stored(result.image, outputs["-o"])
+    stored, notes = as_stored(result.image, outputs["-o"].suffix)
     write_image(outputs["-o"], stored, overwrite=overwrite)
     if "--labels" in outputs:
         kind = np.uint8 if len(result.colors) < 256 else np.uint16

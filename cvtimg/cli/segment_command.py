@@ -9,10 +9,10 @@ from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli import options
 from cvtimg.cli import segment_options as own
 from cvtimg.cli.frame import run_plan
-from cvtimg.cli.known_pixels import known_in_all, known_pixels
-from cvtimg.cli.pages import has_pages, segment_pages
+from cvtimg.cli.pages import segment_pages
 from cvtimg.cli.segment_outputs import Style, Subject, kind_of, outputs_of
-from cvtimg.cli.tiled import check_fit, needs_tiles, segment_in_tiles
+from cvtimg.cli.tiled import check_fit, segment_in_tiles
+from cvtimg.pictures.known import known_in_all, known_pixels
 
 if TYPE_CHECKING:
     import numpy as np
@@ -195,7 +195,7 @@ def _segment(
         return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, given)
     header = image_info(task.source)
     divide = partial(_divide, how=how, header=header)
-    if has_pages(header):
+    if header.has_pages:
         if [kind_of(option) for option in task.outputs] != ["labels"]:
             raise ValueError("has several pages, of which only labels are written")
         find = partial(known_in_all, header=header, mask=how.mask, nodata=how.nodata, noun="page")
@@ -238,4 +238,6 @@ def _needs_tiles(task: Task) -> bool:
         if zarr:
             raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
         return False
+    from cvtimg.pictures.tiles import needs_tiles
+
     return needs_tiles(task.source, targets[0])

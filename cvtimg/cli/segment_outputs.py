@@ -131,10 +131,10 @@ def _write_labels(subject: Subject, path: Path) -> None:
 
 def _write_mean(subject: Subject, path: Path) -> None:
     from cvtimg import write_image
-    from cvtimg.cli.sample_types import as_stored
     from cvtimg.labels import mean_picture
+    from cvtimg.pictures.formats.encoding import as_stored
 
-    mean, _ = as_stored(mean_picture(subject.labels, subject.image), path)
+    mean, _ = as_stored(mean_picture(subject.labels, subject.image), path.suffix)
     write_image(path, mean, alpha=False, metadata=subject.place(), overwrite=subject.overwrite)
 
 

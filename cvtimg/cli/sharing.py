@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold, is_pipe
-from cvtimg.cli.known_pixels import known_pixels
+from cvtimg.pictures.known import known_pixels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def share(
     array or None
         What `find` makes of the sum of what `count` returns for each image; None if no image is left.
     """
-    from cvtimg.colors.adding import add_samples, in_fixed_order
+    from cvtimg.colors.counting import add_samples, in_fixed_order
 
     check_plan(plan, running)
     if any(is_pipe(task.source) for task in plan.tasks):
@@ -54,7 +54,7 @@ def count_known(
 ) -> ColorSamples:
     """Count the colors of the pixels of an image that are not left out."""
     from cvtimg import read_image
-    from cvtimg.colors.adding import count_picture
+    from cvtimg.colors.counting import count_picture
     from cvtimg.pictures import image_info
     from cvtimg.pictures.formats.opening import pixels_limited
 

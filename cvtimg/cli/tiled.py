@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,25 +9,7 @@ from typing import Any
 
 from cvtimg.batch import Row, Stopwatch, Task
 
-__all__ = ["check_fit", "needs_tiles", "quantize_in_tiles", "segment_in_tiles"]
-
-#: Images of more pixels are read in tiles, if the formats of input and output allow it.
-_LARGE = 1 << 26
-
-
-def needs_tiles(source: Path, target: Path) -> bool:
-    """Return whether to process an image in tiles: if it is large or a Zarr array."""
-    suffixes = {source.suffix.lower(), target.suffix.lower()}
-    if ".zarr" in suffixes:
-        return True
-    if not suffixes <= {".tif", ".tiff"}:
-        return False
-    from cvtimg.pictures.tiles import open_bands
-
-    try:
-        return open_bands(source).form.n_pixels > _LARGE
-    except OSError:  # the usual reader opens it or reports the error
-        return False
+__all__ = ["check_fit", "segment_in_tiles"]
 
 
 def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) -> None:
@@ -43,32 +24,6 @@ def check_fit(source: Path, unfit: Mapping[str, Any], max_pixels: int | None) ->
             raise ValueError(f"is read in tiles, and {option} needs the whole picture in memory")
     if max_pixels is not None and open_bands(source).form.n_pixels > max_pixels:
         raise ValueError(f"has over {max_pixels} pixels, the limit that --max-pixels sets")
-
-
-def quantize_in_tiles(task: Task, stopwatch: Stopwatch, options: Mapping[str, Any], *, overwrite: bool) -> Row:
-    """Quantize an image in tiles."""
-    from cvtimg import write_palette
-    from cvtimg.quantization import quantize_file
-
-    result = quantize_file(task.source, task.output, overwrite=overwrite, **options)
-    if "--save-palette" in task.outputs:
-        write_palette(task.outputs["--save-palette"], result.palette, overwrite=overwrite)
-    stopwatch.lap("all")
-    tessellation = result.tessellation
-    return {
-        "width": result.shape[1],
-        "height": result.shape[0],
-        "channels": result.palette.shape[1],
-        "left_out": result.n_left_out,
-        "distinct_colors": result.n_distinct,
-        "exact": result.exact,
-        "k": len(result.palette),
-        "energy": result.energy,
-        "mse": result.mse,
-        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
-        "n_iter": tessellation.n_iter if tessellation else 0,
-        "converged": tessellation.converged if tessellation else True,
-    }
 
 
 def segment_in_tiles(

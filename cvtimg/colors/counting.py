@@ -1,82 +1,177 @@
-"""Distinct colors of an image that comes in parts, in bounded memory."""
+"""Distinct colors of an image that comes in parts, or of many images, added exactly in any order and bounded memory."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_that
+from cvtimg._shared.pixels import array_of, says_alpha, with_mark
+from cvtimg.blocks.images import PixelBlocks
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
-from cvtimg.colors.samples import ColorSamples, color_samples, merge_samples
+from cvtimg.colors.places import widen_samples, without_idle_alpha
+from cvtimg.colors.samples import NO_PIXELS, ColorSamples, color_samples, merge_samples
+from cvtimg.colors.spaces import to_depth
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import read_image
 
-__all__ = ["MOST_COLORS", "Counter", "coarser"]
+__all__ = [
+    "MOST_COLORS",
+    "Count",
+    "Counter",
+    "add_counts",
+    "add_samples",
+    "count_blocks",
+    "count_picture",
+    "in_fixed_order",
+]
 
 #: Beyond this many distinct colors neighbors are merged: the engine needs about 200 bytes for each.
 MOST_COLORS = 1 << 22
-_NO_PIXELS = np.empty((0, 0), np.int32)
+
+
+class Count(NamedTuple):
+    """The distinct colors of some pixels.
+
+    Attributes
+    ----------
+    samples : ColorSamples or None
+        The colors, without `inverse`; None if there are no pixels.
+    exact : bool
+        Whether all colors were distinguished.
+    n_distinct : int
+        Number of colors; where they were not all distinguished, the largest number at a time.
+    """
+
+    samples: ColorSamples | None = None
+    exact: bool = True
+    n_distinct: int = 0
+
+    def of_some(self, kind: str = "counts") -> ColorSamples:
+        """Return the colors; raise ValueError if there is no pixel of a kind."""
+        if self.samples is None:
+            raise ValueError(f"image must have at least one pixel that {kind}")
+        return self.samples
+
+    @classmethod
+    def of(cls, samples: ColorSamples) -> Count:
+        """Return the count of the pixels of an image, or of a part of one."""
+        return cls(replace(samples, inverse=NO_PIXELS, inside=None), True, samples.n_colors)
+
+
+def add_counts(counts: Iterable[Count], most: int | None = None) -> Count:
+    """Add counts in their order. Beyond `most` colors, `MOST_COLORS` by default, neighbors along a curve are merged."""
+    most = MOST_COLORS if most is None else most
+    total = Count()
+    for count in counts:
+        if total.samples is None or count.samples is None:
+            samples = total.samples or count.samples
+        else:
+            samples = add_samples(total.samples, count.samples)
+        n_distinct = max(total.n_distinct, count.n_distinct, samples.n_colors if samples else 0)
+        total = Count(samples, total.exact and count.exact, n_distinct)
+        if samples and samples.n_colors > most:
+            total = Count(_coarser(samples, most), False, n_distinct)
+    return total
 
 
 class Counter:
-    """Counts the colors of strips of an image.
+    """Counts the colors of strips of an image: pixels of up to three bytes in a table of 64 MiB, others in a list."""
 
-    Pixels of up to three bytes are counted in a table of 64 MiB, others in a growing list. Beyond `most` colors,
-    neighbors along a space-filling curve are replaced by their mean, and `exact` becomes False.
-    """
-
-    def __init__(self, most: int = MOST_COLORS, *, alpha: bool = False) -> None:
-        self._alpha = alpha
-        self.exact = True
-        self.n_distinct = 0
-        self._most = most
-        self._sum: ColorSamples | None = None
+    def __init__(self, most: int | None = None, *, alpha: bool = False) -> None:
+        self._most, self._alpha = most, alpha
+        self._count = Count()
         self._table: CountTable | None = None
 
     def add(self, band: NDArray[Any]) -> None:
         """Count the pixels of a strip, (H, W) or (H, W, C)."""
         rows = np.ascontiguousarray(band.reshape(band.shape[0] * band.shape[1], -1))
-        if rows.dtype == np.uint8 and rows.shape[1] <= TABLE_BYTES:
-            if self._table is None:
-                self._table = CountTable(rows.shape[1])
-            if not self._table.has_room(len(rows)):
-                self._join(_samples(self._table, self._alpha))
-                self._table = CountTable(rows.shape[1])
-            self._table.add(rows)
-        else:
-            self._join(replace(color_samples(band, alpha=self._alpha), inverse=_NO_PIXELS))
+        if rows.dtype != np.uint8 or rows.shape[1] > TABLE_BYTES:
+            self._count = add_counts([self._count, Count.of(color_samples(band, alpha=self._alpha))], self._most)
+            return
+        if self._table is not None and not self._table.has_room(len(rows)):
+            self._close()
+        if self._table is None:
+            self._table = CountTable(rows.shape[1])
+        self._table.add(rows)
 
-    @property
-    def has_any(self) -> bool:
-        """Whether there are pixels to count."""
-        return self._sum is not None or self._table is not None
-
-    def _join(self, samples: ColorSamples) -> None:
-        total = samples if self._sum is None else merge_samples([self._sum, samples])
-        self.n_distinct = max(self.n_distinct, total.n_colors)
-        if total.n_colors > self._most:
-            self.exact = False
-            total = coarser(total, self._most)
-        self._sum = replace(total, inverse=_NO_PIXELS)
-
-    def samples(self) -> ColorSamples:
-        """Return the colors of all strips, without `inverse`."""
+    def _close(self) -> None:
         if self._table is not None:
-            table, self._table = self._table, None
-            self._join(_samples(table, self._alpha))
-        check_that("image", self._sum is not None, "have at least one strip")
-        assert self._sum is not None
-        return self._sum
+            samples = ColorSamples(*self._table.close(), True, NO_PIXELS, self._alpha)
+            self._table, self._count = None, add_counts([self._count, Count.of(samples)], self._most)
+
+    def total(self) -> Count:
+        """Return the colors of all strips."""
+        self._close()
+        return self._count
 
 
-def _samples(table: CountTable, alpha: bool) -> ColorSamples:
-    colors, density = table.close()
-    return ColorSamples(colors, density, True, _NO_PIXELS, alpha)
+def count_blocks(blocks: PixelBlocks, alpha: bool = False) -> Count:
+    """Return the distinct colors of an image in blocks, in a fixed order.
+
+    Raises
+    ------
+    ValueError
+        If no pixel counts.
+    """
+    count = blocks.total(partial(_count_pixels, alpha=alpha), add_counts)
+    return count._replace(samples=in_fixed_order(count.of_some("is finite and not nodata")))
 
 
-def coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
+def _count_pixels(pixels: NDArray[Any], *, alpha: bool) -> Count:
+    return Count.of(count_picture(with_mark(pixels[None], alpha))) if len(pixels) else Count()
+
+
+def count_picture(
+    picture: StrPath | ArrayLike, depth: str | None = None, *, mask: ArrayLike | None = None
+) -> ColorSamples:
+    """Count the colors of an image, at this many bits per sample, without `inverse`.
+
+    This is what workers exchange: a few megabytes for a photograph of any size.
+    """
+    image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
+    alpha = says_alpha(image)
+    if depth:
+        image = to_depth(array_of(image), np.dtype(f"uint{depth}"))
+    if alpha:
+        seen = without_idle_alpha(array_of(image))
+        image, alpha = seen, seen.shape[2] in (2, 4)
+    samples = color_samples(image, alpha=alpha, mask=mask)
+    return replace(samples, inverse=NO_PIXELS, inside=None)
+
+
+def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
+    """Add two densities. Counts of pixels are integers, whose sums are exact in any order."""
+    return replace(merge_samples(_alike(first, second)), inverse=NO_PIXELS)
+
+
+def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
+    """Bring samples to one type and number of channels, if possible."""
+    pair = [first, second]
+    dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
+    if dtypes == {"uint8", "uint16"}:
+        pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
+    n_colors = [one.colors.shape[1] - one.alpha for one in pair]
+    if len(channels) > 1 and set(n_colors) <= {1, 3}:
+        alpha = any(one.alpha for one in pair)
+        pair = [widen_samples(one, max(n_colors), alpha) for one in pair]
+    return pair
+
+
+def in_fixed_order(samples: ColorSamples) -> ColorSamples:
+    """Sort colors: a table of counts has its own order, a hash table that of the first occurrences."""
+    order = np.lexsort(samples.colors.T[::-1])
+    in_order = replace(samples, rows=samples.colors[order], density=samples.density[order])
+    return merge_samples([in_order]) if samples.in_order else in_order
+
+
+def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     """Merge neighbors along a space-filling curve to at most this many colors, rounded to the type of the image."""
     colors, density = samples.colors, samples.density
     if not samples.in_order:
@@ -87,4 +182,5 @@ def coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     sums = [np.add.reduceat(colors[:, dim] * density, starts) for dim in range(colors.shape[1])]
     means = np.stack(sums, axis=1) / masses[:, np.newaxis]
     colors = (np.rint(means) if samples.colors.dtype.kind in "iu" else means).astype(samples.colors.dtype)
-    return merge_samples([ColorSamples(colors, masses, samples.in_order, _NO_PIXELS, samples.alpha)])
+    merged = merge_samples([ColorSamples(colors, masses, samples.in_order, NO_PIXELS, samples.alpha)])
+    return replace(merged, inverse=NO_PIXELS)

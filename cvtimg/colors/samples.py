@@ -21,6 +21,8 @@ from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.samples import WeightedSamples
 
 _FIRST_CAPACITY = 1 << 16
+#: The `inverse` of colors without their pixels.
+NO_PIXELS = np.empty((0, 0), np.int32)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -72,8 +74,7 @@ class ColorSamples(WeightedSamples):
 
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
         """Return some of the colors, without `inverse`."""
-        none = np.empty((0, 0), np.int32)
-        return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, none, self.alpha)
+        return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, NO_PIXELS, self.alpha)
 
 
 def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | None = None) -> ColorSamples:

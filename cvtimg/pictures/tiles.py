@@ -17,10 +17,12 @@ from cvtimg.pictures.formats.bands import BAND_PIXELS, Band, Bands, Form
 from cvtimg.pictures.formats.tiled_tiff import open_tiff, write_tiff
 from cvtimg.pictures.formats.zarr_arrays import open_zarr, write_zarr
 
-__all__ = ["BAND_PIXELS", "TILED_SUFFIXES", "Band", "Bands", "Form", "open_bands", "write_bands"]
+__all__ = ["BAND_PIXELS", "TILED_SUFFIXES", "Band", "Bands", "Form", "needs_tiles", "open_bands", "write_bands"]
 
 #: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
+#: TIFF files of more pixels are read in tiles, if the format of the output allows it.
+_LARGE = 1 << 26
 
 
 def open_bands(path: StrPath) -> Bands:
@@ -74,3 +76,16 @@ def write_bands(
         return
     with whole_file(path, overwrite=overwrite) as file:
         write_tiff(file, form, bands, palette)
+
+
+def needs_tiles(source: StrPath, target: StrPath) -> bool:
+    """Return whether to process an image in tiles: if it is large or a Zarr array."""
+    suffixes = {Path(path).suffix.lower() for path in (source, target)}
+    if ".zarr" in suffixes:
+        return True
+    if not suffixes <= {".tif", ".tiff"}:
+        return False
+    try:
+        return open_bands(source).form.n_pixels > _LARGE
+    except OSError:  # the usual reader opens it or reports the error
+        return False

@@ -1,11 +1,10 @@
 from .animations import QuantizedFrames, quantize_frames
-from .blocks import QuantizedBlocks, quantize_blocks
+from .blocks import QuantizedBlocks
 from .dithering import DITHERS
+from .files import QuantizedFile, UnfitOptionError, quantize_file
 from .images import quantize, quantize_to_size
-from .palette_search import EngineOptions, Palette, find_palette
+from .palette_search import EngineOptions, Palette, find_palette, shared_palette
 from .remapping import Quantized, map_to_palette
-from .sharing import shared_palette
-from .tiled import QuantizedFile, quantize_file
 
 __all__ = [
     "DITHERS",
@@ -15,10 +14,10 @@ __all__ = [
     "QuantizedBlocks",
     "QuantizedFile",
     "QuantizedFrames",
+    "UnfitOptionError",
     "find_palette",
     "map_to_palette",
     "quantize",
-    "quantize_blocks",
     "quantize_file",
     "quantize_frames",
     "quantize_to_size",

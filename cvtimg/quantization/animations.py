@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alone, check_given, check_that
+from cvtimg._shared.checks import check_keywords
 from cvtimg._shared.choices import DitherName, SpaceName
-from cvtimg._shared.pixels import peak
-from cvtimg.colors.fidelity import psnr
+from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.frames import Frames, write_frames
-from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.palette_search import EngineOptions, Palette, find_palette
-from cvtimg.quantization.remapping import Quantized, keep_outside, map_to_palette
+from cvtimg.quantization.driver import QuantizeOptions, quantized
+from cvtimg.quantization.palette_search import EngineOptions, Palette
+from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
-__all__ = ["QuantizedFrames", "quantize_frames"]
+__all__ = ["MOST_INDEXED", "Film", "QuantizedFrames", "quantize_frames"]
+
+#: Largest palette of a .gif or .png.
+MOST_INDEXED = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class QuantizedFrames:
+class QuantizedFrames(Fidelity):
     """An animation in few colors.
 
     Attributes
@@ -58,15 +60,14 @@ class QuantizedFrames:
         return sum(result.energy for result in self.results)
 
     @property
-    def mse(self) -> float:
-        """Mean squared error per sample over all frames."""
-        counts = [one.indices.size if one.inside is None else int(np.count_nonzero(one.inside)) for one in self.results]
-        return float(np.average([result.mse for result in self.results], weights=counts))
+    def n_values(self) -> int:
+        """Number of samples that count, of all frames."""
+        return sum(result.n_values for result in self.results)
 
     @property
-    def psnr(self) -> float:
-        """Peak signal-to-noise ratio in dB over all frames, infinite if exact."""
-        return float(psnr(self.mse, peak(self.results[0].palette.dtype)))
+    def palette(self) -> NDArray[Any]:
+        """The palette of the first frame, and of all if they share it."""
+        return self.results[0].palette
 
     @property
     def content(self) -> tuple[Frames, NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None]:
@@ -85,6 +86,7 @@ def quantize_frames(
     frames: Frames,
     n_colors: int | None = None,
     *,
+    psnr: float | None = None,
     per_frame: bool = False,
     alpha: bool | None = None,
     masks: Sequence[ArrayLike | None] | None = None,
@@ -104,7 +106,10 @@ def quantize_frames(
     frames : Frames
         From `read_frames`.
     n_colors : int
-        Size of a palette, in 1..65536; a .gif holds up to 256. Not allowed with `palette`.
+        Size of a palette, in 1..65536; a .gif holds up to 256. With `psnr`, optional and the maximum size, by default
+        256. Not allowed with `palette`.
+    psnr : float, optional
+        Use the fewest colors that reach this quality in dB, over all frames.
     per_frame : bool
         Find a palette for each frame. This lowers the error, but colors that stand still may change between frames.
     alpha : bool, optional
@@ -134,27 +139,48 @@ def quantize_frames(
     >>> [int(one.image[0, 0]) for one in result.results]
     [11, 11, 200]
     """
-    n_frames = len(frames.images)
-    given_masks = [None] * n_frames if masks is None else list(masks)
-    check_that("masks", len(given_masks) == n_frames, f"be {n_frames}, one for each frame, not {len(given_masks)}")
-    has_alpha = frames.images[0].shape[2:] == (4,) if alpha is None else alpha
-    several = [
-        color_samples(image, alpha=has_alpha, mask=mask) for image, mask in zip(frames.images, given_masks, strict=True)
-    ]
-    wholes = several if per_frame else [merge_samples(several)]
-    n_distinct = max(samples.n_colors for samples in wholes)
-    if palette is not None:
-        others = {"n_colors": n_colors, "per_frame": per_frame or None, "locked": locked, **engine}
-        check_alone("palette", [name for name, value in others.items() if value is not None])
-        given = np.array(palette)
-        found = [Palette(given, None, given.shape[1:] == (4,))]
-    else:
-        n_colors = check_given("n_colors or palette", n_colors)
-        found = [find_palette(whole, n_colors, space=space, locked=locked, **engine) for whole in wholes]
-    if dither_strength is None:
-        dither_strength = STRENGTH if palette is None else 1.0
-    results = []
-    for image, samples, one in zip(frames.images, several, found if per_frame else found * n_frames, strict=True):
-        result = map_to_palette(samples, one.colors, space=space, dither=dither, dither_strength=dither_strength)
-        results.append(keep_outside(replace(result, tessellation=one.tessellation), image))
-    return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)
+    check_keywords("quantize_frames", engine, EngineOptions.__annotations__)
+    how = QuantizeOptions(
+        n_colors=MOST_INDEXED if n_colors is None and psnr is not None else n_colors,
+        psnr=psnr,
+        palette=palette,
+        locked=locked,
+        space=space,
+        dither=dither,
+        dither_strength=dither_strength,
+        engine=engine,
+    )
+    how.check(per_frame=per_frame or None)
+    return quantized(Film(frames, per_frame, alpha, masks), how)
+
+
+class Film:
+    """The frames of an animation: the `Source` of `quantize_frames`."""
+
+    def __init__(
+        self, frames: Frames, per_frame: bool, alpha: bool | None, masks: Sequence[ArrayLike | None] | None
+    ) -> None:
+        n_frames = len(frames.images)
+        masks = [None] * n_frames if masks is None else list(masks)
+        if len(masks) != n_frames:
+            raise ValueError(f"masks must be {n_frames}, one for each frame, not {len(masks)}")
+        has_alpha = frames.images[0].shape[2:] == (4,) if alpha is None else alpha
+        self._frames, self._samples = (
+            frames,
+            [
+                color_samples(image, alpha=has_alpha, mask=mask)
+                for image, mask in zip(frames.images, masks, strict=True)
+            ],
+        )
+        self.counted = self._samples if per_frame else [merge_samples(self._samples)]
+        self.n_pixels = sum(samples.inverse.size for samples in self._samples)
+
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedFrames:
+        """Map each frame to its palette, or to the one of all."""
+        frames, results = self._frames, []
+        of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
+        for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
+            result = map_samples(samples, found.colors, how.space, how.dither, how.strength)
+            results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
+        n_distinct = max(samples.n_colors for samples in self.counted)
+        return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.quantization import _dithering
 from cvtimg.quantization.nearest_grid import MAX_DIMS, Grid, nearest_grid
-from cvtimg.quantization.threshold_masks import bayer_mask, blue_noise_mask
 
 #: Strength for palettes that were made for the image: most of the grain comes from the last tenth.
 STRENGTH = 0.9
@@ -229,6 +229,31 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
 
     in_parts(arrange, len(labels), work=labels.size)
     return labels
+
+
+@cache
+def bayer_mask(side: int) -> NDArray[np.uint8]:
+    """Return the (side, side) Bayer matrix; the side is a power of two up to 16.
+
+    B. E. Bayer, "An optimum method for two-level rendition of continuous-tone pictures", IEEE International Conference
+    on Communications 1 (1973) 26.11-26.15.
+
+    Examples
+    --------
+    >>> bayer_mask(4).tolist()
+    [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]
+    """
+    mask = np.zeros((1, 1), np.int64)
+    while len(mask) < side:
+        mask = np.block([[4 * mask, 4 * mask + 2], [4 * mask + 3, 4 * mask + 1]])
+    return mask.astype(np.uint8)
+
+
+@cache
+def blue_noise_mask() -> NDArray[np.uint8]:
+    """Return a (64, 64) mask of 16 turns without low frequencies, made by ``docs/make_blue_noise.py``."""
+    mask = np.load(Path(__file__).parent / "blue_noise.npy")
+    return (mask.astype(np.int64) * 16 // mask.size).astype(np.uint8)
 
 
 #: The registry of methods: the values of `dither` and ``--dither``.

@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, Unpack, cast
+from typing import Any, Literal, TypeVar, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_alone,
-    check_alpha,
-    check_count,
-    check_given,
-    check_keywords,
-    check_non_negative,
-    refuse,
-)
-from cvtimg._shared.choices import DitherName, EffortName, SpaceName
+from cvtimg._shared.checks import check_alpha, check_count, check_keywords, refuse
+from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of
-from cvtimg.blocks.images import is_image_in_blocks
+from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks, known_pixels
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
-from cvtimg.engine.tessellation import Tessellation
-from cvtimg.quantization.blocks import in_blocks
-from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.palette_search import EngineOptions, check_room, find_palette, fixed_colors
-from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
-from cvtimg.quantization.targets import first_reaching
+from cvtimg.pictures.frames import Frames
+from cvtimg.quantization.animations import Film, QuantizedFrames
+from cvtimg.quantization.blocks import Blocks
+from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized
+from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
+from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
-#: First number of colors in the search for a target, and the minimum gain from doubling it.
-_FIRST_TRIAL = 32
-_DECIBEL = 2.0
+R = TypeVar("R", Quantized, QuantizedFrames)
+
+#: By so much a file grows, roughly, when the number of colors doubles.
 _BYTES_A_PIXEL = 0.05
 
 
@@ -44,8 +36,10 @@ def quantize(
     *,
     alpha: bool | None = None,
     mask: ArrayLike | None = None,
+    nodata: float | None = None,
     space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
+    palette_hint: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     psnr: float | None = None,
     dither: DitherName | None = None,
@@ -76,11 +70,16 @@ def quantize(
     mask : (H, W) array, optional
         Pixels to quantize, where it is not 0. The others, and pixels that are not finite or masked in a masked array,
         have no influence, keep their value in the result, and become transparent in indexed files.
+    nodata : float, optional
+        Pixels with this value in all bands do not count either; by default what the attributes of a `DataArray` say.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured and means taken. All but "rgb" need grey or RGB, with or without
         alpha.
     palette : (K, C) array, optional
         Colors to map the image to, in its units, instead of finding a palette.
+    palette_hint : (K, C) array, optional
+        The palette of an indexed file, from `read_palette`. If it has at most `n_colors` colors and the image no
+        others, it is kept, so that indices keep their meaning; otherwise it plays no part.
     locked : (L, C) array, optional
         Colors that the palette must contain, in the units of the image.
     psnr : float, optional
@@ -109,9 +108,9 @@ def quantize(
 
     Notes
     -----
-    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `space`, `locked` and the options of the engine;
-    with any other option they are loaded. The result has the same palette as in memory, and pixels that are computed
-    when they are needed. Pixels of a `DataArray` that have its nodata value in all bands do not count.
+    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `nodata`, `space`, `locked` and the options of
+    the engine; with any other option they are loaded. The result has the same palette as in memory, and pixels that are
+    computed when they are needed.
 
     Examples
     --------
@@ -124,39 +123,35 @@ def quantize(
     >>> len(quantize(picture, psnr=40).palette)
     2
     """
-    if dither_strength is None:
-        dither_strength = STRENGTH if palette is None else 1.0
     check_keywords("quantize", engine, EngineOptions.__annotations__)
-    whole = (mask, psnr, dither, weights)
-    if is_image_in_blocks(image) and n_colors != "auto" and all(option is None for option in whole):
-        found: Any = in_blocks(image, n_colors, alpha, space, palette, locked, engine)
-        return cast(Quantized, found)
-    source = _Source(image, alpha, mask, locked, weights, space, dither, dither_strength)
-    if palette is not None:
-        others = {"n_colors": n_colors, "locked": locked, "psnr": psnr, "weights": weights, **engine}
-        check_alone("palette", [name for name, value in others.items() if value is not None])
-        return source.mapped(palette)
-    if psnr is None:
-        wanted: int | Literal["auto"] = check_given("n_colors, psnr or palette", n_colors)
-        if wanted == "auto":
-            at_elbow, curve = source.elbow(engine)
-            return source.quantized(at_elbow, engine, curve)
-        return source.quantized(wanted, engine)
-    quality = check_non_negative("psnr", psnr)
+    how = QuantizeOptions(
+        n_colors=n_colors,
+        psnr=psnr,
+        palette=palette,
+        locked=locked,
+        space=space,
+        dither=dither,
+        dither_strength=dither_strength,
+        engine=engine,
+    )
+    how.check(weights=weights)
+    if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):
+        return cast(Quantized, quantized(Blocks(PixelBlocks.of(image, nodata), bool(alpha)), how))
+    source = Picture(image, alpha, mask, nodata, weights)
+    if palette_hint is not None and isinstance(n_colors, int) and locked is None:
+        kept = source.kept(np.asarray(palette_hint), n_colors, how)
+        if kept is not None:
+            return kept
     if n_colors == "auto":
-        refuse("n_colors", n_colors, "a number with psnr")
-    most = MAX_COLORS if n_colors is None else n_colors
-    results = source.first_reaching(lambda result: result.psnr, quality, most, _DECIBEL, engine)
-    if True not in results:
-        best = results[False]
-        refuse("psnr", psnr, f"at most {best.psnr:.2f} dB, which {len(best.palette)} colors reach")
-    return results[True]
+        at_elbow, curve = source.elbow(how)
+        return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
+    return quantized(source, how)
 
 
 def quantize_to_size(
     image: Any,
     max_bytes: int,
-    size: Callable[[Quantized], int],
+    size: Callable[[Any], int],
     n_colors: int = 256,
     *,
     alpha: bool | None = None,
@@ -172,8 +167,8 @@ def quantize_to_size(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, C) array, or Pillow image
-        As in `quantize`.
+    image : (H, W) or (H, W, C) array, Pillow image, or Frames
+        As in `quantize` or, for an animation, in `quantize_frames`.
     max_bytes : int
         Largest size, >= 1.
     size : callable
@@ -207,31 +202,31 @@ def quantize_to_size(
     48
     """
     check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
-    strength = STRENGTH if dither_strength is None else dither_strength
-    source = _Source(image, alpha, mask, locked, weights, space, dither, strength)
-    results = source.first_reaching(size, max_bytes + 1, n_colors, _BYTES_A_PIXEL * source.n_pixels, engine)
+    how = QuantizeOptions(locked=locked, space=space, dither=dither, dither_strength=dither_strength, engine=engine)
+    if isinstance(image, Frames):
+        masks: Any = mask
+        return to_size(Film(image, False, alpha, masks), how, max_bytes, size, n_colors)
+    return to_size(Picture(image, alpha, mask, None, weights), how, max_bytes, size, n_colors)
+
+
+def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
+    """Find the most colors whose file is small enough; see `quantize_to_size`."""
+    results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)
     if False not in results:
         fewest = results[True]
-        refuse("max_bytes", max_bytes, f"at least {size(fewest)}, for the fewest colors, {len(fewest.palette)}")
-    found = results[False]
-    if len(found.palette) == 1 < found.n_distinct:
-        warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=2)
+        n_colors = max(len(colors) for colors in palettes_of(fewest))
+        refuse("max_bytes", max_bytes, f"at least {size(fewest)}, for the fewest colors, {n_colors}")
+    found: Any = results[False]
+    if found.n_distinct > 1 and all(len(colors) == 1 for colors in palettes_of(found)):
+        warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=3)
     return found
 
 
-class _Source:
-    """An image to try palettes of several sizes on, and how these are found and used."""
+class Picture:
+    """An image in memory: the `Source` of `quantize`."""
 
     def __init__(
-        self,
-        image: Any,
-        alpha: bool | None,
-        mask: ArrayLike | None,
-        locked: ArrayLike | None,
-        weights: ArrayLike | None,
-        space: SpaceName,
-        dither: DitherName | None,
-        dither_strength: float,
+        self, image: Any, alpha: bool | None, mask: ArrayLike | None, nodata: float | None, weights: ArrayLike | None
     ) -> None:
         array = array_of(image)
         n_channels = array.shape[2] if array.ndim == 3 else 1
@@ -242,73 +237,41 @@ class _Source:
                 UserWarning,
                 stacklevel=3,
             )
+        if nodata is not None:
+            known = known_pixels(array.reshape(*array.shape[:2], -1), nodata)
+            mask = known if mask is None else known & (np.asarray(mask) != 0)
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
         # A masked array is passed on whole, with its mask.
-        counted = seen if self._has_idle_alpha else image
-        self._samples = color_samples(counted, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
-        self._counted = self._samples if weights is None else self._samples.weighted(weights)
-        self._locked, self._space = locked, space
-        self._dither, self._strength = dither, dither_strength
+        given = seen if self._has_idle_alpha else image
+        self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
+        self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
 
-    @property
-    def least(self) -> int:
-        """The number of colors that its palettes must have."""
-        return fixed_colors(self._samples, self._locked)[2]
-
-    def quantized(self, n_colors: int, engine: EngineOptions, curve: EnergyCurve | None = None) -> Quantized:
-        """Find a palette and map the image to it."""
-        found = find_palette(self._counted, n_colors, space=self._space, locked=self._locked, **engine)
-        return self.mapped(found.colors, found.tessellation, curve)
-
-    def elbow(self, engine: EngineOptions) -> tuple[int, EnergyCurve]:
+    def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies."""
         taken = ("volume_power", "rng", "callback")
-        options: dict[str, Any] = {name: value for name, value in engine.items() if name in taken}
-        n_colors, curve = auto_count(self._counted, space=self._space, **options)
-        return max(n_colors, self.least), curve
+        options: dict[str, Any] = {name: value for name, value in how.engine.items() if name in taken}
+        n_colors, curve = auto_count(self.counted[0], space=how.space, **options)
+        return max(n_colors, fixed_colors(self._samples, how.locked)[2]), curve
 
-    def mapped(
-        self, palette: ArrayLike, tessellation: Tessellation | None = None, curve: EnergyCurve | None = None
-    ) -> Quantized:
+    def kept(self, palette: np.ndarray[Any, Any], n_colors: int, how: QuantizeOptions) -> Quantized | None:
+        """Return the image in its own palette, if that is small enough and has all its colors."""
+        n_channels = self._shape[2] if len(self._shape) == 3 else 1
+        if len(palette) > n_colors or palette.dtype != self._samples.colors.dtype or palette.shape[1:] != (n_channels,):
+            return None
+        result = self.mapped([Palette(palette, None)], how)
+        return None if result.energy or len(result.palette) > len(palette) else result
+
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""
-        result = map_samples(self._samples, palette, self._space, self._dither, self._strength)
+        found = palettes[0]
+        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength)
         colors, alpha = result.palette, result.alpha
         if self._has_idle_alpha and not alpha:
             colors, alpha = with_alpha(colors), True
         n_channels = colors.shape[1]
         as_before = n_channels == 1 or self._shape[2:] == (n_channels,)
         shape = self._shape if as_before else (*self._shape[:2], n_channels)
-        result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=tessellation, curve=curve)
+        result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=found.tessellation)
         return keep_outside(result, self._image)
-
-    def first_reaching(
-        self,
-        value: Callable[[Quantized], float],
-        target: float,
-        n_colors: int,
-        per_octave: float,
-        engine: EngineOptions,
-    ) -> dict[bool, Quantized]:
-        """Return the result with the fewest colors whose value reaches the target, under True.
-
-        Under False is the result with one color less; either can be missing.
-
-        A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is what
-        `quantize` returns for its size: starting from another trial would end at a higher energy.
-        """
-        least = self.least
-        check_room(n_colors, least)
-        n = _FIRST_TRIAL
-        for effort in dict.fromkeys(["fast", engine.get("effort", "balanced")]):
-            results: dict[bool, Quantized] = {}
-
-            def measure(n: int, effort: EffortName = effort, results: dict[bool, Quantized] = results) -> float:
-                result = self.quantized(n, {**engine, "effort": effort})
-                reached = value(result)
-                results[reached >= target] = result
-                return reached
-
-            n = first_reaching(measure, target, least, n_colors, first=n, per_octave=per_octave)
-        return results

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords
+from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords, refuse
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
+from cvtimg._shared.iteration import Callback, Stopping, iterate
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.threads import pairwise_sum
 from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
-from cvtimg.colors.adding import count_blocks
+from cvtimg.colors.counting import add_samples, count_blocks, count_picture, in_fixed_order
 from cvtimg.colors.places import (
     CLEAR,
     OPAQUE,
@@ -25,7 +28,7 @@ from cvtimg.colors.places import (
     with_alpha,
 )
 from cvtimg.colors.samples import ColorSamples, color_samples
-from cvtimg.engine.methods import Callback, Method, Stopping
+from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
@@ -136,7 +139,7 @@ def find_palette(
     """
     check_keywords("find_palette", engine, EngineOptions.__annotations__)
     if is_image_in_blocks(samples):
-        samples = count_blocks(PixelBlocks.of(samples))[0]
+        samples = count_blocks(PixelBlocks.of(samples)).of_some()
     elif not isinstance(samples, ColorSamples):
         samples = color_samples(samples)
     samples, fixed, least = fixed_colors(samples, locked)
@@ -152,6 +155,54 @@ def find_palette(
     if len(fixed) == n_colors:
         return Palette(_in_order(fixed, samples.alpha), None, samples.alpha)
     return _tessellated(samples, n_colors, space, fixed, engine)
+
+
+def shared_palette(
+    pictures: Iterable[StrPath | ArrayLike],
+    n_colors: int,
+    *,
+    space: SpaceName = "rgb",
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Palette:
+    """Find the palette that represents all pixels of many images with the least error.
+
+    The densities of the images are added exactly: the result is that of one image with all their pixels, bit for bit,
+    in any order. `map_to_palette` then maps each image to the palette.
+
+    Parameters
+    ----------
+    pictures : iterable of paths or (H, W) or (H, W, C) arrays
+        Read one after the other: memory holds only the distinct colors of all, at most 2^24 of 8-bit RGB. Grey becomes
+        RGB if there is color, opaque images get alpha if some have transparency, and 8 bits become 16 if some have
+        16; floating point, and bands that are not colors, cannot be combined with other images.
+    n_colors : int
+        Size of the palette, in 1..65536.
+    space, locked, method, init, effort, volume_power, rng, callback
+        As in `find_palette`.
+
+    Returns
+    -------
+    Palette
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid; the message names it, its value and what is allowed.
+    OSError
+        If an image cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.quantization import shared_palette
+    >>> shared_palette([np.array([[10, 12]], np.uint8), np.array([[200, 202]], np.uint8)], 2).colors.tolist()
+    [[11], [201]]
+    """
+    samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
+    if samples is None:
+        refuse("pictures", [], "at least one")
+    return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
 
 
 def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:
@@ -239,18 +290,25 @@ def _keep_opaque(
         opaque[n_locked + np.argmax(masses[n_locked:])] = True
     ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
     ends[:n_locked] = kinds[1]
-    energies: list[float] = []
-    while True:
-        generators[opaque, -1] = end
-        labels = nearest_of_kind(places, kinds[0], generators, ends)
-        energies.append(float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2)))
-        if rest.converged(energies) or len(energies) > rest.max_iterations:
-            return generators
+    generators[opaque, -1] = end
+    labels = nearest_of_kind(places, kinds[0], generators, ends)
+
+    def energy() -> float:
+        return float(np.einsum("n,nd->", density, (places - generators[labels]) ** 2))
+
+    def step() -> float:
+        nonlocal labels
         masses = np.bincount(labels, density, n_generators)
         moved = free & (masses > 0)
         for dim in range(places.shape[1]):
             sums = np.bincount(labels, density * places[:, dim], n_generators)
             generators[moved, dim] = sums[moved] / masses[moved]
+        generators[opaque, -1] = end
+        labels = nearest_of_kind(places, kinds[0], generators, ends)
+        return energy()
+
+    iterate(energy(), step, rest)
+    return generators
 
 
 def _name(color: NDArray[Any], dtype: np.dtype[Any], alpha: bool) -> str:
@@ -266,5 +324,4 @@ def _in_order(colors: NDArray[Any], alpha: bool) -> NDArray[Any]:
     totals = colors.sum(axis=1, dtype=np.float64)
     ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors, alpha) == OPAQUE))]
     is_new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
-    distinct: NDArray[Any] = ordered[is_new]
-    return distinct
+    return ordered[is_new]

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
-from cvtimg._shared.pixels import array_of, peak, says_alpha, with_mark
-from cvtimg.colors.fidelity import psnr
+from cvtimg._shared.pixels import array_of, says_alpha, with_mark
+from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -25,7 +25,7 @@ MAX_COLORS = 1 << 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Quantized:
+class Quantized(Fidelity):
     """An image in few colors.
 
     Attributes
@@ -108,15 +108,10 @@ class Quantized:
         return with_mark(pixels.reshape(self.shape), self.alpha)
 
     @property
-    def mse(self) -> float:
-        """Mean squared error per sample, alpha not counted, as in skimage.metrics.mean_squared_error."""
-        n_pixels = self.indices.size if self.inside is None else np.count_nonzero(self.inside)
-        return float(self.energy / (n_pixels * (self.palette.shape[1] - self.alpha)))
-
-    @property
-    def psnr(self) -> float:
-        """Peak signal-to-noise ratio in dB, infinite if exact; the peak is the white of the type, 1 for floats."""
-        return float(psnr(self.mse, peak(self.palette.dtype)))
+    def n_values(self) -> int:
+        """Number of samples that count: pixels times channels without alpha."""
+        n_pixels = self.indices.size if self.inside is None else int(np.count_nonzero(self.inside))
+        return n_pixels * (self.palette.shape[1] - self.alpha)
 
     @property
     def content(self) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.blocks.images import PixelBlocks
-from cvtimg.colors.adding import count_blocks
+from cvtimg.colors.counting import count_blocks
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES, to_space
 from cvtimg.engine.points import Frame, assign, pack
@@ -72,7 +72,7 @@ def segment_blocks(
     check_choice("space", space, SPACES)
     check_count("n_segments", n_segments, 1 << 16, "the largest number of segment colors")
     blocks = PixelBlocks.of(image, nodata)
-    counted, _ = count_blocks(blocks)
+    counted = count_blocks(blocks).of_some()
     # The distinct colors are an image of one row, whose pixels weigh as many as they are.
     colors = counted.colors[None]
     values = picture_values(colors, space, None)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_needs, check_that
+from cvtimg._shared.checks import check_needs
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors.counting import Counter
@@ -100,15 +100,15 @@ class DiskValues:
             if inside.any():
                 counter.add(colors if inside.all() else colors[inside][None])
             top += len(rows)
-        check_that("image", counter.has_any, "have at least one pixel that is known")
-        samples, dtype = counter.samples(), self._pixels.dtype
+        count, dtype = counter.total(), self._pixels.dtype
+        samples = count.of_some("is known")
         if space == "rgb":
             values = PictureValues(np.empty((0, 0), np.bool_), samples, 255 / peak(dtype), 0.0, space, dtype)
         else:
             places = to_space(samples.colors.astype(np.float64) / peak(dtype), space) * unit_of(space, dtype)
             samples = replace(samples, rows=places)
             values = PictureValues(np.empty((0, 0), np.bool_), samples, 1.0, 0.0, space, dtype)
-        return values, counter.exact
+        return values, count.exact
 
     def _split(self, rows: NDArray[Any], top: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """Separate the colors of rows, of which `top` is the first, from where they are known."""

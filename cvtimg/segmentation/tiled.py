@@ -216,9 +216,9 @@ class _Start:
         counter = Counter()
         for values, inside in self._strips():
             counter.add(np.rint((values[inside] - low) / self.scale).astype(np.uint8)[None])
-        samples = counter.samples()
-        self.exact = counter.exact
-        return samples
+        count = counter.total()
+        self.exact = count.exact
+        return count.of_some()
 
     def _strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
         """Yield strips of values, averaged if asked for, and the mask of each."""

@@ -16,7 +16,6 @@ from cvtimg.batch import Task, on_dask
 from cvtimg.batch.tasks import Outcome
 from cvtimg.cli import app as cli
 from cvtimg.colors import color_samples
-from cvtimg.quantization import quantize_blocks
 
 distributed = pytest.importorskip("distributed")
 import dask  # noqa: E402
@@ -128,11 +127,11 @@ def test_blocks_give_the_palette_and_the_indices_of_the_whole(chunks: tuple[int,
     for picture in (PICTURES[0], PICTURES[0][..., 0], np.dstack([PICTURES[0], PICTURES[1][..., 0]])):
         blocks = da.from_array(picture, chunks=chunks[: picture.ndim])
         alpha = picture.shape[2:] == (4,)
-        palette, indices = quantize_blocks(blocks, 6, alpha=alpha)
-        assert isinstance(indices, da.Array)
+        result = quantize(blocks, 6, alpha=alpha)
+        assert isinstance(result.indices, da.Array)
         whole = quantize(picture, 6, alpha=alpha)
-        np.testing.assert_array_equal(palette.colors, whole.palette)
-        np.testing.assert_array_equal(indices.compute(), whole.indices)
+        np.testing.assert_array_equal(result.palette, whole.palette)
+        np.testing.assert_array_equal(result.indices.compute(), whole.indices)
 
 
 def test_the_engine_takes_dask_arrays() -> None:

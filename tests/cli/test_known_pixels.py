@@ -176,7 +176,7 @@ def test_tiles_leave_out_what_the_whole_image_does(
     write_image("mask.png", inside)
     tifffile.imwrite("mask.tif", inside.astype(np.uint8), rowsperstrip=7, photometric="minisblack")
     whole = run("in.tif", "-k", "4", "--mask", mask, "-o", "whole.tif")
-    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
     monkeypatch.setattr("cvtimg.pictures.formats.bands.BAND_PIXELS", 100)
     tiled = run("in.tif", "-k", "4", "--mask", mask, "-o", "tiled.tif")
     assert (tiled["status"], tiled["left_out"]) == (0, (~inside).sum())
@@ -187,7 +187,7 @@ def test_tiles_leave_out_what_the_whole_image_does(
 
 
 def test_tiles_keep_nodata(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
     write_raster("in.tif", np.where(LEFT_OUT, -32768, COLORS[..., 0].astype(np.int16)), "-32768")
     assert run("in.tif", "-k", "4", "-o", "t.tif")["left_out"] == LEFT_OUT.sum()
     np.testing.assert_array_equal(read_image("t.tif") == -32768, LEFT_OUT)

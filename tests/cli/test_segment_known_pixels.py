@@ -42,7 +42,7 @@ def test_pages_are_segmented_inside_a_mask(volume: list[str]) -> None:
 
 @pytest.mark.parametrize("mask", ["mask.png", "mask.tif"])
 def test_tiles_are_segmented_inside_a_mask(monkeypatch: pytest.MonkeyPatch, mask: str) -> None:
-    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
     monkeypatch.setattr("cvtimg.pictures.formats.bands.BAND_PIXELS", 100)
     tifffile.imwrite("in.tif", PAGES[0], rowsperstrip=5)
     inside = INSIDE.copy()
@@ -57,7 +57,7 @@ def test_tiles_are_segmented_inside_a_mask(monkeypatch: pytest.MonkeyPatch, mask
 def test_a_mask_of_another_size_is_refused_in_tiles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cvtimg.cli.tiled._LARGE", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
     tifffile.imwrite("in.tif", PAGES[0], rowsperstrip=5)
     write_image("mask.png", INSIDE[:9])
     assert run("in.tif", "-k", "3", "--mask", "mask.png", "-o", "labels.tif") == 1

@@ -11,7 +11,7 @@ import pytest
 from cvtimg import find_palette, read_image, write_image
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg.cli import app as cli
-from cvtimg.colors.adding import add_samples
+from cvtimg.colors.counting import add_samples
 from cvtimg.colors.samples import color_samples
 from cvtimg.quantization import shared_palette
 

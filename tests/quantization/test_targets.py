@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg import quantize
 from cvtimg.quantization import Quantized, quantize_to_size
-from cvtimg.quantization.targets import first_reaching
+from cvtimg.quantization.driver import first_reaching
 
 
 @given(st.lists(st.floats(-5, 60), min_size=1, max_size=300), st.floats(-5, 60), st.integers(1, 300), st.booleans())

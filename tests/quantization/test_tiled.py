@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 from cvtimg import find_palette, quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli import quantize_command as command
-from cvtimg.cli import tiled as _tiled
 from cvtimg.colors import counting
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import color_samples
 from cvtimg.files.whole import whole_folder
 from cvtimg.pictures import tiles
 from cvtimg.pictures.formats import bands as _bands
-from cvtimg.quantization import map_to_palette, quantize_file
+from cvtimg.quantization import files, map_to_palette
 from cvtimg.quantization import tiled as tiled_quantization
 
 RNG = np.random.default_rng(31)
 zarr = pytest.importorskip("zarr")
 PICTURE = np.kron(RNG.integers(0, 250, (12, 10, 3), np.uint8), np.ones((50, 60, 1), np.uint8))
 PICTURE = PICTURE + RNG.integers(0, 6, PICTURE.shape, np.uint8)
+quantize_file = partial(files.quantize_file, tiles=True)
 LAYOUTS: dict[str, dict[str, Any]] = {
     "tiles": {"tile": (64, 128)},
     "compressed tiles": {"tile": (128, 64), "compression": "zstd", "predictor": True},
@@ -127,7 +127,7 @@ def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
 def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     write(PICTURE, tile=(64, 64))
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
-    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "_LARGE", 1000)
     assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--save-palette", "p.gpl", "--quiet"]) == 0
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
 
@@ -149,7 +149,7 @@ def test_what_needs_the_whole_picture_is_refused(
 ) -> None:
     write(PICTURE, tile=(64, 64))
     write_image("weights.png", np.ones(PICTURE.shape[:2], np.uint8))
-    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "_LARGE", 1000)
     monkeypatch.setattr(command, "_check_optimize", lambda output: None)  # it refuses .tif, whatever its size
     given = ["-k", "12", *options] if options == ["--optimize"] else " ".join(options).split()
     assert cli.main(["quantize", "a.tif", "-o", "b.tif", *given]) == 1
@@ -162,7 +162,7 @@ def test_only_a_limit_that_is_given_holds_by_tiles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(PICTURE, tile=(64, 64))
-    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "_LARGE", 1000)
     how = ["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--quiet", "--max-pixels"]
     assert cli.main([*how, "359999"]) == 1
     assert "a.tif: has over 359999 pixels" in capsys.readouterr().err
@@ -175,7 +175,7 @@ def test_the_row_tells_whether_all_colors_were_told_apart(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(PICTURE.astype(np.uint16), tile=(64, 64))
-    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "_LARGE", 1000)
     for exact in (True, False):
         if not exact:
             monkeypatch.setattr(tiled_quantization, "Counter", partial(Counter, 2000))
@@ -196,7 +196,7 @@ def test_profile_and_place_on_earth_stay() -> None:
 
 @pytest.mark.parametrize("option", ["--palette", "--lock"])
 def test_given_colors_are_brought_to_16_bits(monkeypatch: pytest.MonkeyPatch, option: str) -> None:
-    monkeypatch.setattr(_tiled, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "_LARGE", 1000)
     write(PICTURE.astype(np.uint16) * 257, tile=(64, 64))
     Path("three.hex").write_text("000000\n808080\nffffff\n")
     given = ["--palette", "three.hex"] if option == "--palette" else ["-k", "2", "--lock", "#808080"]
@@ -242,8 +242,9 @@ def test_counting_in_parts_is_counting(cuts: list[int], channels: int) -> None:
     counter = Counter()
     for part in np.split(image, sorted(set(cuts))):
         counter.add(part)
-    samples, whole = counter.samples(), color_samples(image)
-    assert counter.exact
+    count, whole = counter.total(), color_samples(image)
+    samples = count.of_some()
+    assert count.exact
     order, expected = np.lexsort(samples.colors.T), np.lexsort(whole.colors.T)
     np.testing.assert_array_equal(samples.colors[order], whole.colors[expected])
     np.testing.assert_array_equal(samples.density[order], whole.density[expected])
@@ -254,7 +255,7 @@ def test_counts_beyond_32_bits_are_kept(monkeypatch: pytest.MonkeyPatch) -> None
     counter = Counter()
     for part in np.split(PICTURE, 4):
         counter.add(part)
-    assert counter.samples().density.sum() == PICTURE[..., 0].size
+    assert counter.total().of_some().density.sum() == PICTURE[..., 0].size
 
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
@@ -263,8 +264,9 @@ def test_of_too_many_colors_neighbours_are_taken_together(dtype: type) -> None:
     counter = Counter(most=2000)
     for part in np.split(image, 10):
         counter.add(part)
-    samples = counter.samples()
-    assert not counter.exact
+    samples, exact, _ = counter.total()
+    assert samples is not None
+    assert not exact
     assert samples.n_colors <= 2000
     assert samples.density.sum() == 10_000
     mean = samples.density @ samples.colors / 10_000

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli import tiled as _tiled
 from cvtimg.colors.counting import Counter
 from cvtimg.labels import region_means
 from cvtimg.pictures import tiles
+from cvtimg.pictures import tiles as _tiled
 from cvtimg.pictures.formats import bands as _bands
 from cvtimg.segmentation import Averaging, disk_values, segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import find_palette, quantize, write_palette
+from cvtimg import find_palette, read_palette, write_palette
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
@@ -25,7 +25,6 @@ from cvtimg.explore.tabs.base import SAVED, Ask, Tab, choices, effort, reading, 
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import DITHERS, Quantized, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.own_palettes import own_palette
 
 #: Formats of palettes that are offered, with their labels.
 _PALETTES = {
@@ -175,10 +174,9 @@ class ColorsTab(Tab):
             size = Named("size", partial(_file_size, suffix=_suffix(picture)))
             return Call("quantization.quantize_to_size", (settings["max_bytes"] * _KILO, size), keywords)
         n_colors = settings["k"] if settings["aim"] == "k" else "auto"
-        if not settings["locked"] and (own := _own(picture, n_colors)) is not None:
-            keywords.pop("effort", None)
+        if picture.header.mode == "P" and not settings["locked"]:
             text = f"cvtimg.read_palette({quoted(picture.name)})"
-            return Call("quantize", (), {"palette": Named(text, own), **keywords})
+            keywords["palette_hint"] = Named(text, picture.kept("own palette", lambda: read_palette(picture.path)))
         return Call("quantize", (n_colors,), keywords)
 
     def _mapping(self, settings: Settings) -> dict[str, Any]:
@@ -274,14 +272,6 @@ def _file_size(result: Quantized, suffix: str) -> int:
 
 def _usual_strength(settings: Settings) -> float:
     return 1.0 if settings["aim"] == "palette" else STRENGTH
-
-
-def _own(picture: Picture, n_colors: Any) -> NDArray[Any] | None:
-    """Return the palette of the file if the picture is reproduced exactly: the command then keeps it."""
-    if picture.header.mode != "P" or n_colors == "auto" or picture.n_distinct > n_colors:
-        return None
-    same = picture.kept("same", lambda: quantize(picture.array, picture.n_distinct))
-    return own_palette(picture.path, same, n_colors)
 
 
 def _rgb(colors: Sequence[str]) -> NDArray[np.uint8]:

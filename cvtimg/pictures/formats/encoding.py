@@ -247,3 +247,19 @@ def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
     given = f"image of shape {indices.shape} and type {indices.dtype}"
     check_that(given, fits, "be (H, W) integer indices into the palette, and have pixels")
     check_within("indices", indices, 0, len(palette) - 1, ", the palette")
+
+
+def as_stored(image: NDArray[Any], suffix: str) -> tuple[NDArray[Any], list[str]]:
+    """Return an image in the type in which a format holds its samples, and a note where that is another.
+
+    Integers keep their values: those of types that only .tif and .npy hold become uint16 for other formats.
+    """
+    odd = image.dtype.kind in "iu" and image.dtype not in (np.uint8, np.uint16)
+    if not odd or suffix.lower() in SUFFIXES_OF_ANY_TYPE:
+        return image, []
+    low, high = int(image.min()), int(image.max())
+    if low < 0 or high > 65535:
+        able = " or ".join(SUFFIXES_OF_ANY_TYPE)
+        raise ValueError(f"has {image.dtype} samples in {low}..{high}, which {suffix} cannot hold; write {able}")
+    note = f"{image.dtype} samples are written as uint16 with the same values, as {suffix} cannot hold their type"
+    return image.astype(np.uint16), [note]

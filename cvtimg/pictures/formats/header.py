@@ -71,6 +71,11 @@ class ImageInfo:
     epsg: int | None = None
     nodata: float | None = None
 
+    @property
+    def has_pages(self) -> bool:
+        """Whether the file has several pages; frames of an animation are none."""
+        return self.format in ("TIFF", "FITS") and self.frames > 1
+
 
 def read_header(file: BinaryIO) -> ImageInfo:
     """Read the header of an open file, as `image_info` does; a page that is chosen is alone."""

@@ -1,0 +1,180 @@
+"""The one way to a quantized image: count its colors, find a palette, map the pixels, wherever they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvtimg._shared.checks import check_alone, check_given, check_non_negative, refuse
+from cvtimg._shared.choices import DitherName, EffortName, SpaceName
+from cvtimg.colors.samples import ColorSamples
+from cvtimg.quantization.dithering import STRENGTH
+from cvtimg.quantization.palette_search import EngineOptions, Palette, check_room, find_palette, fixed_colors
+from cvtimg.quantization.remapping import MAX_COLORS
+
+#: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
+_FIRST_TRIAL = 32
+_DECIBEL = 2.0
+
+
+class _HasPsnr(Protocol):
+    @property
+    def psnr(self) -> float: ...
+
+
+R_co = TypeVar("R_co", bound=_HasPsnr, covariant=True)
+R = TypeVar("R", bound=_HasPsnr)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuantizeOptions:
+    """Options of `quantize` that are the same for images, frames, files and blocks."""
+
+    n_colors: int | Literal["auto"] | None = None
+    psnr: float | None = None
+    palette: ArrayLike | None = None
+    locked: ArrayLike | None = None
+    space: SpaceName = "rgb"
+    dither: DitherName | None = None
+    dither_strength: float | None = None
+    engine: EngineOptions = field(default_factory=EngineOptions)
+
+    def check(self, **others: object) -> None:
+        """Require an aim, and refuse aims and other options that exclude each other."""
+        if self.palette is not None:
+            found = {"n_colors": self.n_colors, "locked": self.locked, "psnr": self.psnr, **others, **self.engine}
+            check_alone("palette", [name for name, value in found.items() if value is not None])
+        elif self.psnr is None:
+            check_given("n_colors, psnr or palette", self.n_colors)
+        else:
+            check_non_negative("psnr", self.psnr)
+            if self.n_colors == "auto":
+                refuse("n_colors", self.n_colors, "a number with psnr")
+
+    @property
+    def strength(self) -> float:
+        """Strength of dithering: in full with a given palette, which may need strong mixtures."""
+        if self.dither_strength is not None:
+            return self.dither_strength
+        return STRENGTH if self.palette is None else 1.0
+
+
+class Source(Protocol[R_co]):
+    """Pixels that are counted, and mapped once there is a palette."""
+
+    @property
+    def counted(self) -> Sequence[ColorSamples]:
+        """The densities that palettes are found for: one for all pixels, or one for each frame."""
+        ...
+
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> R_co:
+        """Map the pixels to the palettes, one for each of `counted`."""
+        ...
+
+
+def quantized(source: Source[R], how: QuantizeOptions) -> R:
+    """Quantize pixels with a number of colors, a palette, or the fewest colors of a quality."""
+    if how.palette is not None:
+        colors = np.array(how.palette)
+        return source.mapped([Palette(colors, None, colors.shape[1:] == (4,))] * len(source.counted), how)
+    if how.psnr is None:
+        palettes = [
+            find_palette(one, how.n_colors, space=how.space, locked=how.locked, **how.engine)  # type: ignore[arg-type]
+            for one in source.counted
+        ]
+        return source.mapped(palettes, how)
+    results = Search(source, how, lambda result: result.psnr, _DECIBEL).reach(how.psnr, how.n_colors or MAX_COLORS)
+    if True not in results:
+        best = results[False]
+        n_colors = max(len(colors) for colors in palettes_of(best))
+        refuse("psnr", how.psnr, f"at most {best.psnr:.2f} dB, which {n_colors} colors reach")
+    return results[True]
+
+
+def palettes_of(result: Any) -> list[Any]:
+    """Return the palettes of the results of all frames, or of a single one."""
+    return [one.palette for one in getattr(result, "results", (result,))]
+
+
+@dataclass(frozen=True, slots=True)
+class Search(Generic[R]):
+    """The search for the number of colors at which a figure of the result reaches a target."""
+
+    source: Source[R]
+    how: QuantizeOptions
+    value: Callable[[R], float]
+    #: Approximate growth of the value from n to 2 n colors.
+    per_octave: float
+
+    def reach(self, target: float, most: int | Any) -> dict[bool, R]:
+        """Return the result with the fewest colors whose value reaches the target, under True.
+
+        Under False is the result with one color less; either can be missing.
+
+        A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is what
+        `quantize` returns for its size: starting from another trial would end at a higher energy.
+        """
+        least = max(fixed_colors(one, self.how.locked)[2] for one in self.source.counted)
+        check_room(most, least)
+        n = _FIRST_TRIAL
+        for effort in dict.fromkeys(["fast", self.how.engine.get("effort", "balanced")]):
+            results: dict[bool, R] = {}
+
+            def measure(n: int, effort: EffortName = effort, results: dict[bool, R] = results) -> float:
+                engine = EngineOptions(**{**self.how.engine, "effort": effort})
+                result = quantized(self.source, replace(self.how, n_colors=n, psnr=None, engine=engine))
+                reached = self.value(result)
+                results[reached >= target] = result
+                return reached
+
+            n = first_reaching(measure, target, least, most, first=n, per_octave=self.per_octave)
+        return results
+
+
+def first_reaching(
+    measure: Callable[[int], float], target: float, least: int, most: int, *, first: int, per_octave: float
+) -> int:
+    """Return an n in least..most with measure(n) >= target where measure(n - 1) is below it; most + 1 if none is.
+
+    Parameters
+    ----------
+    measure : callable
+        Grows with n, more or less; each trial is expensive.
+    target : float
+        Value to reach.
+    least, most : int
+        Range of n.
+    first : int
+        First trial.
+    per_octave : float
+        Approximate growth from n to 2 n, used until two trials tell.
+    """
+    below, reaching = least - 1, most + 1
+    n = min(max(first, least), most)
+    trials: list[tuple[int, float]] = []
+    while reaching - below > 1:
+        trials.append((n, measure(n)))
+        if trials[-1][1] >= target:
+            reaching = n
+        else:
+            below = n
+        n = min(max(_next(trials, target, below, reaching, per_octave), below + 1), reaching - 1)
+    return reaching
+
+
+def _next(trials: list[tuple[int, float]], target: float, below: int, reaching: int, per_octave: float) -> int:
+    """Follow the line through the last two trials; every sixth time bisect, in case the values are far from a line."""
+    (n, value), tried = trials[-1], {trial[0] for trial in trials}
+    if not math.isfinite(value) or (len(trials) % 6 == 0 and reaching in tried):
+        return round(math.sqrt(max(below, 1) * reaching))
+    slope = per_octave
+    if len(trials) > 1 and (other := trials[-2])[1] != value and math.isfinite(other[1]):
+        slope = max((value - other[1]) / math.log2(n / other[0]), per_octave / 8)
+    octaves = min(max((target - value) / slope, -4), 4)
+    guess = n * 2**octaves
+    return math.ceil(guess) if value < target else math.floor(guess)
