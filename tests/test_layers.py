@@ -20,7 +20,7 @@ LAYERS: list[set[str]] = [
     {"blocks"},
     {"engine", "pictures", "batch"},
     {"colors", "tables", "labels"},
-    {"elbow", "palettes", "regions"},
+    {"elbow", "palettes", "regions", "halfedges"},
     {"quantization", "segmentation", "bases", "placement"},
     {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
     {"supports", "surfaces"},

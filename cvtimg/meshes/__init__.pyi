@@ -1,7 +1,7 @@
 from .anisotropy import HuangMetric, RecoveredHessian
 from .files import MESH_FORMATS
 from .measures import MeshMeasures, TriangleMeasures, measure_mesh, measure_triangles
-from .meshing import EFFORTS, Effort, mesh_labels, mesh_region
+from .meshing import EFFORTS, MeshEffort, mesh_labels, mesh_region
 from .result import Mesh
 from .sizes import MeshSize
 from .volumes import VolumeMesh, mesh_volume
@@ -9,9 +9,9 @@ from .volumes import VolumeMesh, mesh_volume
 __all__ = [
     "EFFORTS",
     "MESH_FORMATS",
-    "Effort",
     "HuangMetric",
     "Mesh",
+    "MeshEffort",
     "MeshMeasures",
     "MeshSize",
     "RecoveredHessian",

@@ -6,9 +6,7 @@
 #ifndef CVTIMG_CELL_MOMENTS_H
 #define CVTIMG_CELL_MOMENTS_H
 
-#include <math.h>
-
-#include "topology.h"
+#include "delaunay.h"
 
 /* A triangle lower than this part of its longest side is cut there too: its circumcenter is far away, */
 #define FLAT 0.02
@@ -66,7 +64,7 @@ static void cut_cells(const double *m, double root, const double *a, const doubl
 }
 
 /* Add what a triangle holds of the cells of its vertices. */
-static void add_triangle(const struct triangulation *mesh, const double *metric, int32_t t, struct sums *sums)
+static void add_triangle(const struct half_edges *mesh, const double *metric, int32_t t, struct sums *sums)
 {
     const int32_t *vertex = mesh->vertices + 3 * (ptrdiff_t)t;
     const double *at[3];
@@ -91,7 +89,7 @@ static void add_triangle(const struct triangulation *mesh, const double *metric,
     if (area2 <= NO_AREA * fmax(squares[0], fmax(squares[1], squares[2])))
         return;
     for (int k = 0; k < 3; k++)
-        if (dots[k] < 0 && (mesh->borders[3 * (ptrdiff_t)t + k] || area2 < FLAT * squares[k]))
+        if (dots[k] < 0 && (mesh->borders[3 * (ptrdiff_t)t + (k + 1) % 3] || area2 < FLAT * squares[k]))
             cut = k;
     if (cut >= 0) {
         int a = (cut + 1) % 3, b = (cut + 2) % 3;

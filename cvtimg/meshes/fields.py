@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.meshes import _sizes
+from cvtimg.meshes import _meshes
 from cvtimg.placement.starts import along_hilbert_curve
 
 Points = NDArray[np.float64]
@@ -84,9 +84,9 @@ class PictureField:
 
     def metric(self, points: Points) -> Points:
         """Return metrics (N, 3) at (N, 2) points."""
-        sizes = np.empty(len(points))
-        _sizes.interpolate_picture(self.sizes, np.ascontiguousarray(points), sizes)
-        return metric_of(sizes)
+        from scipy.ndimage import map_coordinates
+
+        return metric_of(map_coordinates(self.sizes, points.T[::-1] - 0.5, np.float64, order=1, mode="nearest"))
 
     def scaled(self, factor: float) -> PictureField:
         """Return the field with all sizes multiplied by a factor."""
@@ -95,7 +95,7 @@ class PictureField:
     def limited(self, grade: float, least: float) -> PictureField:
         """Return the field with sizes of at least `least`, that grow by no more than `grade` for each pixel."""
         sizes = np.maximum(self.sizes, np.float32(least))
-        _sizes.limit_picture(sizes, grade, grade * 2**0.5)
+        _meshes.limit_picture(sizes, grade, grade * 2**0.5)
         return replace(self, sizes=sizes)
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> PictureField:

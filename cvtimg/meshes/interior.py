@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.extras import optional
 from cvtimg.meshes.fields import Field, lengths_of
-from cvtimg.meshes.triangulation import Borders, Triangulation
+from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 
 Points = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
 
     if n <= 0:
         return np.empty((0, 2))
-    frame = Triangulation.constrained(borders, np.empty((0, 2)))
+    frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
     edges = None if field.isotropic else _Edges(frame)
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
@@ -53,7 +53,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     return points
 
 
-def _reach(frame: Triangulation) -> NDArray[np.float64]:
+def _reach(frame: PlaneTriangulation) -> NDArray[np.float64]:
     """Find the longest border edge (N,) at each vertex, by a factor that lets inner vertices stand near its middle."""
     edges = frame.border_edges()
     lengths = np.linalg.norm(np.subtract(*frame.points[edges.T]), axis=1)
@@ -66,7 +66,7 @@ def _reach(frame: Triangulation) -> NDArray[np.float64]:
 class _Edges:
     """The border edges of a frame, to find the nearest place on them."""
 
-    def __init__(self, frame: Triangulation) -> None:
+    def __init__(self, frame: PlaneTriangulation) -> None:
         shapely = optional("shapely", "mesh")
 
         self._edges = shapely.linestrings(frame.points[frame.border_edges()])

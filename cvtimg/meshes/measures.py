@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_have_area, check_places, check_shape, check_triangles
+from cvtimg._shared.checks import check_have_area, check_places, check_triangles
 from cvtimg._shared.extras import optional
+from cvtimg.halfedges import TriangleMeasures, boundary_edges, measure_triangles
 from cvtimg.placement.measures import measure_cells
 from cvtimg.regions import PolygonRegion
+
+__all__ = ["MeshMeasures", "TriangleMeasures", "boundary_faces", "measure_mesh", "measure_triangles"]
 
 Points = NDArray[np.float64]
 
@@ -66,72 +69,6 @@ class MeshMeasures:
     below_30: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TriangleMeasures:
-    """Measures of each of T triangles.
-
-    Attributes
-    ----------
-    areas : (T,) float64 array
-    least_angles : (T,) float64 array
-        In degrees.
-    circumradii : (T,) float64 array
-    qualities : (T,) float64 array
-        2 r / R, from 0 for triangles without area to 1 for equilateral ones.
-    """
-
-    areas: NDArray[np.float64]
-    least_angles: NDArray[np.float64]
-    circumradii: NDArray[np.float64]
-    qualities: NDArray[np.float64]
-
-
-def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasures:
-    """Measure each triangle.
-
-    Parameters
-    ----------
-    points : (N, 2) or (N, 3) array
-    triangles : (T, 3) integer array
-        Indices of points, in either direction.
-
-    Returns
-    -------
-    TriangleMeasures
-
-    Examples
-    --------
-    >>> from cvtimg.meshes import measure_triangles
-    >>> measures = measure_triangles([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
-    >>> measures.areas.tolist(), measures.least_angles.round(9).tolist()
-    ([0.5], [45.0])
-    """
-    places = check_places("points", points)
-    check_shape("points", places.shape, places.shape[1] in (2, 3), "(N, 2) or (N, 3), a place in each row")
-    corners = check_triangles("triangles", triangles, len(places))
-    a, b, c = (places[corners[:, k]] for k in range(3))
-    sides = np.sort(
-        [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
-    )
-    areas = _twice_areas(b - a, c - a) / 2
-    short, middle, long = sides
-    with np.errstate(divide="ignore", invalid="ignore"):
-        circumradii = np.where(areas > 0, short * middle * long / (4 * areas), np.inf)
-        inradii = 2 * areas / (short + middle + long)
-        qualities = np.where(areas > 0, 2 * inradii / circumradii, 0.0)
-    # The least angle is between the longer sides; its tangent is exact for narrow angles, too.
-    cosine = middle**2 + long**2 - short**2
-    angles = np.degrees(np.arctan2(4 * areas, cosine))
-    return TriangleMeasures(areas, angles, circumradii, qualities)
-
-
-def _twice_areas(u: Points, v: Points) -> NDArray[np.float64]:
-    """Area of each parallelogram with sides u and v, (T, 2) or (T, 3)."""
-    if u.shape[1] == 2:
-        return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    return np.asarray(np.linalg.norm(np.cross(u, v), axis=1))
-
-
 def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     """Measure any triangulation, with Voronoi cells that are clipped exactly to it.
 
@@ -183,20 +120,11 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     )
 
 
-def boundary_edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the (B, 2) edges that only one triangle has, as it goes around."""
-    edges = np.stack([triangles[:, [0, 1, 2]].ravel(), triangles[:, [1, 2, 0]].ravel()], axis=1)
-    _, inverse, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    outer: NDArray[np.int32] = edges[counts[inverse.reshape(-1)] == 1]
-    return outer
-
-
 def boundary_faces(tetrahedra: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the (S, 3) faces that only one tetrahedron has, counter-clockwise seen from outside."""
     faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
     _, inverse, counts = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
-    outer: NDArray[np.int32] = faces[counts[inverse.reshape(-1)] == 1]
-    return outer
+    return faces[counts[inverse.reshape(-1)] == 1]
 
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:

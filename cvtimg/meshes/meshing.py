@@ -27,7 +27,7 @@ from cvtimg.meshes.projection import project_to_borders
 from cvtimg.meshes.relaxation import Relaxed, relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike, size_field
-from cvtimg.meshes.triangulation import Borders, Triangulation
+from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 from cvtimg.regions import as_region
 
 Points = NDArray[np.float64]
@@ -43,7 +43,7 @@ _COARSER = (1.1, 1.25, 1.5, 2.0, 4.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class MeshEffort:
     """How long vertices move: moves at most, when they rest, sweeps that even edges, and trials for small meshes."""
 
     moves: int
@@ -53,10 +53,10 @@ class Effort:
 
 
 #: The registry: names for `effort`.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort(10, 1e-2, 2, 1),
-    "balanced": Effort(15, 1e-3, 2, 4),
-    "best": Effort(300, 1e-4, 5, 24),
+EFFORTS: dict[str, MeshEffort] = {
+    "fast": MeshEffort(10, 1e-2, 2, 1),
+    "balanced": MeshEffort(15, 1e-3, 2, 4),
+    "best": MeshEffort(300, 1e-4, 5, 24),
 }
 #: How vertices come to the boundary.
 BOUNDARIES = ("placed", "projected")
@@ -275,7 +275,7 @@ def _mesh(
 
 
 def _made(
-    outline: Outline, wanted: _Wanted, alone: Points, settings: Effort, random: np.random.Generator, share: float
+    outline: Outline, wanted: _Wanted, alone: Points, settings: MeshEffort, random: np.random.Generator, share: float
 ) -> list[Mesh]:
     """Make a mesh once, with a share of the vertices that borders should have.
 
@@ -284,7 +284,7 @@ def _made(
     borders, field = _borders(outline, wanted, alone, share)
     n = wanted.n if wanted.n is not None else _number(borders, field)
     inner = place_inside(borders, field, n - len(borders.points), random)
-    mesh = Triangulation.constrained(borders, inner)
+    mesh = PlaneTriangulation.constrained(borders, inner)
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
     is_tried = field.isotropic and not varies and n <= _SMALL
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
@@ -305,7 +305,7 @@ def _made(
     return [*made, _result(mesh, relaxed, wanted.n)]
 
 
-def _result(mesh: Triangulation, relaxed: Relaxed, n: int | None) -> Mesh:
+def _result(mesh: PlaneTriangulation, relaxed: Relaxed, n: int | None) -> Mesh:
     return Mesh(
         mesh.points.copy(),
         mesh.triangles.copy(),
@@ -325,7 +325,7 @@ def _projected(outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, rng: 
     ends = [line[[0, -1]] for line in outline.lines if (line[0] != line[-1]).any()]
     corners = np.unique(np.concatenate([alone, *ends]), axis=0)
     borders, inner = project_to_borders(outline, field, n, corners, rng)
-    mesh = Triangulation.constrained(replace(borders, points=np.concatenate([borders.points, alone])), inner)
+    mesh = PlaneTriangulation.constrained(replace(borders, points=np.concatenate([borders.points, alone])), inner)
     rest = relax(mesh, field.metric, isotropic=True, most=0, tolerance=0.0)
     return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), rest.energies, rest.converged, n)
 

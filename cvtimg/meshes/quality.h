@@ -2,9 +2,7 @@
 #ifndef CVTIMG_QUALITY_H
 #define CVTIMG_QUALITY_H
 
-#include <math.h>
-
-#include "topology.h"
+#include "delaunay.h"
 
 /* A move is halved so often before it is given up, */
 #define HALVINGS 5
@@ -18,12 +16,26 @@
 /* Steps are shorter where edges hardly tell the direction: the part of the trace that is added to second derivatives. */
 #define DAMPING 1e-3
 
+/* List the half-edges out of a vertex; return how many, or 0 if there are too many. */
+static int fan_of(const struct half_edges *mesh, int32_t vertex, int32_t *around)
+{
+    int n = half_edges_around(mesh, mesh->outgoing[vertex], around);
+    return n > MOST_AROUND ? 0 : n;
+}
+
+/* The same, but 0 for a vertex on a boundary. */
+static int ring_of(const struct half_edges *mesh, int32_t vertex, int32_t *around)
+{
+    int n = fan_of(mesh, vertex, around);
+    return n && mesh->twins[around[0]] < 0 ? 0 : n;
+}
+
 /* Whether all triangles around a vertex keep enough area when it moves to `place`. */
-static int keeps_area(const struct triangulation *mesh, const int32_t *around, int n, const double *old,
+static int keeps_area(const struct half_edges *mesh, const int32_t *around, int n, const double *old,
                       const double *place)
 {
     for (int i = 0; i < n; i++) {
-        const double *b = place_of(mesh, next_corner(around[i])), *c = place_of(mesh, last_corner(around[i]));
+        const double *b = origin2(mesh, next_edge(around[i])), *c = origin2(mesh, last_edge(around[i]));
         if (twice_area(place, b, c) <= LEAST_AREA_LEFT * twice_area(old, b, c))
             return 0;
     }
@@ -37,11 +49,11 @@ static double squared_sides(const double *a, const double *b, const double *c)
 }
 
 /* Whether a triangle around a vertex gets flat, or flatter than it is, when the vertex moves to `place`. */
-static int gets_flat(const struct triangulation *mesh, const int32_t *around, int n, const double *old,
+static int gets_flat(const struct half_edges *mesh, const int32_t *around, int n, const double *old,
                      const double *place)
 {
     for (int i = 0; i < n; i++) {
-        const double *b = place_of(mesh, next_corner(around[i])), *c = place_of(mesh, last_corner(around[i]));
+        const double *b = origin2(mesh, next_edge(around[i])), *c = origin2(mesh, last_edge(around[i]));
         double area2 = twice_area(place, b, c), squares = squared_sides(place, b, c);
         if (area2 < LEAST_SHAPE * squares && area2 * squared_sides(old, b, c) < twice_area(old, b, c) * squares)
             return 1;
@@ -50,10 +62,10 @@ static int gets_flat(const struct triangulation *mesh, const int32_t *around, in
 }
 
 /* Move a vertex by `step`, or a part of it if it does not slide along a border; `step` becomes what it was moved by. */
-static void move_vertex(struct triangulation *mesh, double *place, int32_t vertex, int slides, double *step)
+static void move_vertex(struct half_edges *mesh, double *place, int32_t vertex, int slides, double *step)
 {
     int32_t around[MOST_AROUND];
-    int n = slides ? corners_of_fan(mesh, vertex, around) : corners_around(mesh, vertex, around);
+    int n = slides ? fan_of(mesh, vertex, around) : ring_of(mesh, vertex, around);
     double part = 1, old[2] = {place[0], place[1]};
 
     for (int halving = 0; n && halving < (slides ? 1 : HALVINGS); halving++, part /= 2) {
@@ -70,14 +82,13 @@ static void move_vertex(struct triangulation *mesh, double *place, int32_t verte
 /* Move vertices by their steps; those of triangles that would keep too little area go back, and are moved one after
  * the other then, as far as they can. Those marked 1 in `fixed` stay, and those marked 2 are moved whole or not at all.
  * Scratch: `least` for each triangle, `is_late` for each vertex. */
-static void move_vertices(struct triangulation *mesh, double *points, const uint8_t *fixed, double *steps,
+static void move_vertices(struct half_edges *mesh, double *points, const uint8_t *fixed, double *steps,
                           int32_t n_vertices, int32_t n_triangles, double *least, uint8_t *is_late)
 {
     int goes_back = 1;
 
     for (int32_t t = 0; t < n_triangles; t++)
-        least[t] = LEAST_AREA_LEFT
-            * twice_area(place_of(mesh, 3 * t), place_of(mesh, 3 * t + 1), place_of(mesh, 3 * t + 2));
+        least[t] = LEAST_AREA_LEFT * twice_area_of(mesh, t);
     for (int32_t i = 0; i < n_vertices; i++) {
         is_late[i] = fixed[i] == 2;
         for (int axis = 0; axis < 2; axis++) {
@@ -88,7 +99,7 @@ static void move_vertices(struct triangulation *mesh, double *points, const uint
     while (goes_back) {
         goes_back = 0;
         for (int32_t t = 0; t < n_triangles; t++) {
-            if (twice_area(place_of(mesh, 3 * t), place_of(mesh, 3 * t + 1), place_of(mesh, 3 * t + 2)) > least[t])
+            if (twice_area_of(mesh, t) > least[t])
                 continue;
             for (int k = 0; k < 3; k++) {
                 int32_t i = mesh->vertices[3 * t + k];
@@ -126,17 +137,17 @@ static double cost_of(const double *a, const double *b, const double *c, int pow
 }
 
 /* Move a vertex one step downhill on the cost of the triangles around it. The metric there is L^T L. */
-static void smooth_vertex(struct triangulation *mesh, double *place, int32_t vertex, const double *metric,
+static void smooth_vertex(struct half_edges *mesh, double *place, int32_t vertex, const double *metric,
                           int power)
 {
     int32_t around[MOST_AROUND];
     double ring[MOST_AROUND + 1][2], l11 = sqrt(metric[0]), l12 = metric[1] / l11;
     double l22 = sqrt(fmax(metric[2] - l12 * l12, 1e-300)), slope[2] = {0, 0}, curvature = 0, cost = 0;
     const double center[2] = {0, 0};
-    int n = corners_around(mesh, vertex, around);
+    int n = ring_of(mesh, vertex, around);
 
     for (int i = 0; i < n; i++) {
-        const double *b = place_of(mesh, next_corner(around[i]));
+        const double *b = origin2(mesh, next_edge(around[i]));
         ring[i][0] = l11 * (b[0] - place[0]) + l12 * (b[1] - place[1]);
         ring[i][1] = l22 * (b[1] - place[1]);
     }
@@ -160,7 +171,7 @@ static void smooth_vertex(struct triangulation *mesh, double *place, int32_t ver
 
 /* What the edges at a vertex cost when it is at `place`: the sum of (length^2 / `mean` - 1)^4 in the metric halfway, and
  * how that changes: slopes x, y and the matrix xx, xy, yy of second derivatives but for terms that vanish with it. */
-static double cost_of_edges(const struct triangulation *mesh, const double *metric, const int32_t *ends, int n,
+static double cost_of_edges(const struct half_edges *mesh, const double *metric, const int32_t *ends, int n,
                             int32_t vertex, const double *place, double mean, double *slope, double *curvature)
 {
     const double *here = metric + 3 * (ptrdiff_t)vertex;
@@ -185,11 +196,11 @@ static double cost_of_edges(const struct triangulation *mesh, const double *metr
 }
 
 /* List the other ends of the edges at a vertex; return how many. */
-static int ends_around(const struct triangulation *mesh, const int32_t *around, int n, int32_t *ends)
+static int ends_around(const struct half_edges *mesh, const int32_t *around, int n, int32_t *ends)
 {
     for (int i = 0; i < n; i++)
-        ends[i] = mesh->vertices[next_corner(around[i])];
-    int32_t last = mesh->vertices[last_corner(around[n - 1])];
+        ends[i] = mesh->vertices[next_edge(around[i])];
+    int32_t last = mesh->vertices[last_edge(around[n - 1])];
     if (last != ends[0])
         ends[n++] = last;
     return n;
@@ -197,13 +208,13 @@ static int ends_around(const struct triangulation *mesh, const int32_t *around, 
 
 /* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
  * one that leaves all triangles enough area, and makes none flat. */
-static int step_to_even(const struct triangulation *mesh, const double *metric, int32_t vertex, const double *tangent,
+static int step_to_even(const struct half_edges *mesh, const double *metric, int32_t vertex, const double *tangent,
                         double mean, double share, double *step)
 {
     int32_t around[MOST_AROUND], ends[MOST_AROUND + 1];
     const double *place = mesh->points + 2 * (ptrdiff_t)vertex;
     double slope[2] = {0, 0}, curvature[3] = {0, 0, 0}, down[2];
-    int n = corners_of_fan(mesh, vertex, around);
+    int n = fan_of(mesh, vertex, around);
 
     if (!n)
         return 0;

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.meshes.triangulation import FREE, Triangulation
+from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.quasi_newton import StepMemory
 
 Points = NDArray[np.float64]
@@ -46,12 +46,12 @@ class _State:
     sizes: NDArray[np.float64]
 
 
-def relax(mesh: Triangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
+def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
     """Move the vertices that are not fixed, by limited-memory BFGS on Lloyd's steps.
 
     Parameters
     ----------
-    mesh : Triangulation
+    mesh : PlaneTriangulation
         Is changed.
     metric : callable
     isotropic : bool
@@ -83,7 +83,7 @@ def relax(mesh: Triangulation, metric: Metric, *, isotropic: bool, most: int, to
     return Relaxed(tuple(energies), rested)
 
 
-def _state(mesh: Triangulation, metric: Metric, isotropic: bool) -> _State:
+def _state(mesh: PlaneTriangulation, metric: Metric, isotropic: bool) -> _State:
     values = metric(mesh.points)
     mesh.flip(None if isotropic else values)
     energy, inertia, pull = mesh.moments(values)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.drawings import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
+from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh
-from cvtimg.meshes.measures import MeshMeasures, measure_mesh, measure_triangles
+from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)

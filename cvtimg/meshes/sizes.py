@@ -21,7 +21,7 @@ from cvtimg._shared.checks import (
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import TreeField
-from cvtimg.meshes.triangulation import Triangulation
+from cvtimg.meshes.triangulation import PlaneTriangulation
 
 Points = NDArray[np.float64]
 #: What `mesh_region` takes for `size`.
@@ -76,7 +76,7 @@ class MeshValues:
 
         free = np.zeros(len(points), bool)
         nothing = np.empty((0, 2), np.int32)
-        self._mesh = Triangulation(points, free, _counter_clockwise(points, triangles), nothing)
+        self._mesh = PlaneTriangulation(points, free, _counter_clockwise(points, triangles), nothing)
         self._used = np.unique(triangles).astype(np.int32)
         self._tree = cKDTree(points[self._used])
         self._values = values

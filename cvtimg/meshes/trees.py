@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg.engine.ordering import along_curve
-from cvtimg.meshes import _sizes
+from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.triangulation import Triangulation, delaunay
+from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
 
 Points = NDArray[np.float64]
 Sizes = Callable[[Points], NDArray[np.float64]]
@@ -69,13 +69,13 @@ class TreeField:
     Attributes
     ----------
     cells : Cells
-    mesh : Triangulation
+    mesh : PlaneTriangulation
         Of the corners, and of more points where sizes were lowered.
     sizes : (N,) float64 array
     """
 
     cells: Cells
-    mesh: Triangulation
+    mesh: PlaneTriangulation
     sizes: NDArray[np.float64]
     _near: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
 
@@ -115,7 +115,7 @@ class TreeField:
         order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
         edges, growths = np.ascontiguousarray(edges[order]), grade * lengths[order]
         for _ in range(_SWEEPS):
-            if not _sizes.limit_along_edges(sizes, edges, growths):
+            if not _meshes.limit_along_edges(sizes, edges, growths):
                 break
         return replace(self, sizes=sizes)
 
@@ -190,11 +190,11 @@ def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.floa
     return least
 
 
-def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[Triangulation, NDArray[np.float64]]:
+def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[PlaneTriangulation, NDArray[np.float64]]:
     """Triangulate points, of those at one place the one with the least value."""
     order = np.lexsort((values, points[:, 1], points[:, 0]))
     first = np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))
     own = order[first]
     nothing = np.empty((0, 2), np.int32)
-    mesh = Triangulation(points[own], np.ones(len(own), bool), delaunay(points[own]), nothing)
+    mesh = PlaneTriangulation(points[own], np.ones(len(own), bool), delaunay(points[own]), nothing)
     return mesh, values[own]

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import needs
-from cvtimg.meshes import _triangles
+from cvtimg.halfedges import HalfEdges, find_twins
+from cvtimg.meshes import _meshes
+from cvtimg.meshes.fields import lengths_of
 from cvtimg.meshes.sliding import Tracks
 
 Points = NDArray[np.float64]
@@ -43,36 +45,32 @@ class Borders:
     tracks: Tracks | None = None
 
 
-class Triangulation:
-    """Vertices, triangles and their neighbors; `points` change in place.
+class PlaneTriangulation(HalfEdges):
+    """Triangles of the plane; `points` change in place.
 
     Attributes
     ----------
-    points : (N, 2) float64 array
     fixed : (N,) uint8 array
         `FREE`, `FIXED` or `SLIDES`.
     tracks : Tracks or None
         Of the vertices that slide.
-    triangles : (T, 3) int32 array
-        Counter-clockwise where y points up.
     tags : (T,) int32 array
         Label of the side of the border that each triangle is on; flips do not change it.
-    twins, borders : (T, 3) arrays
-        Of the edge opposite to each corner: the same edge of the next triangle as 3 t + k, or -1; whether it stays.
-    corners : (N,) int32 array
-        One corner 3 t + k at each vertex.
+    borders : (T, 3) uint8 array
+        Whether each edge stays.
+    outgoing : (N,) int32 array
+        A half-edge out of each vertex.
     """
 
     def __init__(self, points: Points, fixed: NDArray[np.bool_], triangles: Triangles, edges: Triangles) -> None:
-        self.points = np.ascontiguousarray(points)
+        super().__init__(points, triangles)
         self.fixed = fixed.astype(np.uint8)
         self.tracks: Tracks | None = None
-        self.triangles = np.ascontiguousarray(triangles, np.int32)
         self.tags = np.ones(len(triangles), np.int32)
-        self._join(edges)
+        self._mark(edges)
 
     @classmethod
-    def constrained(cls, borders: Borders, inner: Points) -> Triangulation:
+    def constrained(cls, borders: Borders, inner: Points) -> PlaneTriangulation:
         """Triangulate borders and inner points; keep what is inside, and tag it by the sides of the borders."""
         points = np.concatenate([borders.points, inner])
         fixed = np.arange(len(points)) < len(borders.points)
@@ -91,95 +89,78 @@ class Triangulation:
 
     def has_edges(self, edges: Triangles) -> NDArray[np.bool_]:
         """Tell which of (E, 2) edges are there."""
-        return np.isin(_keys(edges, len(self.points)), _keys(self._all_edges(), len(self.points)))
+        return np.isin(_keys(edges, len(self.points)), _keys(self.edges, len(self.points)))
 
-    def flip(self, metric: Points | None) -> int:
-        """Flip edges until the triangulation is Delaunay, but for its borders; return how many."""
-        n_edges = self.triangles.size
-        stack, waiting = np.empty(n_edges, np.int32), np.empty(n_edges, np.uint8)
-        most = _MOST_FLIPS * len(self.triangles)
-        return _triangles.flip(self.points, metric, *self._topology(), most, stack, waiting)
+    def flip(self, metric: Points | None) -> None:
+        """Flip edges until the triangulation is Delaunay, but for its borders."""
+        _meshes.flip(self, metric, _MOST_FLIPS * len(self.triangles))
 
     def moments(self, metric: Points) -> tuple[float, Points, Points]:
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
-        inertia, pull = np.empty((len(self.points), 3)), np.empty((len(self.points), 2))
-        energy = _triangles.sum_cells(self.points, metric, *self._topology(), inertia, pull)
-        return energy, inertia, pull
+        return _meshes.sum_cells(self, metric)
 
     def move(self, steps: Points) -> Points:
         """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done."""
         done = steps.copy()
-        self._move(self.fixed, done)
+        _meshes.move(self, self.fixed, done)
         return done
-
-    def _move(self, fixed: NDArray[np.uint8], steps: Points) -> None:
-        least, is_late = np.empty(len(self.triangles)), np.empty(len(fixed), np.uint8)
-        _triangles.move(self.points, fixed, steps, *self._topology(), least, is_late)
 
     def even(self, metric: Points, share: float = 1.0) -> None:
         """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
 
         They make a share of the best steps. Those on borders slide along them, as far as their tracks lead.
         """
-        mean = _triangles.mean_square(self.points, metric, self.triangles, self.twins)
+        a, b = self.edges[self._each_once()].T
+        mean = float((lengths_of((metric[a] + metric[b]) / 2, self.points[a] - self.points[b]) ** 2).mean())
         steps = np.zeros_like(self.points)
         tracks = self.tracks
         if tracks is not None:
             tangents = steps[tracks.vertices] = tracks.tangents()
-        _triangles.even(self.points, metric, self.fixed, steps, mean, share, *self._topology())
+        _meshes.even(self, metric, self.fixed, steps, mean, share)
         if tracks is None:
             return
         moved = tracks.moved((steps[tracks.vertices] * tangents).sum(axis=1))
         steps[tracks.vertices] = moved.points() - self.points[tracks.vertices]
-        self._move(np.maximum(self.fixed, FIXED), steps)
+        _meshes.move(self, np.maximum(self.fixed, FIXED), steps)
         stayed = (steps[tracks.vertices] == 0).all(axis=1)
         self.tracks = replace(moved, along=np.where(stayed, tracks.along, moved.along))
 
     def smooth(self, metric: Points, power: int) -> None:
         """Move vertices so that the triangles around each, above all the worst, get more equilateral in its metric."""
-        _triangles.smooth(self.points, metric, self.fixed, power, *self._topology())
+        _meshes.smooth(self, metric, self.fixed, power)
 
     def locate(self, places: Points, near: Triangles) -> tuple[Triangles, Points]:
         """Walk to the triangles of (M, 2) places from vertices nearby; return them and barycentric coordinates."""
-        found = (self.corners[near] // 3).astype(np.int32)
-        shares = np.empty((len(places), 3))
-        _triangles.locate(self.points, self.triangles, self.twins, np.ascontiguousarray(places), found, shares)
-        return found, shares
+        found = (self.outgoing[near] // 3).astype(np.int32)
+        return found, _meshes.locate(self, np.ascontiguousarray(places), found)
 
     def state(self) -> tuple[NDArray[Any], ...]:
         """Return a copy of all that moves and flips change."""
-        return tuple(array.copy() for array in (self.points, *self._topology()))
+        return tuple(each.copy() for each in (self.points, self.triangles, self.twins, self.borders, self.outgoing))
 
     def restore(self, state: tuple[NDArray[Any], ...]) -> None:
         """Go back to what `state` returned."""
-        self.points, self.triangles, self.twins, self.borders, self.corners = state
+        self.points, self.triangles, self.twins, self.borders, self.outgoing = state
 
     def border_edges(self) -> Triangles:
         """Return the (E, 2) edges that stay, each once."""
-        own = np.flatnonzero(self.borders.ravel() & (self.twins.ravel() < np.arange(self.twins.size)))
-        return self._all_edges()[own]
+        return self.edges[self._each_once() & (self.borders.ravel() > 0)]
 
-    def _topology(self) -> tuple[Triangles, Triangles, NDArray[np.uint8], Triangles]:
-        return self.triangles, self.twins, self.borders, self.corners
+    def _each_once(self) -> NDArray[np.bool_]:
+        """Select one half-edge of each edge."""
+        return self.twins.ravel() < np.arange(self.twins.size)
 
-    def _all_edges(self) -> Triangles:
-        """(3 T, 2) ends of the edge opposite to each corner, as its triangle goes around."""
-        return np.stack([self.triangles[:, [1, 2, 0]].ravel(), self.triangles[:, [2, 0, 1]].ravel()], axis=1)
-
-    def _join(self, edges: Triangles) -> None:
-        """Find the twin of each edge, and mark those that stay."""
-        n, n_corners = len(self.points), self.triangles.size
-        self.twins = np.empty((len(self.triangles), 3), np.int32)
-        _triangles.join(self.triangles, self.twins, np.empty(n, np.int32), np.empty(n_corners, np.int32))
+    def _mark(self, edges: Triangles) -> None:
+        """Mark the edges that stay."""
+        n, n_edges = len(self.points), self.triangles.size
         stays = self.twins.ravel() < 0
         on_border = np.zeros(n, bool)
         on_border[edges] = True
-        all_edges = self._all_edges()
-        maybe = np.flatnonzero(on_border[all_edges].all(axis=1))
-        stays[maybe] |= np.isin(_keys(all_edges[maybe], n), _keys(edges, n))
+        maybe = np.flatnonzero(on_border[self.edges].all(axis=1))
+        stays[maybe] |= np.isin(_keys(self.edges[maybe], n), _keys(edges, n))
         self.borders = stays.astype(np.uint8).reshape(-1, 3)
-        self.corners = np.full(n, -1, np.int32)
-        self.corners[self.triangles.ravel()] = np.arange(n_corners)
+        self.outgoing = np.full(n, -1, np.int32)
+        self.outgoing[self.triangles.ravel()] = np.arange(n_edges)
 
     def _tag(self, borders: Borders) -> None:
         """Give the triangles between borders the label of most of the border around them; 0 if there is none."""
@@ -196,10 +177,10 @@ class Triangulation:
         keys = np.concatenate([forth, back]) @ np.array([n, 1])
         labels = np.concatenate([borders.sides[:, 0], borders.sides[:, 1]])
         order = np.argsort(keys)
-        own = self._all_edges().astype(np.int64) @ np.array([n, 1])
+        own = self.edges.astype(np.int64) @ np.array([n, 1])
         at = order[np.minimum(np.searchsorted(keys, own, sorter=order), len(keys) - 1)]
         known = keys[at] == own
-        lengths = np.linalg.norm(np.subtract(*self.points[self._all_edges()[known].T]), axis=1)
+        lengths = np.linalg.norm(np.subtract(*self.points[self.edges[known].T]), axis=1)
         seen, index = np.unique(labels, return_inverse=True)
         votes = coo_array((lengths, (np.repeat(part, 3)[known], index[at[known]])), (n_parts, len(seen))).tocsr()
         best = np.asarray(votes.argmax(axis=1)).ravel()
@@ -216,7 +197,8 @@ class Triangulation:
             self.tracks = self.tracks.kept(used[self.tracks.vertices], number)
         self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
         self.triangles = number[self.triangles[kept]]
-        self._join(number[edges[used[edges].all(axis=1)]])
+        self.twins = find_twins(self.triangles, len(self.points))
+        self._mark(number[edges[used[edges].all(axis=1)]])
         self.tags = tags
 
 
@@ -238,5 +220,4 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
 def _keys(edges: Triangles, n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges."""
     ends = edges.astype(np.int64)
-    keys: NDArray[np.int64] = np.minimum(*ends.T) * n + np.maximum(*ends.T)
-    return keys
+    return np.minimum(*ends.T) * n + np.maximum(*ends.T)

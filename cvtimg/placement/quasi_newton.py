@@ -12,23 +12,34 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-_Points = NDArray[np.float64]
+_Vector = NDArray[np.float64]
 
 #: It starts as the given one times a number in this range.
 _LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
 
 
+def dot(a: _Vector, b: _Vector) -> float:
+    """Return the sum of the products of two (K, D) arrays."""
+    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
+    return float(np.einsum("kd,kd", a, b))
+
+
 class StepMemory:
     """The last steps of a descent, and how they changed the gradient.
+
+    Vectors may be any arrays, such as coefficients of vectors that lie elsewhere, with a product to match.
 
     Parameters
     ----------
     n_steps : int
         How many steps; figures hardly change from 5 to 10.
+    product : callable
+        Of two vectors.
     """
 
-    def __init__(self, n_steps: int = 7) -> None:
-        self._pairs: deque[tuple[_Points, _Points, float]] = deque(maxlen=n_steps)
+    def __init__(self, n_steps: int = 7, product: Callable[[_Vector, _Vector], float] = dot) -> None:
+        self._pairs: deque[tuple[_Vector, _Vector, float]] = deque(maxlen=n_steps)
+        self._product = product
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -37,29 +48,31 @@ class StepMemory:
         """Forget all steps."""
         self._pairs.clear()
 
-    def learn(self, step: _Points, change: _Points) -> None:
-        """Remember a step (K, D) and the change of the gradient, unless the energy is not convex along it."""
-        product = dot(step, change)
-        if product > 1e-12 * (dot(step, step) * dot(change, change)) ** 0.5:
-            self._pairs.append((step, change, product))
+    def forget(self) -> None:
+        """Forget the oldest step."""
+        self._pairs.popleft()
 
-    def times(self, gradient: _Points, start: Callable[[_Points], _Points]) -> _Points:
-        """Multiply a gradient (K, D) by the inverse Hessian; `start` multiplies by that of a Hessian to start from."""
+    def learn(self, step: _Vector, change: _Vector) -> bool:
+        """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
+        product = self._product(step, change)
+        is_convex = product > 1e-12 * (self._product(step, step) * self._product(change, change)) ** 0.5
+        if is_convex:
+            self._pairs.append((step, change, product))
+        return is_convex
+
+    def times(self, gradient: _Vector, start: Callable[[_Vector], _Vector], scale: float = 1.0) -> _Vector:
+        """Multiply a gradient by the inverse Hessian, which starts as `start` times about `scale`."""
         rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
         for step, change, product in reversed(self._pairs):
-            part = dot(step, rest) / product
+            part = self._product(step, rest) / product
             rest -= np.multiply(change, part, out=buffer)
             parts.append(part)
         rest = start(rest)
         if self._pairs:
             _, change, product = self._pairs[-1]
-            rest *= min(max(product / dot(start(change), change), _LEAST_SCALE), _LARGEST_SCALE)
+            found = product / self._product(start(change), change)
+            scale = min(max(found, _LEAST_SCALE * scale), _LARGEST_SCALE * scale)
+        rest *= scale
         for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
-            rest += np.multiply(step, part - dot(change, rest) / product, out=buffer)
+            rest += np.multiply(step, part - self._product(change, rest) / product, out=buffer)
         return rest
-
-
-def dot(a: _Points, b: _Points) -> float:
-    """Return the sum of the products of two (K, D) arrays."""
-    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
-    return float(np.einsum("kd,kd", a, b))

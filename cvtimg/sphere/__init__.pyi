@@ -2,7 +2,7 @@ from .coasts import CoastalGrid, coastal_grid
 from .densities import GlobePicture, Refinement, by_spacing
 from .formats import GRID_FORMATS
 from .formats.polygons import cell_polygons
-from .grids import EFFORTS, Effort, sphere_grid
+from .grids import EFFORTS, GridEffort, sphere_grid
 from .measures import GridMeasures, measure_grid
 from .nesting import Cap, nested_grid
 from .patches import move_in_patches
@@ -15,8 +15,8 @@ __all__ = [
     "LEAST_DISTANCE",
     "Cap",
     "CoastalGrid",
-    "Effort",
     "GlobePicture",
+    "GridEffort",
     "GridMeasures",
     "Refinement",
     "SphereCells",

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg.sphere import _steps
+from cvtimg.sphere import _sphere
 from cvtimg.sphere.densities import SphereDensity
-from cvtimg.sphere.triangulation import Points, Triangulation
+from cvtimg.sphere.triangulation import Points, SphereTriangulation
 
 #: What the energy of even cells is, but for what depends on the points.
 UNIFORM_ENERGY = 8 * np.pi
@@ -54,8 +55,7 @@ class Cells:
 
     def offsets(self) -> NDArray[np.float64]:
         """Return squared distances (N,) to centers of mass, by the areas of cells."""
-        squares: NDArray[np.float64] = np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
-        return squares
+        return np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
 
     def of(self, own: slice, free: NDArray[np.bool_] | None = None) -> Cells:
         """Return some of the cells, with no pull at points that are not free."""
@@ -66,20 +66,17 @@ class Cells:
 class SumCells(Protocol):
     """Integrates over the cells of a triangulation."""
 
-    def __call__(self, mesh: Triangulation, /) -> Cells:
+    def __call__(self, mesh: SphereTriangulation, /) -> Cells:
         """Sum cells."""
         ...
 
 
-def uniform_cells(mesh: Triangulation) -> Cells:
+def uniform_cells(mesh: SphereTriangulation) -> Cells:
     """Integrate over cells for the density 1, exactly but for areas, which are lengths of moments."""
     points, pulls = mesh.points, mesh.uniform_moments()
     areas, along = np.empty((2, len(points)))
 
-    def kernel(start: int, stop: int) -> None:
-        _steps.split_moments(points, start, stop, pulls, areas, along)
-
-    in_parts(kernel, len(points), _WORK * len(points))
+    in_parts(partial(_sphere.split_moments, points, pulls, areas, along), len(points), _WORK * len(points))
     return Cells(areas, pulls, areas, -2 * along, UNIFORM_ENERGY)
 
 
@@ -89,7 +86,7 @@ class WeightedCells:
 
     density: SphereDensity
 
-    def __call__(self, mesh: Triangulation) -> Cells:
+    def __call__(self, mesh: SphereTriangulation) -> Cells:
         """Sum cells."""
         centers, at_points = mesh.circumcenters(), self.density(mesh.points)
         masses, moments, energies = mesh.weighted_moments(at_points, centers, self.density(centers))

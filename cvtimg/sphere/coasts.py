@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density, check_that
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.methods import Callback, Watch
+from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.sphere.cell_sums import SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import (
     GlobePicture,
@@ -20,10 +20,10 @@ from cvtimg.sphere.densities import (
     check_globe,
     from_degrees,
 )
+from cvtimg.sphere.descent import polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
-from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, Triangulation, unit
+from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
 
 #: Coasts are smoothed by this part of the size of a cell; islands and lakes smaller than so many cells are left out.
 _SMOOTHING, _FEWEST_CELLS = 1.0, 6.0
@@ -106,7 +106,7 @@ def coastal_grid(
     weight = as_sphere_density(density)
     start = sphere_grid(n, density=density, effort="fast", polish=False, rng=rng)
     sums: SumCells = uniform_cells if weight is None else WeightedCells(Scaled(weight).for_cells(n))
-    mesh = Triangulation(start.points, start.triangles)
+    mesh = SphereTriangulation(start.points, start.triangles)
     coast = Coast.of(land, float(np.sqrt(start.areas.min())))
     watch = Watch(callback)
     on_coast = np.zeros(n, bool)
@@ -135,7 +135,7 @@ def coastal_grid(
 
 
 def _settled(
-    mesh: Triangulation, coast: Coast, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
+    mesh: SphereTriangulation, coast: Coast, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """Polish angles while points on the coast move along it; return which are there in the end."""
 
@@ -216,7 +216,7 @@ class Coast:
         nearer = np.linalg.norm(one - points, axis=1) <= np.linalg.norm(other - points, axis=1)
         return np.where(nearer[:, None], one, other)
 
-    def crosses(self, mesh: Triangulation, on_coast: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def crosses(self, mesh: SphereTriangulation, on_coast: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Tell which cells (N,) have corners, or a generator that is not on the coast, on both sides."""
         corners = np.repeat(self.is_land(mesh.circumcenters()), 3)
         vertices, n = mesh.triangles.ravel(), len(mesh.points)
@@ -239,7 +239,7 @@ class Coast:
         return claimed
 
     def crowded(
-        self, mesh: Triangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
+        self, mesh: SphereTriangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
         """Tell which points (N,) on the coast have too little of it, and no more than their neighbors have."""
         from scipy.spatial import cKDTree

@@ -6,7 +6,7 @@
 
 /* Add to the slopes of three vertices those of half the sum of the squares by which cosines at the corners of a triangle
  * are out of bounds; return whether one is. */
-static int add_corner_slopes(const struct globe *globe, int32_t t, double least_cosine, double largest_cosine,
+static int add_corner_slopes(const struct half_edges *mesh, int32_t t, double least_cosine, double largest_cosine,
                              double *slopes)
 {
     int is_out = 0;
@@ -14,15 +14,15 @@ static int add_corner_slopes(const struct globe *globe, int32_t t, double least_
     for (int k = 0; k < 3; k++) {
         int32_t e = 3 * t + k, f = next_edge(e), g = last_edge(e);
         double u[3], v[3];
-        subtract3(u, origin_of(globe, f), origin_of(globe, e));
-        subtract3(v, origin_of(globe, g), origin_of(globe, e));
+        subtract3(u, origin3(mesh, f), origin3(mesh, e));
+        subtract3(v, origin3(mesh, g), origin3(mesh, e));
         double uu = 1 / sqrt(dot3(u, u)), vv = 1 / sqrt(dot3(v, v)), cosine = dot3(u, v) * uu * vv;
         double excess = cosine < least_cosine ? cosine - least_cosine : cosine - largest_cosine;
         if (cosine >= least_cosine && cosine <= largest_cosine)
             continue;
         is_out = 1;
-        double *at_e = slopes + 3 * (ptrdiff_t)globe->vertices[e], *at_f = slopes + 3 * (ptrdiff_t)globe->vertices[f];
-        double *at_g = slopes + 3 * (ptrdiff_t)globe->vertices[g];
+        double *at_e = slopes + 3 * (ptrdiff_t)mesh->vertices[e], *at_f = slopes + 3 * (ptrdiff_t)mesh->vertices[f];
+        double *at_g = slopes + 3 * (ptrdiff_t)mesh->vertices[g];
         for (int i = 0; i < 3; i++) {
             double by_f = excess * uu * (v[i] * vv - cosine * u[i] * uu);
             double by_g = excess * vv * (u[i] * uu - cosine * v[i] * vv);

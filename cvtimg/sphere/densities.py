@@ -17,7 +17,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg.regions.densities import FunctionDensity, PictureDensity
-from cvtimg.sphere._globe_pictures import limit_growth
+from cvtimg.sphere._sphere import limit_growth
 
 Points = NDArray[np.float64]
 

@@ -8,14 +8,26 @@
 #define SMALL 0.02
 #define HALF_CIRCLE 3.14159265358979323846
 
-/* The circumcenter of a triangle: the unit normal of its plane. */
-static void circumcenter(const struct globe *globe, int32_t t, double *center)
+/* The edge of a triangle from its least vertex: where sums begin whose bits are to be the same in any triangulation
+ * that has this triangle. */
+static inline int32_t least_edge(const int32_t *vertices, int32_t t)
 {
-    int32_t first = least_edge(globe->vertices, t);
-    const double *a = origin_of(globe, first);
+    int32_t e = 3 * t, least = e;
+
+    for (int k = 1; k < 3; k++)
+        if (vertices[e + k] < vertices[least])
+            least = e + k;
+    return least;
+}
+
+/* The circumcenter of a triangle: the unit normal of its plane. */
+static void circumcenter(const struct half_edges *mesh, int32_t t, double *center)
+{
+    int32_t first = least_edge(mesh->vertices, t);
+    const double *a = origin3(mesh, first);
     double u[3], v[3], normal[3];
-    subtract3(u, origin_of(globe, next_edge(first)), a);
-    subtract3(v, origin_of(globe, last_edge(first)), a);
+    subtract3(u, origin3(mesh, next_edge(first)), a);
+    subtract3(v, origin3(mesh, last_edge(first)), a);
     cross3(normal, u, v);
     double scale = 1 / sqrt(dot3(normal, normal));
     for (int k = 0; k < 3; k++)
@@ -46,10 +58,10 @@ static inline double arc_by_length(double product, double height, double inverse
 /* For each edge of a triangle, the arc from its middle to the circumcenter, divided by its length; negative where the
  * circumcenter is beyond the edge. The tangent of the arc from a b is |a - b| (a - c).(b - c) / (2 det(a, b, c)), for unit
  * vectors. Returns whether the triangle turns counterclockwise. */
-static inline int half_arcs(const struct globe *globe, int32_t t, double *arcs)
+static inline int half_arcs(const struct half_edges *mesh, int32_t t, double *arcs)
 {
-    int32_t first = least_edge(globe->vertices, t), second = next_edge(first), third = last_edge(first);
-    const double *a = origin_of(globe, first), *b = origin_of(globe, second), *c = origin_of(globe, third);
+    int32_t first = least_edge(mesh->vertices, t), second = next_edge(first), third = last_edge(first);
+    const double *a = origin3(mesh, first), *b = origin3(mesh, second), *c = origin3(mesh, third);
     double ab[3], bc[3], ca[3], normal[3];
 
     subtract3(ab, b, a);
@@ -66,16 +78,16 @@ static inline int half_arcs(const struct globe *globe, int32_t t, double *arcs)
 
 /* The integral of x over the cell around the origin of edge `first`: half the sum, over its sides, of their length
  * times their unit normal, by the theorem of Gauss. */
-static void uniform_moment(const struct globe *globe, const double *arcs, int32_t first, double *moment)
+static void uniform_moment(const struct half_edges *mesh, const double *arcs, int32_t first, double *moment)
 {
-    const double *a = origin_of(globe, first);
+    const double *a = origin3(mesh, first);
     int32_t e = first;
     double sum[3] = {0, 0, 0};
 
     do {
-        int32_t f = globe->twins[e];
+        int32_t f = mesh->twins[e];
         double normal[3], arc = arcs[e] + arcs[f];
-        subtract3(normal, a, origin_of(globe, f));
+        subtract3(normal, a, origin3(mesh, f));
         /* Sides are shorter than half a circle, and arcs around a point that is not inside may miss a whole one. */
         if (arc < -HALF_CIRCLE / 4 && arc * sqrt(dot3(normal, normal)) < -HALF_CIRCLE / 2)
             arc += 2 * HALF_CIRCLE / sqrt(dot3(normal, normal));
@@ -89,15 +101,15 @@ static void uniform_moment(const struct globe *globe, const double *arcs, int32_
 
 /* The mass of the same cell, the integral of the density times x, and that of the density times the squared distance
  * to the generator, for a density that is linear on each triangle of the generator and the ends of a side. */
-static void weighted_moment(const struct globe *globe, const double *centers, const double *at_points,
+static void weighted_moment(const struct half_edges *mesh, const double *centers, const double *at_points,
                             const double *at_centers, int32_t first, double *mass_to, double *moment, double *energy_to)
 {
-    const double *a = origin_of(globe, first);
-    double at_a = at_points[globe->vertices[first]], mass = 0, energy = 0, sum[3] = {0, 0, 0};
+    const double *a = origin3(mesh, first);
+    double at_a = at_points[mesh->vertices[first]], mass = 0, energy = 0, sum[3] = {0, 0, 0};
     int32_t e = first;
 
     do {
-        int32_t f = globe->twins[e], left = e / 3, right = f / 3;
+        int32_t f = mesh->twins[e], left = e / 3, right = f / 3;
         const double *q = centers + 3 * (ptrdiff_t)left, *r = centers + 3 * (ptrdiff_t)right;
         double area = 2 * angle_of(determinant(a, r, q), 1 + dot3(a, r) + dot3(r, q) + dot3(q, a));
         double at_q = at_centers[left], at_r = at_centers[right], all = at_a + at_r + at_q;

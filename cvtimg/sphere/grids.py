@@ -9,15 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, check_fewer, check_in_range, check_shape
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.methods import Callback, Watch
+from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.regions.densities import ConstantDensity
 from cvtimg.sphere.cell_sums import Cells, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
-from cvtimg.sphere.descent import Terms, descend
-from cvtimg.sphere.polishing import polish_angles
+from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
-from cvtimg.sphere.triangulation import Points, Triangulation, check_sphere_points, unit
+from cvtimg.sphere.triangulation import Points, SphereTriangulation, check_sphere_points, unit
 
 #: More points than this have more edges than 32 bits number.
 MOST_POINTS = 1 << 28
@@ -36,7 +35,7 @@ _APART = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class GridEffort:
     """How long points move.
 
     Attributes
@@ -59,10 +58,10 @@ class Effort:
 
 
 #: The registry: names for `effort`.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort(30, 1e-3, (0.2,), 60),
-    "balanced": Effort(100, 1e-6, (0.2,), 100),
-    "best": Effort(300, 1e-8, (0.2, 0.15, 0.25), 300),
+EFFORTS: dict[str, GridEffort] = {
+    "fast": GridEffort(30, 1e-3, (0.2,), 60),
+    "balanced": GridEffort(100, 1e-6, (0.2,), 100),
+    "best": GridEffort(300, 1e-8, (0.2, 0.15, 0.25), 300),
 }
 
 
@@ -169,7 +168,7 @@ class _Plan:
     """What all ways to a grid share."""
 
     density: Scaled | None
-    effort: Effort
+    effort: GridEffort
     polish: bool
     rng: np.random.Generator
     watch: Watch
@@ -182,18 +181,18 @@ class _Plan:
 
     def from_points(self, points: Points) -> SphereGrid:
         """Begin with points, which keep their numbers."""
-        mesh = Triangulation(points)
+        mesh = SphereTriangulation(points)
         self._descend(mesh, self._sums(len(points)))
         return self._finished(mesh)
 
     def around(self, fixed: Points, n: int) -> SphereGrid:
         """Begin with fixed points and, where these are not, draws by the density."""
-        mesh = Triangulation(np.concatenate([fixed, self._drawn_apart(fixed, n)]))
+        mesh = SphereTriangulation(np.concatenate([fixed, self._drawn_apart(fixed, n)]))
         free = np.arange(n) >= len(fixed)
         self._descend(mesh, self._sums(n), free)
         return self._finished(mesh, free)
 
-    def _climb(self, sizes: list[int], noise: float) -> Triangulation:
+    def _climb(self, sizes: list[int], noise: float) -> SphereTriangulation:
         mesh = self._coarsest(sizes[0])
         start = mesh.points
         for level, n in enumerate(sizes):
@@ -202,7 +201,7 @@ class _Plan:
                     moved_on(mesh, mesh.points - start)
                 mesh = bisected(mesh)
                 if len(mesh.points) > n:
-                    mesh = Triangulation(without(mesh.points, len(mesh.points) - n, self.rng))
+                    mesh = SphereTriangulation(without(mesh.points, len(mesh.points) - n, self.rng))
             if n >= _WORTH_AN_ORDER:
                 mesh = in_order(mesh)
             sums = self._sums(n)
@@ -213,14 +212,13 @@ class _Plan:
             self._descend(mesh, sums)
         return mesh
 
-    def _coarsest(self, n: int) -> Triangulation:
+    def _coarsest(self, n: int) -> SphereTriangulation:
         if self.density is not None:
-            return Triangulation(drawn(self.density.for_cells(n), n, self.rng))
+            return SphereTriangulation(drawn(self.density.for_cells(n), n, self.rng))
         if n == 12:
             return icosahedron()
-        trials = [Triangulation(random_points(n, self.rng)) for _ in range(_TRIALS if n <= _FEW else 1)]
-        terms = Terms(_TRIAL_MOVES, self.effort.tolerance)
-        return min(trials, key=lambda mesh: descend(mesh, uniform_cells, terms).energy)
+        trials = [SphereTriangulation(random_points(n, self.rng)) for _ in range(_TRIALS if n <= _FEW else 1)]
+        return min(trials, key=lambda mesh: descend(mesh, uniform_cells, _TRIAL_MOVES, self.effort.tolerance).energy)
 
     def _sums(self, n: int) -> SumCells:
         """How cells are summed at a level of n points: without details that are finer than the cells."""
@@ -228,8 +226,8 @@ class _Plan:
             return uniform_cells
         return WeightedCells(self.density.for_cells(n))
 
-    def _descend(self, mesh: Triangulation, sums: SumCells, free: NDArray[np.bool_] | None = None) -> Cells:
-        return descend(mesh, sums, Terms(self.effort.moves, self.effort.tolerance, free, watch=self.watch))
+    def _descend(self, mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None = None) -> Cells:
+        return descend(mesh, sums, self.effort.moves, self.effort.tolerance, free=free, watch=self.watch)
 
     def _drawn_apart(self, fixed: Points, n: int) -> Points:
         """Draw free points by the density, apart from fixed ones."""
@@ -242,18 +240,17 @@ class _Plan:
             points = drawn(density, n_drawn, self.rng)
             points = points[tree.query(points)[0] > _APART * size * density(points) ** -0.25]
             if len(points) >= n_free:
-                chosen: Points = points[np.sort(self.rng.permutation(len(points))[:n_free])]
-                return chosen
+                return points[np.sort(self.rng.permutation(len(points))[:n_free])]
             n_drawn = int(1.2 * n_drawn) + n_free - len(points)
 
-    def _finished(self, mesh: Triangulation, free: NDArray[np.bool_] | None = None) -> SphereGrid:
+    def _finished(self, mesh: SphereTriangulation, free: NDArray[np.bool_] | None = None) -> SphereGrid:
         sums = self._sums(len(mesh.points))
         if self.polish:
             polish_angles(mesh, np.sqrt(sums(mesh).areas), self.effort.polishing, free=free)
         return as_grid(mesh, sums, free)
 
 
-def as_grid(mesh: Triangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:
+def as_grid(mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:
     """Sum the cells of a triangulation at its end."""
     cells = sums(mesh)
     return SphereGrid(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.halfedges import measure_triangles
+
 Points = NDArray[np.float64]
 
 
@@ -67,24 +69,19 @@ def measure_grid(points: Points, triangles: NDArray[np.int32]) -> GridMeasures:
     >>> round(measures.least_angle, 9), measures.n_obtuse, measures.n_others
     (60.0, 0, 6)
     """
-    opposite = sides(points, triangles)
-    a, b, c = opposite.T
-    area4 = np.sqrt(np.maximum((a + b + c) * (b + c - a) * (a + c - b) * (a + b - c), 0))
-    angles = np.degrees(angles_of(opposite))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        qualities = np.nan_to_num(area4**2 / (2 * (a + b + c) * a * b * c) * 2)
+    each = measure_triangles(points, triangles)
     nearest, farthest = np.full(len(points), np.inf), np.zeros(len(points))
     for k in range(3):  # the side from each corner to the next; the surface is closed, so that these are all
-        length = opposite[:, (k + 2) % 3]
+        length = np.linalg.norm(points[triangles[:, k]] - points[triangles[:, k - 2]], axis=1)
         np.minimum.at(nearest, triangles[:, k], length)
         np.maximum.at(farthest, triangles[:, k], length)
     degrees = np.bincount(np.bincount(triangles.ravel(), minlength=len(points)), minlength=8)
     return GridMeasures(
-        least_angle=float(angles.min()),
-        largest_angle=float(angles.max()),
-        n_obtuse=int((angles > 90 + 1e-9).any(axis=1).sum()),
-        least_quality=float(qualities.min()),
-        mean_quality=float(qualities.mean()),
+        least_angle=float(each.least_angles.min()),
+        largest_angle=float(each.largest_angles.max()),
+        n_obtuse=int((each.largest_angles > 90 + 1e-9).sum()),
+        least_quality=float(each.qualities.min()),
+        mean_quality=float(each.qualities.mean()),
         uniformity=float((nearest / farthest).min()),
         shortest_edge=float(2 * np.arcsin(nearest.min() / 2)),
         longest_edge=float(2 * np.arcsin(farthest.max() / 2)),
@@ -93,18 +90,3 @@ def measure_grid(points: Points, triangles: NDArray[np.int32]) -> GridMeasures:
         n_heptagons=int(degrees[7]),
         n_others=len(points) - int(degrees[5:8].sum()),
     )
-
-
-def sides(points: Points, triangles: NDArray[np.int32]) -> Points:
-    """Return the lengths (T, 3) of the sides opposite to the corners of triangles, as chords."""
-    places = points[triangles]
-    steps = places[:, [2, 0, 1]] - places[:, [1, 2, 0]]
-    lengths: Points = np.sqrt(np.einsum("tki,tki->tk", steps, steps))
-    return lengths
-
-
-def angles_of(opposite: Points) -> Points:
-    """Return the angles (T, 3) in radians of triangles by the lengths of the sides opposite to their corners."""
-    a, b, c = (np.roll(opposite, -k, axis=1) for k in range(3))
-    angles: Points = np.arccos(np.clip((b * b + c * c - a * a) / (2 * b * c), -1, 1))
-    return angles

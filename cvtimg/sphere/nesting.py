@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_returned, check_that
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.methods import Callback, Watch
+from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.sphere.cell_sums import WeightedCells
 from cvtimg.sphere.densities import (
     GlobePicture,
@@ -21,11 +21,10 @@ from cvtimg.sphere.densities import (
     as_sphere_density,
     from_degrees,
 )
-from cvtimg.sphere.descent import Terms, descend
+from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
-from cvtimg.sphere.polishing import polish_angles
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, Triangulation, check_sphere_points, unit
+from cvtimg.sphere.triangulation import Points, SphereTriangulation, check_sphere_points, unit
 
 #: New points keep out of the circumscribed caps of kept triangles by this part of their radii, and are moved out so
 #: often, as one may lead into the next.
@@ -138,7 +137,7 @@ def nested_grid(
     check_at_least("n", n, 1, "the number of new points")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     points = check_sphere_points("parent", parent.points if isinstance(parent, SphereGrid) else parent, least=4)
-    mesh = Triangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)
+    mesh = SphereTriangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)
     inside = _inside(within, points)
     kept = Kept.of(mesh, ~inside)
     transition = _Transition.of(mesh, inside, within)
@@ -146,11 +145,12 @@ def nested_grid(
     wanted = transition.density(n) if given is None else Scaled(given).for_cells(len(points))
     random = np.random.default_rng(rng)
     new = kept.filled(transition.start(wanted, n, random), wanted, n, random)
-    nested = Triangulation(np.concatenate([kept.points, new]))
+    nested = SphereTriangulation(np.concatenate([kept.points, new]))
     free = np.arange(len(nested.points)) >= len(kept.points)
     sums = WeightedCells(wanted)
-    cells = descend(nested, sums, Terms(settings.moves, settings.tolerance, free, kept.project, Watch(callback)))
-    polish_angles(nested, np.sqrt(cells.areas), settings.polishing, free=free, project=kept.project)
+    watch, project = Watch(callback), kept.project
+    cells = descend(nested, sums, settings.moves, settings.tolerance, free=free, project=project, watch=watch)
+    polish_angles(nested, np.sqrt(cells.areas), settings.polishing, free=free, project=project)
     return as_grid(nested, sums, free)
 
 
@@ -185,7 +185,7 @@ class _Transition:
     inside: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, mesh: Triangulation, inside: NDArray[np.bool_], within: Part) -> _Transition:
+    def of(cls, mesh: SphereTriangulation, inside: NDArray[np.bool_], within: Part) -> _Transition:
         areas = mesh.areas()
         at_border = inside[mesh.triangles].any(axis=1) & ~inside[mesh.triangles].all(axis=1)
         size = float(np.sqrt(np.median(areas[np.unique(mesh.triangles[at_border])])))
@@ -263,7 +263,7 @@ class Kept:
     gone: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, mesh: Triangulation, kept: NDArray[np.bool_]) -> Kept:
+    def of(cls, mesh: SphereTriangulation, kept: NDArray[np.bool_]) -> Kept:
         """Find the caps of a parent that new points must keep out of."""
         from scipy.spatial import cKDTree
 
@@ -299,7 +299,7 @@ class Kept:
         points = self._open(places)
         points = points[np.sort(rng.permutation(len(points))[:n])]
         while len(points) < n:
-            mesh = Triangulation(np.concatenate([self.points, points]))
+            mesh = SphereTriangulation(np.concatenate([self.points, points]))
             corners = mesh.points[mesh.triangles]
             spans = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1) * density(unit(corners.sum(axis=1))) ** 0.25
             middles = unit(corners.sum(axis=1))[np.argsort(-spans, kind="stable")]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least, check_that
-from cvtimg.engine.methods import Watch
+from cvtimg._shared.iteration import Watch
 from cvtimg.sphere.cell_sums import UNIFORM_ENERGY, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensityLike, as_sphere_density
+from cvtimg.sphere.descent import Stretch, block_size, follow
 from cvtimg.sphere.grids import as_grid
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.steps import Stretch, block_size, follow
-from cvtimg.sphere.triangulation import Points, Triangulation
+from cvtimg.sphere.triangulation import Points, SphereTriangulation
 
 _Indices = NDArray[np.intp]
 
@@ -84,7 +84,7 @@ def move_in_patches(
     sums: SumCells = uniform_cells if weight is None else WeightedCells(Scaled(weight).for_cells(len(grid.points)))
     patches = _Patches(grid, n_patches, sums, client)
     follow(patches, moves, tolerance, Watch())
-    return as_grid(Triangulation(patches.points()), sums, None)
+    return as_grid(SphereTriangulation(patches.points()), sums, None)
 
 
 class _Patches:
@@ -106,17 +106,17 @@ class _Patches:
         for number, (near, ids) in enumerate(members):
             own = slice(*np.searchsorted(ids, bounds[number : number + 2]).tolist())
             owners = np.searchsorted(bounds, near, side="right") - 1
-            told = {
+            receives = {
                 int(other): np.searchsorted(ids, near[owners == other])
                 for other in np.unique(owners)
                 if other != number
             }
-            tells = {
+            sends = {
                 other: theirs[(theirs >= bounds[number]) & (theirs < bounds[number + 1])] - bounds[number]
                 for other, (theirs, _) in enumerate(members)
                 if other != number
             }
-            given = number, grid.points[ids], own, sums, block, reach, told, tells
+            given = number, grid.points[ids], own, sums, block, reach, receives, sends
             if self._is_remote:
                 at = [workers[number % len(workers)]]
                 sent = client.scatter(given, workers=at, hash=False)
@@ -130,12 +130,12 @@ class _Patches:
     def measured(self, slot: int) -> NDArray[np.float64]:
         return np.concatenate(self._each("measured", slot))
 
-    def move(self, step: NDArray[np.float64], part: float, anyhow: bool) -> bool:
+    def move(self, step: NDArray[np.float64], part: float, force: bool) -> bool:
         self._each("propose", step, part)
         is_sound = all(self._each("exchange"))
-        if is_sound or anyhow:
+        if is_sound or force:
             self._each("settle")
-        return is_sound or anyhow
+        return is_sound or force
 
     def points(self) -> Points:
         return np.concatenate(self._each("positions"))
@@ -158,8 +158,8 @@ class _Patch:
     """Points of which a stretch belongs to the patch; the others are what it must know of them."""
 
     def __init__(self, given: tuple[Any, ...]) -> None:
-        self._number, points, self._own, sums, block, reach, self._told, self._tells = given
-        self._stretch = Stretch(Triangulation(points), self._own, sums, block)
+        self._number, points, self._own, sums, block, reach, self._receives, self._sends = given
+        self._stretch = Stretch(SphereTriangulation(points), self._own, sums, block)
         self._start = self._stretch.points
         self._reach = reach
 
@@ -182,7 +182,7 @@ class _Patch:
 
     def border(self, number: int) -> Points:
         """Return where points may move to that another patch must know of."""
-        places: Points = self._there[self._tells[number]]
+        places: Points = self._there[self._sends[number]]
         return places
 
     async def border_meanwhile(self, number: int) -> Points:
@@ -194,9 +194,9 @@ class _Patch:
         mesh = self._stretch.mesh
         self._proposed = mesh.points.copy()
         self._proposed[self._own] = self._there
-        answers = {number: self._ask(self._others[number]) for number in self._told}
+        answers = {number: self._ask(self._others[number]) for number in self._receives}
         for number, answer in answers.items():
-            self._proposed[self._told[number]] = answer if isinstance(answer, np.ndarray) else answer.result()
+            self._proposed[self._receives[number]] = answer if isinstance(answer, np.ndarray) else answer.result()
         return not mesh.n_turned(self._proposed, self._is_own(mesh.triangles))
 
     def _ask(self, other: Any) -> Any:

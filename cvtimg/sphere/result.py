@@ -12,7 +12,7 @@ from cvtimg._shared.drawings import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.measures import GridMeasures, measure_grid
-from cvtimg.sphere.triangulation import SphereCells, Triangulation
+from cvtimg.sphere.triangulation import SphereCells, SphereTriangulation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class SphereGrid:
 
     def cells(self) -> SphereCells:
         """Return the Voronoi cells of the points."""
-        return Triangulation(self.points, self.triangles).cells()
+        return SphereTriangulation(self.points, self.triangles).cells()
 
     def measures(self) -> GridMeasures:
         """Measure how good the grid is."""

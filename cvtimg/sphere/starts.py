@@ -8,9 +8,8 @@ import numpy as np
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg.engine.ordering import along_curve
-from cvtimg.sphere import _triangulation
 from cvtimg.sphere.densities import SphereDensity, fibonacci, from_degrees
-from cvtimg.sphere.triangulation import Points, Triangulation, unit
+from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
 
 #: Places that draws choose from, for each point, and at least.
 _CANDIDATES, _FEWEST = 64, 1 << 17
@@ -20,7 +19,7 @@ _HALF = 0.5
 _MOVED_ON, _SMOOTHINGS = 0.5, 6
 
 
-def icosahedron() -> Triangulation:
+def icosahedron() -> SphereTriangulation:
     """Return the triangulation of the 12 corners of an icosahedron."""
     golden = (1 + 5**0.5) / 2
     corners = [
@@ -29,10 +28,10 @@ def icosahedron() -> Triangulation:
         for long in (-golden, golden)
         for corner in ((0.0, one, long), (one, long, 0.0), (long, 0.0, one))
     ]
-    return Triangulation(unit(np.array(corners)))
+    return SphereTriangulation(unit(np.array(corners)))
 
 
-def bisected(mesh: Triangulation) -> Triangulation:
+def bisected(mesh: SphereTriangulation) -> SphereTriangulation:
     """Add the midpoints of all edges and divide triangles by four: n points become 4 n - 6."""
     n, edges, twins = len(mesh.points), mesh.triangles.ravel(), mesh.twins.ravel()
     number = np.arange(len(twins), dtype=np.int32)
@@ -44,30 +43,30 @@ def bisected(mesh: Triangulation) -> Triangulation:
     a, b, c = mesh.triangles.T
     ab, bc, ca = number.reshape(-1, 3).T
     triangles = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
-    return Triangulation(np.concatenate([mesh.points, middles]), triangles)
+    return SphereTriangulation(np.concatenate([mesh.points, middles]), triangles)
 
 
-def moved_on(mesh: Triangulation, shift: Points) -> None:
+def moved_on(mesh: SphereTriangulation, shift: Points) -> None:
     """Move points on along the way (N, 3) that they have come, so that less is left to go after they are bisected.
 
     What a grid still has to move after bisection is smooth, and about half of what the coarser one had.
     """
     degrees = np.bincount(mesh.triangles.ravel(), minlength=len(shift))[:, None]
-    around = np.empty_like(shift)
+    vertices, neighbors = mesh.edges.T
     for _ in range(_SMOOTHINGS):
-        _triangulation.sum_neighbors(mesh.triangles, shift, around)
+        around = np.stack([np.bincount(vertices, x[neighbors]) for x in shift.T], axis=1)
         shift = (shift + around / degrees) / 2
     mesh.replace(unit(mesh.points + _MOVED_ON * shift))
 
 
-def in_order(mesh: Triangulation) -> Triangulation:
+def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
     """Give points numbers along a curve, so that neighbors are near in memory."""
     order = along_curve(mesh.points)
     number = np.empty(len(order), np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     triangles = number[mesh.triangles]
     by_least = np.argsort(triangles.min(axis=1), kind="stable")
-    return Triangulation(mesh.points[order], triangles[by_least])
+    return SphereTriangulation(mesh.points[order], triangles[by_least])
 
 
 def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
@@ -116,8 +115,7 @@ def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         chances = density(places[others]) ** 0.5
         more = rng.choice(others, n - len(chosen), replace=False, p=chances / chances.sum())
         chosen = np.union1d(chosen, more)
-    points: Points = places[chosen]
-    return points
+    return places[chosen]
 
 
 def icosahedral(n: int, rng: np.random.Generator) -> Points:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.ordering import along_curve
-from cvtimg.sphere import _triangulation
+from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
+from cvtimg.sphere import _sphere
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
@@ -30,31 +32,18 @@ _MOST_FLIPS = 100
 _WORK = 100
 
 
-class Triangulation:
-    """The Delaunay triangulation of N points on the unit sphere: their convex hull.
-
-    Attributes
-    ----------
-    points : (N, 3) float64 array
-    triangles : (T, 3) int32 array
-        T = 2 N - 4 triples of indices, counterclockwise from outside.
-    twins : (T, 3) int32 array
-        For edge k of triangle t, from its corner k to the next: the same edge of the triangle beyond, as 3 t + k.
-    """
+class SphereTriangulation(HalfEdges):
+    """The Delaunay triangulation of N points on the unit sphere, T = 2 N - 4 triangles: their convex hull."""
 
     def __init__(self, points: Points, triangles: Triangles | None = None) -> None:
-        self.points = np.ascontiguousarray(points)
-        self.triangles = np.empty((2 * len(points) - 4, 3), np.int32)
-        self.twins = np.empty_like(self.triangles)
         self._arcs: NDArray[np.float64] | None = None
         self._firsts: NDArray[np.int32] | None = None
         if triangles is None:
+            self.points = np.ascontiguousarray(points)
             self._insert_all()
         else:
-            self.triangles[:] = triangles
-            heads, following = np.empty(len(points), np.int32), np.empty(self.triangles.size, np.int32)
-            n_open = _triangulation.find_twins(self.triangles, self.twins, heads, following)
-            check_that("triangles", n_open == 0, "cover the sphere")
+            super().__init__(points, triangles.copy())
+            check_that("triangles", self.is_closed, "cover the sphere")
 
     def move(self, points: Points) -> bool:
         """Move all points and flip edges; return False, and change nothing, if a triangle would turn over."""
@@ -62,19 +51,11 @@ class Triangulation:
         if n_turned:
             return False
         wrong = np.empty(self.triangles.size, np.uint8)
-
-        def kernel(start: int, stop: int) -> None:
-            _triangulation.find_wrong(points, self.triangles, self.twins, arcs, start, stop, wrong)
-
-        in_parts(kernel, len(arcs), _WORK * len(arcs))
-        first = np.flatnonzero(wrong)
         self.points, self._arcs = points, arcs
-        if len(first):
+        in_parts(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs), _WORK * len(arcs))
+        if wrong.any():
             self._firsts = None
-            stack = np.empty(self.triangles.size, np.int32)
-            stack[: len(first)] = first
-            most = _MOST_FLIPS * len(self.triangles)
-            if _triangulation.flip(points, self.triangles, self.twins, arcs, stack, len(first), wrong, most) < 0:
+            if not _sphere.flip(self, arcs, wrong, _MOST_FLIPS * len(self.triangles)):
                 self._insert_all()
         return True
 
@@ -87,27 +68,20 @@ class Triangulation:
     def n_turned(self, points: Points, which: NDArray[np.bool_]) -> int:
         """Return how many triangles, of those that a mask (T,) selects, turn over when all points move."""
         triangles = self.triangles[which]
-        return _triangulation.half_arcs_of_edges(points, triangles, 0, len(triangles), np.empty(triangles.shape))
+        return _sphere.fill_half_arcs(points, triangles, np.empty(triangles.shape), 0, len(triangles))
 
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
         centers = np.empty(self.triangles.shape)
-
-        def kernel(start: int, stop: int) -> None:
-            _triangulation.circumcenters(self.points, self.triangles, start, stop, centers)
-
-        in_parts(kernel, len(centers), _WORK * len(centers))
+        in_parts(partial(_sphere.fill_circumcenters, self, centers), len(centers), _WORK * len(centers))
         return centers
 
     def uniform_moments(self) -> Points:
         """Integrate x over each cell, exactly: (N, 3)."""
         if self._arcs is None:
             self._arcs = self._arcs_of(self.points)[0]
-        arcs, firsts, moments = self._arcs, self.first_edges(), np.empty_like(self.points)
-
-        def kernel(start: int, stop: int) -> None:
-            _triangulation.sum_uniform(self.points, self.triangles, self.twins, arcs, firsts, start, stop, moments)
-
+        moments = np.empty_like(self.points)
+        kernel = partial(_sphere.sum_uniform, self, self._arcs, self.first_edges(), moments)
         in_parts(kernel, len(moments), _WORK * len(moments))
         return moments
 
@@ -116,15 +90,9 @@ class Triangulation:
 
         The density is given at points (N,) and at circumcenters (T,), and taken to be linear in between.
         """
-        firsts, moments = self.first_edges(), np.empty_like(self.points)
-        masses, energies = np.empty((2, len(self.points)))
-
-        def kernel(start: int, stop: int) -> None:
-            _triangulation.sum_weighted(
-                self.points, self.triangles, self.twins, centers, firsts, at_points, at_centers, start, stop,
-                masses, moments, energies,
-            )  # fmt: skip
-
+        moments, (masses, energies) = np.empty_like(self.points), np.empty((2, len(self.points)))
+        given = centers, self.first_edges(), at_points, at_centers
+        kernel = partial(_sphere.sum_weighted, self, *given, masses, moments, energies)
         in_parts(kernel, len(moments), _WORK * len(moments))
         return masses, moments, energies
 
@@ -135,15 +103,15 @@ class Triangulation:
 
     def cells(self) -> SphereCells:
         """Return the Voronoi cells of all points."""
-        offsets, corners = np.empty(len(self.points) + 1, np.int32), np.empty(self.triangles.size, np.int32)
-        _triangulation.list_corners(self.triangles, self.twins, self.first_edges(), offsets, corners)
-        return SphereCells(self.circumcenters(), offsets, corners)
+        degrees = np.bincount(self.triangles.ravel(), minlength=len(self.points)).astype(np.int32)
+        out = half_edges_out(self.first_edges(), self.twins, degrees)
+        offsets = np.concatenate([[0], np.cumsum(degrees)]).astype(np.int32)
+        return SphereCells(self.circumcenters(), offsets, out[out >= 0] // 3)
 
     def first_edges(self) -> NDArray[np.int32]:
         """Return the edge (N,) from each vertex to its least neighbor."""
         if self._firsts is None:
-            self._firsts = np.empty(len(self.points), np.int32)
-            _triangulation.first_edges(self.triangles, self._firsts)
+            self._firsts = _sphere.first_edges(self.triangles, len(self.points))
         return self._firsts
 
     def _arcs_of(self, points: Points) -> tuple[NDArray[np.float64], int]:
@@ -151,7 +119,7 @@ class Triangulation:
         arcs, turned = np.empty(self.triangles.shape), []
 
         def kernel(start: int, stop: int) -> None:
-            turned.append(_triangulation.half_arcs_of_edges(points, self.triangles, start, stop, arcs))
+            turned.append(_sphere.fill_half_arcs(points, self.triangles, arcs, start, stop))
 
         in_parts(kernel, len(arcs), _WORK * len(arcs))
         return arcs, sum(turned)
@@ -163,27 +131,23 @@ class Triangulation:
         points = self.points[curve]
         four = _four_apart(points)
         order = _insertion_order(len(points), four)
-        stack = np.empty(self.triangles.size, np.int32)
-        most = _MOST_FLIPS * len(points)
-        inside = points[four].mean(axis=0)
-        n = _triangulation.insert(points, order, inside, LEAST_DISTANCE**2, most, self.triangles, self.twins, stack)
+        made = HalfEdges(points, *np.empty((2, 2 * len(points) - 4, 3), np.int32))
+        n = _sphere.insert(made, order, points[four].mean(axis=0), LEAST_DISTANCE**2, _MOST_FLIPS * len(points))
         if n < len(points):
             gaps = np.linalg.norm(points - points[order[n]], axis=1)
             gaps[order[n]] = np.inf
-            _refuse_near(int(curve[order[n]]), int(curve[gaps.argmin()]), float(gaps.min()))
-        least, edge = _triangulation.shortest_edge(points, self.triangles)
-        if least < LEAST_DISTANCE**2:
-            t, k = divmod(edge, 3)
-            _refuse_near(int(curve[self.triangles[t, k]]), int(curve[self.triangles[t, (k + 1) % 3]]), least**0.5)
-        self._sort()
-        self.triangles = curve[self.triangles]
-
-    def _sort(self) -> None:
-        """Sort triangles by their least vertex."""
-        triangles, twins = np.empty_like(self.triangles), np.empty_like(self.twins)
-        counts, places = np.empty(len(self.points) + 1, np.int32), np.empty(triangles.size, np.int32)
-        _triangulation.sort_triangles(self.triangles, self.twins, counts, places, triangles, twins)
-        self.triangles, self.twins = triangles, twins
+            _refuse_near(curve[order[n]], curve[gaps.argmin()], gaps.min())
+        for k in range(3):
+            one, other = made.triangles[:, k], made.triangles[:, k - 1]
+            gaps = np.linalg.norm(points[one] - points[other], axis=1)
+            if gaps.min() < LEAST_DISTANCE:
+                _refuse_near(curve[one[gaps.argmin()]], curve[other[gaps.argmin()]], gaps.min())
+        # By the least vertex, which becomes the first: neighbors are near in memory, as vertices are.
+        triangles = made.triangles[np.argsort(made.triangles.min(axis=1), kind="stable")]
+        turns = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
+        triangles = np.take_along_axis(triangles, turns, axis=1)
+        self.twins = find_twins(triangles, len(points))
+        self.triangles = curve[triangles]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,8 +182,7 @@ class SphereCells:
     def __getitem__(self, index: int) -> Points:
         """Return the (C, 3) corners of one cell, counterclockwise from outside."""
         start, stop = self.offsets[index], self.offsets[index + 1]
-        corners: Points = self.vertices[self.corners[start:stop]]
-        return corners
+        return self.vertices[self.corners[start:stop]]
 
     def __repr__(self) -> str:
         return f"SphereCells({len(self)} cells, {len(self.vertices)} corners)"
@@ -249,7 +212,7 @@ def triangulate(points: ArrayLike) -> NDArray[np.int32]:
     >>> len(triangulate([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]))
     8
     """
-    return Triangulation(check_sphere_points("points", points, least=4)).triangles
+    return SphereTriangulation(check_sphere_points("points", points, least=4)).triangles
 
 
 def check_sphere_points(name: str, points: ArrayLike, least: int = 1) -> Points:
@@ -268,14 +231,12 @@ def check_sphere_points(name: str, points: ArrayLike, least: int = 1) -> Points:
 
 def unit(vectors: Points) -> Points:
     """Return (N, 3) vectors divided by their lengths."""
-    scaled: Points = vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
-    return scaled
+    return vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
 
 
 def _refuse_near(one: int, other: int, gap: float) -> None:
-    check_that(
-        f"points {min(one, other)} and {max(one, other)}", False, f"be at least {LEAST_DISTANCE:g} apart, not {gap:.2g}"
-    )
+    pair = f"points {min(one, other)} and {max(one, other)}"
+    raise ValueError(f"{pair} must be at least {LEAST_DISTANCE:g} apart, not {gap:.2g}")
 
 
 def _four_apart(points: Points) -> NDArray[np.int32]:

@@ -1,13 +1,10 @@
-from .base import Surface
-from .conversion import as_surface
-from .files import SURFACE_SUFFIXES, read_surface, read_vertex_density
+from .files import SURFACE_SUFFIXES, as_surface, read_surface, read_vertex_density
 from .implicit import ImplicitSurface
 from .measures import SurfaceMeasures, measure_surface
 from .placing import EFFORTS, surface_points
 from .result import SurfacePoints
 from .shapes import torus
-from .triangulated import TriangulatedSurface
-from .vertex_density import VertexDensity
+from .surface import Surface, TriangulatedSurface, VertexDensity
 
 __all__ = [
     "EFFORTS",

@@ -1,38 +1,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.surfaces.triangulation import SurfaceTriangulation
+
 _Floats = NDArray[np.float64]
 _Indices = NDArray[np.int32]
 
 def collapse(
-    points: _Floats,
-    normals: _Floats,
-    sizes: _Floats,
-    part: float,
-    stretch: float,
-    most: int,
-    triangles: _Indices,
-    twins: _Indices,
+    mesh: SurfaceTriangulation, normals: _Floats, sizes: _Floats, part: float, stretch: float, most: int
 ) -> int: ...
-def flip(
-    points: _Floats,
-    normals: _Floats,
-    triangles: _Indices,
-    twins: _Indices,
-    most: int,
-    stack: _Indices,
-    waiting: NDArray[np.uint8],
-) -> int: ...
-def find_inward(points: _Floats, normals: _Floats, triangles: _Indices, wrong: NDArray[np.uint8]) -> int: ...
-def sum_cells(
-    points: _Floats, density: _Floats, triangles: _Indices, twins: _Indices, masses: _Floats, pulls: _Floats
-) -> None: ...
-def nearest(
-    points: _Floats,
-    triangles: _Indices,
-    twins: _Indices,
-    start: int,
-    stop: int,
-    places: _Floats,
-    faces: _Indices,
-) -> None: ...
+def flip(mesh: SurfaceTriangulation, normals: _Floats, most: int) -> None: ...
+def find_inward(mesh: SurfaceTriangulation, points: _Floats, normals: _Floats) -> NDArray[np.bool_]: ...
+def sum_cells(mesh: SurfaceTriangulation, density: _Floats) -> tuple[_Floats, _Floats]: ...
+def walk(mesh: SurfaceTriangulation, places: _Floats, faces: _Indices, start: int, stop: int) -> None: ...

@@ -1,134 +1,92 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled passes over closed triangulated surfaces: collapses, flips, moments of cells, and nearest points.
+"""The compiled passes over triangulated surfaces: collapses, flips, moments of cells, and nearest points.
 
-Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. N is the number of
-vertices, T that of triangles. Half-edge 3 t + k leads from corner k of triangle t to the next one, counterclockwise
-from outside; its twin leads back.
+`mesh` is a `SurfaceTriangulation` of N vertices and T triangles; `normals` (N, 3) are of the surface, of one length.
 """
+import numpy as np
+
 from libc.stdint cimport int32_t, uint8_t
 
+from cvtimg.halfedges.half_edges cimport end_of, half_edges, seen, squared_distance
+
 cdef extern from "geometry.h" nogil:
-    struct c_mesh "globe":
-        const double *points
-        int32_t *vertices
-        int32_t *twins
-
-    double squared_distance(const double *a, const double *b)
-    int32_t end_of(const c_mesh *mesh, int32_t e)
-    int collapse_edge(c_mesh *mesh, const double *normals, double most, int32_t e)
-    Py_ssize_t flip_surface(
-        c_mesh *mesh, const double *normals, int32_t n_edges, Py_ssize_t most, int32_t *stack, uint8_t *waiting,
+    ctypedef int edge_test(const half_edges *mesh, const double *values, int32_t e)
+    Py_ssize_t flip_all(
+        half_edges *mesh, double *values, edge_test may_flip, edge_test should_flip, int32_t n_edges, int32_t *stack,
+        uint8_t *waiting, Py_ssize_t most,
     )
+    int may_turn(const half_edges *mesh, const double *normals, int32_t e)
+    int should_turn(const half_edges *mesh, const double *normals, int32_t e)
+    int collapse_edge(half_edges *mesh, const double *normals, double most, int32_t e)
     int faces_outward(const double *points, const double *normals, const int32_t *corners, double cosine)
-    void add_kites(const c_mesh *mesh, const double *density, int32_t t, double *masses, double *pulls)
-    int32_t walk_to_nearest(const c_mesh *mesh, int32_t t, double *place)
-
-
-cdef c_mesh as_mesh(const double[:, ::1] points, int32_t[:, ::1] triangles, int32_t[:, ::1] twins) noexcept:
-    cdef c_mesh mesh
-    mesh.points = &points[0, 0]
-    mesh.vertices = &triangles[0, 0]
-    mesh.twins = &twins[0, 0]
-    return mesh
+    void add_kites(const half_edges *mesh, const double *density, int32_t t, double *masses, double *pulls)
+    int32_t walk_to_nearest(const half_edges *mesh, int32_t t, double *place)
 
 
 def collapse(
-    const double[:, ::1] points,   # IN (N, 3)
-    const double[:, ::1] normals,  # IN (N, 3): of the surface, of one length
-    const double[::1] sizes,       # IN (N,): wanted length of edges
-    double part,                   # IN: edges shorter than this part of it are collapsed
-    double stretch,                # IN: new edges are no longer than this multiple of that
-    Py_ssize_t most,               # IN: collapses at most
-    int32_t[:, ::1] triangles,     # INOUT (T, 3): -1 where a triangle is removed
-    int32_t[:, ::1] twins,         # INOUT (T, 3)
+    mesh, const double[:, ::1] normals, const double[::1] sizes, double part, double stretch, Py_ssize_t most
 ):
-    """Collapse short edges, each to one of its ends; return how many."""
-    cdef c_mesh mesh = as_mesh(points, triangles, twins)
-    cdef int32_t e, a, b
+    """Collapse edges shorter than a part of the wanted sizes (N,), each to one of its ends; return how many.
+
+    New edges are no longer than `stretch` times that part; triangles that are removed become -1.
+    """
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t e, a, b, n_edges = <int32_t>mesh.triangles.size
     cdef Py_ssize_t n = 0
     cdef double limit
     with nogil:
-        for e in range(<int32_t>(3 * triangles.shape[0])):
+        for e in range(n_edges):
             if n == most:
                 break
-            a = mesh.vertices[e]
+            a = c_mesh.vertices[e]
             if a < 0:
                 continue
-            b = end_of(&mesh, e)
+            b = end_of(&c_mesh, e)
             limit = part * (sizes[a] + sizes[b]) / 2
-            if squared_distance(&points[a, 0], &points[b, 0]) < limit * limit:
-                n += collapse_edge(&mesh, &normals[0, 0], stretch * limit, e)
+            if squared_distance(c_mesh.points + 3 * <Py_ssize_t>a, c_mesh.points + 3 * <Py_ssize_t>b) < limit * limit:
+                n += collapse_edge(&c_mesh, &normals[0, 0], stretch * limit, e)
     return n
 
 
-def flip(
-    const double[:, ::1] points,   # IN (N, 3)
-    const double[:, ::1] normals,  # IN (N, 3): of the surface, of one length
-    int32_t[:, ::1] triangles,     # INOUT (T, 3)
-    int32_t[:, ::1] twins,         # INOUT (T, 3)
-    Py_ssize_t most,               # IN: flips at most
-    int32_t[::1] stack,            # scratch (3 T,)
-    uint8_t[::1] waiting,          # scratch (3 T,)
-):
-    """Flip edges until no two opposite angles add up to more than 180 degrees; return how many."""
-    cdef c_mesh mesh = as_mesh(points, triangles, twins)
-    cdef Py_ssize_t n_flips
+def flip(mesh, const double[:, ::1] normals, Py_ssize_t most):
+    """Flip edges until no two opposite angles add up to more than 180 degrees, or `most`."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t n_edges = <int32_t>mesh.triangles.size
+    cdef int32_t[::1] stack = np.empty(n_edges, np.int32)
+    cdef uint8_t[::1] waiting = np.zeros(n_edges, np.uint8)
     with nogil:
-        n_flips = flip_surface(
-            &mesh, &normals[0, 0], <int32_t>(3 * triangles.shape[0]), most, &stack[0], &waiting[0],
-        )
-    return n_flips
+        flip_all(&c_mesh, <double *>&normals[0, 0], may_turn, should_turn, n_edges, &stack[0], &waiting[0], most)
 
 
-def find_inward(
-    const double[:, ::1] points,   # IN (N, 3)
-    const double[:, ::1] normals,  # IN (N, 3): of the surface, of one length
-    const int32_t[:, ::1] triangles,  # IN (T, 3)
-    uint8_t[::1] wrong,            # OUT (N,): whether a triangle of the vertex faces inward
-):
-    """Find triangles that do not face where the surface does at their corners; return how many."""
-    cdef int32_t t, k, n = 0
-    wrong[:] = 0
+def find_inward(mesh, const double[:, ::1] points, const double[:, ::1] normals):
+    """Find the vertices (N,), moved to points, of triangles that do not face where the surface does at their corners."""
+    cdef uint8_t[::1] wrong = np.zeros(points.shape[0], np.uint8)
+    cdef const int32_t[:, ::1] triangles = mesh.triangles
+    cdef int32_t t, k
     with nogil:
         for t in range(<int32_t>triangles.shape[0]):
-            if faces_outward(&points[0, 0], &normals[0, 0], &triangles[t, 0], 0):
-                continue
-            n += 1
-            for k in range(3):
-                wrong[triangles[t, k]] = 1
-    return n
+            if not faces_outward(&points[0, 0], &normals[0, 0], &triangles[t, 0], 0):
+                for k in range(3):
+                    wrong[triangles[t, k]] = 1
+    return np.asarray(wrong).view(np.bool_)
 
 
-def sum_cells(
-    const double[:, ::1] points,   # IN (N, 3)
-    const double[::1] density,     # IN (N,)
-    int32_t[:, ::1] triangles,     # IN (T, 3)
-    int32_t[:, ::1] twins,         # IN (T, 3)
-    double[::1] masses,            # OUT (N,)
-    double[:, ::1] pulls,          # OUT (N, 3): mass times the step from the vertex to the centroid
-):
-    """Sum the moments of the cells, triangle by triangle, each in its plane."""
-    cdef c_mesh mesh = as_mesh(points, triangles, twins)
-    cdef int32_t t
-    masses[:] = 0
-    pulls[:] = 0
+def sum_cells(mesh, const double[::1] density):
+    """Sum the moments of cells: masses (N,), and these times the steps from vertices to centroids (N, 3)."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef double[::1] masses = np.zeros(density.shape[0])
+    cdef double[:, ::1] pulls = np.zeros((density.shape[0], 3))
+    cdef int32_t t, n_triangles = <int32_t>len(mesh.triangles)
     with nogil:
-        for t in range(<int32_t>triangles.shape[0]):
-            add_kites(&mesh, &density[0], t, &masses[0], &pulls[0, 0])
+        for t in range(n_triangles):
+            add_kites(&c_mesh, &density[0], t, &masses[0], &pulls[0, 0])
+    return np.asarray(masses), np.asarray(pulls)
 
 
-def nearest(
-    const double[:, ::1] points,   # IN (N, 3)
-    int32_t[:, ::1] triangles,     # IN (T, 3)
-    int32_t[:, ::1] twins,         # IN (T, 3)
-    Py_ssize_t start,              # IN: the first place
-    Py_ssize_t stop,               # IN: the end of places
-    double[:, ::1] places,         # INOUT (M, 3)
-    int32_t[::1] faces,            # INOUT (M,): where to begin; the triangle of each place
-):
-    """Move places to the nearest points of the surface around where they were."""
-    cdef c_mesh mesh = as_mesh(points, triangles, twins)
+def walk(mesh, double[:, ::1] places, int32_t[::1] faces, Py_ssize_t start, Py_ssize_t stop):
+    """Move places (M, 3) to the nearest points of the surface around faces (M,), which become those of the places."""
+    cdef half_edges c_mesh = seen(mesh)
     cdef Py_ssize_t i
     with nogil:
         for i in range(start, stop):
-            faces[i] = walk_to_nearest(&mesh, faces[i], &places[i, 0])
+            faces[i] = walk_to_nearest(&c_mesh, faces[i], &places[i, 0])

@@ -1,22 +1,53 @@
-"""Files of triangulated surfaces, read by trimesh."""
+"""Files of triangulated surfaces, read by trimesh, and what else can be taken for a surface."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import check_choice, check_that
+from cvtimg._shared.checks import check_choice, check_that, refuse_type
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
-from cvtimg.surfaces.triangulated import TriangulatedSurface
-from cvtimg.surfaces.vertex_density import VertexDensity
+from cvtimg.surfaces.surface import Surface, TriangulatedSurface, VertexDensity
 
 #: Suffixes of files that surfaces are read from.
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
+
+
+def as_surface(surface: Any) -> Surface:
+    """Make a surface of what stands for one.
+
+    Parameters
+    ----------
+    surface : Surface, path, pair of arrays or mesh
+        A Surface as it is; the path of a file that `read_surface` reads; arrays (vertices, faces); or an object with
+        the attributes vertices and faces, as trimesh has.
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is none of these, or no surface.
+    """
+    if isinstance(surface, Surface):
+        return surface
+    if isinstance(surface, (str, os.PathLike)):
+        return read_surface(surface)
+    if hasattr(surface, "vertices") and hasattr(surface, "faces"):
+        return TriangulatedSurface(surface.vertices, surface.faces)
+    if isinstance(surface, (tuple, list)) and len(surface) == 2:
+        return TriangulatedSurface(*surface)
+    return refuse_type(
+        "surface", type(surface).__name__, "a Surface, a path, (vertices, faces), or a mesh that has them"
+    )
 
 
 def read_surface(path: StrPath) -> TriangulatedSurface:

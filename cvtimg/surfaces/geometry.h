@@ -4,16 +4,12 @@
 #ifndef CVTIMG_SURFACE_GEOMETRY_H
 #define CVTIMG_SURFACE_GEOMETRY_H
 
-#include "../sphere/flips.h"
+#include "half_edges.h"
 
-/* More edges at one vertex are not collapsed or flipped. */
-#define MOST_AROUND 64
 /* Cotangents of opposite angles add up to less than this if an edge is surely to be flipped. */
 #define SURELY -1e-9
 /* Triangles must not face away from the surface by more than the angle with this cosine. */
 #define LEAST_COSINE 0.3
-
-static inline int32_t turn_left(const struct globe *mesh, int32_t e) { return mesh->twins[last_edge(e)]; }
 
 /* Cotangent of the angle at `apex`, opposite to the edge a b. */
 static inline double cotangent(const double *apex, const double *a, const double *b)
@@ -26,32 +22,7 @@ static inline double cotangent(const double *apex, const double *a, const double
     return dot3(u, v) / sqrt(dot3(normal, normal) + 1e-300);
 }
 
-/* List the half-edges out of the origin of e that belong to a triangle; return how many, or MOST_AROUND + 1 if there are
- * more than that. */
-static int half_edges_around(const struct globe *mesh, int32_t e, int32_t *around)
-{
-    int n = 0;
-    int32_t first = e;
-
-    do {
-        if (n == MOST_AROUND)
-            return MOST_AROUND + 1;
-        around[n++] = e;
-        e = turn_left(mesh, e);
-    } while (e >= 0 && e != first);
-    if (e >= 0)
-        return n;
-    while ((e = mesh->twins[first]) >= 0) { /* at a boundary: those to the right */
-        if (n == MOST_AROUND)
-            return MOST_AROUND + 1;
-        around[n++] = first = next_edge(e);
-    }
-    return n;
-}
-
-static inline int32_t end_of(const struct globe *mesh, int32_t e) { return mesh->vertices[next_edge(e)]; }
-
-static int is_joined(const struct globe *mesh, int32_t e, int32_t vertex)
+static int is_joined(const struct half_edges *mesh, int32_t e, int32_t vertex)
 {
     int32_t around[MOST_AROUND];
     int n = half_edges_around(mesh, e, around);
@@ -89,61 +60,36 @@ static int faces_outward(const double *points, const double *normals, const int3
 
 /* Whether the angles opposite to an edge add up to more than 180 degrees, and the other diagonal is free and folds
  * nothing. */
-static int should_turn(const struct globe *mesh, const double *normals, int32_t e)
+static int should_turn(const struct half_edges *mesh, const double *normals, int32_t e)
 {
     int32_t f = mesh->twins[e], e2 = last_edge(e), f2 = last_edge(f);
     int32_t a = mesh->vertices[e], b = mesh->vertices[f], c = mesh->vertices[e2], d = mesh->vertices[f2];
-    const double *at_a = origin_of(mesh, e), *at_b = origin_of(mesh, f);
+    const double *at_a = origin3(mesh, e), *at_b = origin3(mesh, f);
 
-    if (cotangent(origin_of(mesh, e2), at_a, at_b) + cotangent(origin_of(mesh, f2), at_a, at_b) >= SURELY)
+    if (cotangent(origin3(mesh, e2), at_a, at_b) + cotangent(origin3(mesh, f2), at_a, at_b) >= SURELY)
         return 0;
     const int32_t first[3] = {d, b, c}, second[3] = {a, d, c};
     return c != d && faces_outward(mesh->points, normals, first, LEAST_COSINE) &&
            faces_outward(mesh->points, normals, second, LEAST_COSINE) && !is_joined(mesh, e2, d);
 }
 
-static ptrdiff_t flip_surface(struct globe *mesh, const double *normals, int32_t n_edges, ptrdiff_t most,
-                              int32_t *stack, uint8_t *waiting)
+/* Whether an edge is left, and not tested from the other side. */
+static int may_turn(const struct half_edges *mesh, const double *normals, int32_t e)
 {
-    ptrdiff_t n_flips = 0;
-    int32_t depth = 0;
-
-    for (int32_t e = 0; e < n_edges; e++)
-        waiting[e] = 0;
-    for (int32_t start = 0; start < n_edges; start++) {
-        if (mesh->twins[start] < start || mesh->vertices[start] < 0)
-            continue; /* tested from the other side, or removed */
-        stack[depth++] = start;
-        waiting[start] = 1;
-        while (depth) {
-            int32_t e = stack[--depth];
-            waiting[e] = 0;
-            if (n_flips >= most || !should_turn(mesh, normals, e))
-                continue;
-            int32_t f = mesh->twins[e];
-            flip_edge(mesh, e);
-            n_flips++;
-            int32_t outer[4] = {e, next_edge(e), f, next_edge(f)};
-            for (int i = 0; i < 4; i++)
-                if (!waiting[outer[i]]) {
-                    waiting[outer[i]] = 1;
-                    stack[depth++] = outer[i];
-                }
-        }
-    }
-    return n_flips;
+    (void)normals;
+    return mesh->twins[e] >= e && mesh->vertices[e] >= 0;
 }
 
 /* Whether the triangles at the origin of e, but the two that vanish, face where the surface does and have no side longer
  * than `most` if it moves to its end. */
-static int stays_sound(const struct globe *mesh, const double *normals, double most, int32_t e, const int32_t *around,
+static int stays_sound(const struct half_edges *mesh, const double *normals, double most, int32_t e, const int32_t *around,
                        int n)
 {
     int32_t to = mesh->vertices[mesh->twins[e]];
 
     for (int i = 0; i < n; i++) {
         int32_t g = around[i];
-        if (squared_distance(origin_of(mesh, next_edge(g)), mesh->points + 3 * (ptrdiff_t)to) > most * most)
+        if (squared_distance(origin3(mesh, next_edge(g)), mesh->points + 3 * (ptrdiff_t)to) > most * most)
             return 0;
         if (g == e || turn_left(mesh, g) == e)
             continue;
@@ -156,7 +102,7 @@ static int stays_sound(const struct globe *mesh, const double *normals, double m
 
 /* Move the origin of e to its end and remove the two triangles at e, if the surface stays one without folds, and no new
  * edge is longer than `most`. */
-static int collapse_edge(struct globe *mesh, const double *normals, double most, int32_t e)
+static int collapse_edge(struct half_edges *mesh, const double *normals, double most, int32_t e)
 {
     int32_t f = mesh->twins[e], around[MOST_AROUND], beyond[MOST_AROUND];
     int n = half_edges_around(mesh, e, around), m = half_edges_around(mesh, f, beyond), common = 0;
@@ -183,7 +129,7 @@ static int collapse_edge(struct globe *mesh, const double *normals, double most,
 /* Add mass and first moments of the cells of a triangle's corners, from corner to middles of sides to circumcenter, all
  * in its plane. Parts have signs: those of an obtuse triangle are made up for by its neighbor. The density is linear
  * from corners to middles to the circumcenter. */
-static void add_kites(const struct globe *mesh, const double *density, int32_t t, double *masses, double *pulls)
+static void add_kites(const struct half_edges *mesh, const double *density, int32_t t, double *masses, double *pulls)
 {
     const int32_t *v = mesh->vertices + 3 * (ptrdiff_t)t;
     double squares[3], weights[3], center[3] = {0, 0, 0}, sum = 0, at_center = 0, normal[3], u[3], w[3];
@@ -263,15 +209,15 @@ static int nearest_in_triangle(const double *p, const double *a, const double *b
     return where;
 }
 
-static double distance_to_face(const struct globe *mesh, int32_t t, const double *p, double *nearest, int *where)
+static double distance_to_face(const struct half_edges *mesh, int32_t t, const double *p, double *nearest, int *where)
 {
-    *where = nearest_in_triangle(p, origin_of(mesh, 3 * t), origin_of(mesh, 3 * t + 1), origin_of(mesh, 3 * t + 2),
+    *where = nearest_in_triangle(p, origin3(mesh, 3 * t), origin3(mesh, 3 * t + 1), origin3(mesh, 3 * t + 2),
                                  nearest);
     return squared_distance(p, nearest);
 }
 
 /* Walk from face to face while that brings the surface nearer to `place`, and move it there. Returns the last face. */
-static int32_t walk_to_nearest(const struct globe *mesh, int32_t t, double *place)
+static int32_t walk_to_nearest(const struct half_edges *mesh, int32_t t, double *place)
 {
     double nearest[3], best[3], least;
     int where;

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_finite, check_places, check_positive, check_returned, check_shape, check_that
 from cvtimg.regions import Box
-from cvtimg.surfaces.base import Points, Surface, Triangles
-from cvtimg.surfaces.halves import HalfEdges, divide_fans, find_twins, unit
+from cvtimg.surfaces.surface import Surface
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divide_fans, unit
 
 #: Steps to the surface at most; each brings about twice as many digits.
 _STEPS = 20
@@ -56,7 +56,7 @@ class ImplicitSurface(Surface):
     function: Callable[[Points], Any]
     box: Box
     gradient: Callable[[Points], Any] | None
-    _triangulation: HalfEdges
+    _triangulation: SurfaceTriangulation
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class ImplicitSurface(Surface):
         return f"<ImplicitSurface in {self.box!r}>"
 
     @property
-    def triangulation(self) -> HalfEdges:
+    def triangulation(self) -> SurfaceTriangulation:
         """Triangles in cubes, with vertices on the surface."""
         return self._triangulation
 
@@ -97,7 +97,7 @@ class ImplicitSurface(Surface):
                 break
         return moved
 
-    def nearest(self, places: Points, faces: Triangles, fine: HalfEdges) -> tuple[Points, Points, Triangles]:
+    def nearest(self, places: Points, faces: Triangles, fine: SurfaceTriangulation) -> tuple[Points, Points, Triangles]:
         """Move places to the surface; which triangles of `fine` are near does not matter."""
         found = self.on_surface(places)
         return found, unit(self._slopes(found, self._step)), faces
@@ -107,7 +107,7 @@ class ImplicitSurface(Surface):
         """For differences."""
         return 1e-6 * float(np.linalg.norm(self.box.sides))
 
-    def _triangulate(self, spacing: float) -> HalfEdges:
+    def _triangulate(self, spacing: float) -> SurfaceTriangulation:
         from skimage.measure import marching_cubes
 
         lower, sides = self.box.bounds[0], self.box.sides
@@ -122,7 +122,7 @@ class ImplicitSurface(Surface):
         found: Any = marching_cubes(values, 0.0, **options)  # type: ignore[no-untyped-call]
         vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
         faces = np.ascontiguousarray(found[1], np.int32)
-        return HalfEdges(*divide_fans(vertices, faces, find_twins(faces, len(vertices))))
+        return SurfaceTriangulation(*divide_fans(vertices, faces))
 
     def _values(self, points: Points) -> Points:
         values = np.asarray(self.function(points), np.float64)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_places, check_triangles
-from cvtimg.meshes import measure_triangles
+from cvtimg.halfedges import measure_triangles
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +66,12 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
     places = check_places("points", points, 3)
     corners = check_triangles("triangles", triangles, len(places))
     each = measure_triangles(places, corners)
-    sides = np.stack([places[corners[:, k - 1]] - places[corners[:, k - 2]] for k in range(3)], axis=1)
-    squares: NDArray[np.float64] = np.sort(np.einsum("tki,tki->tk", sides, sides), axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = (squares[:, 0] + squares[:, 1] - squares[:, 2]) / (2 * np.sqrt(squares[:, 0] * squares[:, 1]))
-    largest = np.degrees(np.arccos(np.clip(np.nan_to_num(cosine, nan=-1.0), -1, 1)))
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, counts = np.unique(ends, axis=0, return_counts=True)
     return SurfaceMeasures(
         least_angle=float(each.least_angles.min()),
-        largest_angle=float(largest.max()),
-        n_obtuse=int((largest > 90 + 1e-9).sum()),
+        largest_angle=float(each.largest_angles.max()),
+        n_obtuse=int((each.largest_angles > 90 + 1e-9).sum()),
         least_quality=float(each.qualities.min()),
         mean_quality=float(each.qualities.mean()),
         below_30=float((each.least_angles < 30).mean()),

@@ -14,12 +14,11 @@ from cvtimg._shared.choices import EffortName
 from cvtimg.regions import ConstantDensity, as_density
 from cvtimg.regions.densities import Density
 from cvtimg.surfaces import _surfaces
-from cvtimg.surfaces.base import Points, Surface, Triangles
-from cvtimg.surfaces.conversion import as_surface
-from cvtimg.surfaces.halves import HalfEdges
+from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
 from cvtimg.surfaces.sampled import place_by_samples
-from cvtimg.surfaces.splitting import split_long_edges
+from cvtimg.surfaces.surface import Surface
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
 Values = NDArray[np.float64]
 
@@ -49,7 +48,7 @@ _MOST_POINTS = 1 << 24
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class SurfaceEffort:
     """How long points move: `moves` at most, or until the offset is at most `offset`."""
 
     moves: int
@@ -57,10 +56,10 @@ class Effort:
 
 
 #: The registry of efforts.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort(50, 0.01),
-    "balanced": Effort(150, 0.001),
-    "best": Effort(1000, 0.0001),
+EFFORTS: dict[str, SurfaceEffort] = {
+    "fast": SurfaceEffort(50, 0.01),
+    "balanced": SurfaceEffort(150, 0.001),
+    "best": SurfaceEffort(1000, 0.0001),
 }
 
 
@@ -140,7 +139,7 @@ def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
     return figures.is_closed and figures.euler_characteristic == surface.triangulation.euler_characteristic
 
 
-def _by_triangles(surface: Surface, n: int, density: Density, effort: Effort) -> tuple[SurfacePoints, bool]:
+def _by_triangles(surface: Surface, n: int, density: Density, effort: SurfaceEffort) -> tuple[SurfacePoints, bool]:
     """Place points by the cells of a triangulation; tell whether no fold stood in their way."""
     fine, sizes = _fine(surface, n, density, _FINE)
     mesh, faces = _collapsed(fine, sizes, n)
@@ -150,7 +149,7 @@ def _by_triangles(surface: Surface, n: int, density: Density, effort: Effort) ->
     return SurfacePoints(mesh.points, mesh.triangles, masses, energy, offset, n_iter), is_free
 
 
-def _by_samples(surface: Surface, n: int, density: Density, effort: Effort) -> SurfacePoints:
+def _by_samples(surface: Surface, n: int, density: Density, effort: SurfaceEffort) -> SurfacePoints:
     """Place points by samples: where a surface has a boundary, or is thinner than cells are wide."""
     fine, _ = _fine(surface, n, density, _FINER)
     weights = fine.vertex_areas() * density(fine.points)
@@ -158,11 +157,13 @@ def _by_samples(surface: Surface, n: int, density: Density, effort: Effort) -> S
     return SurfacePoints(points, triangles, masses, _energy(fine, points, density), offset, n_iter)
 
 
-def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[HalfEdges, Values]:
+def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[SurfaceTriangulation, Values]:
     """Split triangles until edges are shorter than this part of the distances of points; return those distances."""
     given = surface.triangulation
     apart = float(given.areas().sum() / (_HEXAGON * _LOOKED_AT)) ** 0.5
-    base = HalfEdges(*split_long_edges(given.points, given.triangles, ConstantDensity(apart), surface.on_surface))
+    base = SurfaceTriangulation(
+        *split_long_edges(given.points, given.triangles, ConstantDensity(apart), surface.on_surface)
+    )
     top = float(density(base.points).max())
     check_that("density", top > 0, "be > 0 somewhere on the surface")
 
@@ -176,7 +177,7 @@ def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[Half
         points, triangles = split_long_edges(
             base.points, base.triangles, _limits(relative, part * distance), surface.on_surface
         )
-        fine = HalfEdges(points, triangles)
+        fine = SurfaceTriangulation(points, triangles)
         sparse = relative(fine.points)
         wanted = float((fine.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
         if wanted > 0.8 * distance:
@@ -189,25 +190,28 @@ def _limits(relative: Density, distance: float) -> Density:
     return lambda places: distance * relative(places)
 
 
-def _collapsed(fine: HalfEdges, sizes: Values, n: int) -> tuple[HalfEdges, Triangles]:
+def _collapsed(fine: SurfaceTriangulation, sizes: Values, n: int) -> tuple[SurfaceTriangulation, Triangles]:
     """Collapse the shortest edges until n vertices are left; return a triangle of `fine` at each, too."""
-    mesh = HalfEdges(fine.points, fine.triangles.copy(), fine.twins.copy())
+    mesh = SurfaceTriangulation(fine.points, fine.triangles.copy(), fine.twins.copy())
     n_left, part, normals = len(mesh.points), _FIRST_PART, fine.normals()
     while n_left > n and part < _LAST_PART:
         most = n_left - n
-        n_left -= _surfaces.collapse(mesh.points, normals, sizes, part, _STRETCH, most, mesh.triangles, mesh.twins)
+        n_left -= _surfaces.collapse(mesh, normals, sizes, part, _STRETCH, most)
         mesh.flip(normals)
         part *= _GROWTH
     check_in_range("n", n, n_left == n, f"at least {n_left}: fewer points do not make triangles of this shape")
     left = mesh.triangles[:, 0] >= 0
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
-    triangle = np.empty(len(fine.points), np.int32)
-    triangle[fine.triangles.ravel()] = np.arange(fine.triangles.size, dtype=np.int32) // 3
-    return HalfEdges(fine.points[used], corners.reshape(-1, 3).astype(np.int32)), triangle[used]
+    return SurfaceTriangulation(fine.points[used], corners.reshape(-1, 3).astype(np.int32)), fine.face_of_each()[used]
 
 
 def _relax(
-    surface: Surface, fine: HalfEdges, mesh: HalfEdges, faces: Triangles, density: Density, effort: Effort
+    surface: Surface,
+    fine: SurfaceTriangulation,
+    mesh: SurfaceTriangulation,
+    faces: Triangles,
+    density: Density,
+    effort: SurfaceEffort,
 ) -> tuple[float, int, bool]:
     """Move points to the centers of mass of their cells, projected to the surface.
 
@@ -234,7 +238,7 @@ def _relax(
             return offset, move, is_free
         is_free = True
         for _ in range(_RETREATS):
-            back = mesh.folds(there, directions)
+            back = _surfaces.find_inward(mesh, there, directions)
             if not back.any():
                 break
             is_free = False
@@ -243,7 +247,7 @@ def _relax(
         move += 1
 
 
-def _energy(fine: HalfEdges, points: Points, density: Density) -> float:
+def _energy(fine: SurfaceTriangulation, points: Points, density: Density) -> float:
     """Integrate by the middles of the sides of fine triangles, which is exact for squares within a cell."""
     from scipy.spatial import KDTree
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.drawings import draw_solid
 from cvtimg.files.whole import StrPath
-from cvtimg.meshes import measure_triangles
+from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.surfaces.measures import SurfaceMeasures, measure_surface
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import sum_by_label
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.surfaces.base import Points, Surface, Triangles
-from cvtimg.surfaces.halves import HalfEdges
+from cvtimg.surfaces.surface import Surface
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles
 
 Values = NDArray[np.float64]
 
@@ -17,14 +18,14 @@ _FLAT = -0.5
 
 
 def place_by_samples(
-    surface: Surface, fine: HalfEdges, weights: Values, n: int, moves: int, least: float
+    surface: Surface, fine: SurfaceTriangulation, weights: Values, n: int, moves: int, least: float
 ) -> tuple[Points, Triangles, Values, float, int]:
     """Move points to the centers of mass of the samples nearest to them, projected to the surface.
 
     Parameters
     ----------
     surface : Surface
-    fine : HalfEdges
+    fine : SurfaceTriangulation
         Triangles that are small beside cells; the samples are their vertices.
     weights : (N,) array
         Of the samples.
@@ -41,19 +42,18 @@ def place_by_samples(
 
     # Centers of mass in space, near the surface, to start from; then those that are on it.
     points = tessellate(WeightedSamples(fine.points.copy(), weights.copy(), in_order=False), n).generators
-    face = np.empty(len(fine.points), np.int32)
-    face[fine.triangles.ravel()] = np.arange(fine.triangles.size, dtype=np.int32) // 3
+    face = fine.face_of_each()
     whole = KDTree(fine.points)
     sizes, move = np.ones(n), 0
     points, _, _ = surface.nearest(points, face[whole.query(points)[1]], fine)
     area = fine.vertex_areas()
     while True:
         _, labels = KDTree(points).query(fine.points)
-        masses = np.bincount(labels, weights, n).astype(np.float64, copy=False)
+        masses = sum_by_label(labels, weights, n)
         heavy = masses > 0
-        sums = np.stack([np.bincount(labels, weights * x, n) for x in fine.points.T], axis=1)
+        sums = sum_by_label(labels, fine.points, n, weights)
         centers = np.where(heavy[:, None], sums / np.where(heavy, masses, 1)[:, None], points)
-        sizes = np.sqrt(np.maximum(np.bincount(labels, area, n), 1e-300))
+        sizes = np.sqrt(np.maximum(sum_by_label(labels, area, n), 1e-300))
         there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
         offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
         if offset <= least or move == moves:
@@ -82,7 +82,7 @@ def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
 def _without_flat(points: Points, triangles: Triangles) -> Triangles:
     """Leave out flat triangles at the boundary, where cells that are long beside it meet far outside of them."""
     while len(triangles):
-        mesh = HalfEdges(points, triangles)
+        mesh = SurfaceTriangulation(points, triangles)
         corner = np.flatnonzero(mesh.twins.ravel() < 0)  # where an edge of the boundary begins
         face, k = corner // 3, corner % 3
         start, end, apex = (triangles[face, (k + step) % 3] for step in range(3))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cvtimg._shared.checks import check_in_range, check_positive
-from cvtimg.surfaces.base import Points
 from cvtimg.surfaces.implicit import ImplicitSurface
+from cvtimg.surfaces.triangulation import Points
 
 
 def torus(major: float = 1.0, minor: float = 0.4) -> ImplicitSurface:

@@ -11,7 +11,7 @@ from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
 from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.sizes import _centers_inside
-from cvtimg.meshes.triangulation import FIXED, Triangulation, delaunay
+from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
 from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
@@ -28,7 +28,7 @@ def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     return np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
 
 
-def signed_areas(mesh: Triangulation) -> NDArray[np.float64]:
+def signed_areas(mesh: PlaneTriangulation) -> NDArray[np.float64]:
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
@@ -198,7 +198,7 @@ def test_pixels_of_a_size_image_count_if_their_centers_are_in_the_polygon() -> N
 
 def test_vertices_move_as_far_as_triangles_keep_area() -> None:
     points = np.random.default_rng(5).random((400, 2))
-    mesh = Triangulation(points, np.arange(400) % 7 == 0, delaunay(points), np.empty((0, 2), np.int32))
+    mesh = PlaneTriangulation(points, np.arange(400) % 7 == 0, delaunay(points), np.empty((0, 2), np.int32))
     before = mesh.points.copy()
     done = mesh.move(np.random.default_rng(6).normal(0, 0.02, (400, 2)))
     assert (signed_areas(mesh) > 0).all()
@@ -209,7 +209,7 @@ def test_vertices_move_as_far_as_triangles_keep_area() -> None:
 
 def test_triangles_do_not_get_flat_where_edges_are_made_even() -> None:
     points = np.random.default_rng(3).random((30, 2))
-    mesh = Triangulation(points, np.zeros(30, bool), delaunay(points), np.empty((0, 2), np.int32))
+    mesh = PlaneTriangulation(points, np.zeros(30, bool), delaunay(points), np.empty((0, 2), np.int32))
 
     def shapes() -> NDArray[np.float64]:
         corners = mesh.points[mesh.triangles]

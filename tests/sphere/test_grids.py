@@ -14,7 +14,7 @@ from cvtimg._shared.threads import limit_threads, n_threads
 from cvtimg.sphere import Refinement, SphereGrid
 from cvtimg.sphere.densities import fibonacci, from_degrees
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order
-from cvtimg.sphere.triangulation import Triangulation, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 Points = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def test_an_icosahedral_grid_has_twelve_pentagons_and_rests_at_centers_of_mass(n
     assert measures.least_angle > 53
     assert measures.largest_angle < 72.1
     assert grid.offset < 1e-6
-    centers = unit(Triangulation(grid.points).uniform_moments())
+    centers = unit(SphereTriangulation(grid.points).uniform_moments())
     assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-5 * np.sqrt(4 * np.pi / n)
 
 
@@ -107,7 +107,7 @@ def test_fixed_points_keep_their_bits() -> None:
     assert grid.fixed.tolist() == [True] * 20 + [False] * 580
     assert_is_a_grid(grid, 600)
     assert grid.areas.max() < 3 * grid.areas.min()
-    centers = unit(Triangulation(grid.points).uniform_moments())
+    centers = unit(SphereTriangulation(grid.points).uniform_moments())
     offsets = np.linalg.norm(centers - grid.points, axis=1) / np.sqrt(grid.areas)
     assert np.sqrt((offsets[20:] ** 2).mean()) == pytest.approx(grid.offset, rel=0.01)
 

@@ -10,18 +10,17 @@ import pytest
 from cvtimg import sphere_grid
 from cvtimg.sphere import Refinement, move_in_patches
 from cvtimg.sphere.cell_sums import uniform_cells
-from cvtimg.sphere.descent import Terms, _Whole, descend
+from cvtimg.sphere.descent import N_STEPS, _Whole, descend
 from cvtimg.sphere.patches import _Patches
-from cvtimg.sphere.steps import N_STEPS
-from cvtimg.sphere.triangulation import Triangulation, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 GRID = sphere_grid(6000, effort="fast", polish=False)
 
 
 @pytest.mark.parametrize("n_patches", [1, 2, 5])
 def test_patches_give_the_bits_of_one_mesh(n_patches: int) -> None:
-    mesh = Triangulation(GRID.points)
-    descend(mesh, uniform_cells, Terms(12, 0.0))
+    mesh = SphereTriangulation(GRID.points)
+    descend(mesh, uniform_cells, 12, 0.0)
     assert not (mesh.points == GRID.points).all()
     assert (move_in_patches(GRID, 12, n_patches=n_patches).points == mesh.points).all()
 
@@ -31,10 +30,10 @@ def test_patches_rest_within_a_tolerance() -> None:
 
 
 def test_steps_that_turn_triangles_over_are_halved_in_all_patches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg.sphere.steps._LONGEST", 10.0)
+    monkeypatch.setattr("cvtimg.sphere.descent._LONGEST", 10.0)
     points = unit(GRID.points + 0.2 * np.sqrt(GRID.areas)[:, None] * np.random.default_rng(1).normal(size=(6000, 3)))
-    mesh = Triangulation(points)
-    whole = _Whole(mesh, uniform_cells, Terms(1, 0.0))
+    mesh = SphereTriangulation(points)
+    whole = _Whole(mesh, uniform_cells)
     patches = _Patches(replace(GRID, points=points), 3, uniform_cells, None)
     step = np.zeros(2 * N_STEPS + 1)
     answers = []

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, SphericalVoronoi
 
 from cvtimg._shared.threads import limit_threads, n_threads
 from cvtimg.sphere import triangulate
-from cvtimg.sphere.triangulation import Triangulation, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 Points = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def test_points_in_one_hemisphere_have_cells_that_cover_the_sphere() -> None:
     points = random_points(200)
     points[:, 2] = np.abs(points[:, 2]) + 0.2
     points = unit(points)
-    mesh = Triangulation(points)
+    mesh = SphereTriangulation(points)
     oracle = SphericalVoronoi(points)
     assert as_sets(mesh.triangles) == as_sets(oracle._simplices)
     assert mesh.uniform_moments().sum(axis=0) == pytest.approx(0, abs=1e-12)
@@ -120,7 +120,7 @@ def test_points_without_a_triangulation_are_refused(points: Points, message: str
 
 
 def test_flips_follow_moving_points() -> None:
-    mesh = Triangulation(random_points(2000))
+    mesh = SphereTriangulation(random_points(2000))
     for _ in range(5):
         mesh.replace(unit(mesh.uniform_moments()))
     step = 0.1 * np.sqrt(mesh.areas())[:, None]
@@ -129,7 +129,7 @@ def test_flips_follow_moving_points() -> None:
 
 
 def test_a_move_that_turns_triangles_over_changes_nothing() -> None:
-    mesh = Triangulation(random_points(50))
+    mesh = SphereTriangulation(random_points(50))
     before, triangles = mesh.points, mesh.triangles.copy()
     assert not mesh.move(random_points(50, 1))
     assert mesh.points is before
@@ -138,7 +138,7 @@ def test_a_move_that_turns_triangles_over_changes_nothing() -> None:
 
 def test_areas_and_cells_agree_with_scipy() -> None:
     points = random_points(300)
-    mesh, oracle = Triangulation(points), SphericalVoronoi(points)
+    mesh, oracle = SphereTriangulation(points), SphericalVoronoi(points)
     oracle.sort_vertices_of_regions()
     assert mesh.areas() == pytest.approx(oracle.calculate_areas(), abs=1e-12)
     cells = mesh.cells()
@@ -154,13 +154,13 @@ def test_moments_agree_with_samples() -> None:
     points, places = random_points(12, 3), random_points(400_000, 4)
     owners = (places @ points.T).argmax(axis=1)
     sampled = np.stack([np.bincount(owners, places[:, k], 12) for k in range(3)], axis=1) * 4 * np.pi / len(places)
-    assert Triangulation(points).uniform_moments() == pytest.approx(sampled, abs=0.02)
+    assert SphereTriangulation(points).uniform_moments() == pytest.approx(sampled, abs=0.02)
 
 
 @pytest.mark.parametrize("width", [0.01, 0.3, 1.0])
 def test_moments_of_points_on_one_side_agree_with_their_cells(width: float) -> None:
     points = unit(np.array([0.0, 0.0, 1.0]) + width * np.random.default_rng(7).normal(size=(40, 3)))
-    mesh = Triangulation(points)
+    mesh = SphereTriangulation(points)
     cells, moments = mesh.cells(), mesh.uniform_moments()
     for i, point in enumerate(points):
         corners = cells[i]
@@ -172,7 +172,7 @@ def test_moments_of_points_on_one_side_agree_with_their_cells(width: float) -> N
 
 
 def test_triangles_are_near_each_other_in_memory() -> None:
-    mesh = Triangulation(random_points(20_000))
+    mesh = SphereTriangulation(random_points(20_000))
     places = mesh.points[mesh.triangles].mean(axis=1)
     gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert np.median(gaps) < 1.2 * np.sqrt(4 * np.pi / 20_000)
@@ -181,7 +181,7 @@ def test_triangles_are_near_each_other_in_memory() -> None:
 
 
 def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
-    mesh = Triangulation(random_points(20_000))
+    mesh = SphereTriangulation(random_points(20_000))
     for _ in range(3):
         mesh.replace(unit(mesh.uniform_moments()))
     centers = mesh.circumcenters()
@@ -197,7 +197,7 @@ def test_results_do_not_depend_on_threads() -> None:
     before, results = n_threads(), []
     for threads in (1, 3):
         limit_threads(threads)
-        mesh = Triangulation(points)
+        mesh = SphereTriangulation(points)
         results.append((mesh.triangles, mesh.uniform_moments(), mesh.areas()))
     limit_threads(before)
     for one, other in zip(*results, strict=True):

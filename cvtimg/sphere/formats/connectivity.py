@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg.sphere import _triangulation
+from cvtimg.halfedges import find_twins, half_edges_out
 
 Indices = NDArray[np.int32]
 
@@ -59,13 +59,17 @@ def connect(triangles: Indices, n: int) -> Connectivity:
     """Find out what touches what in a closed triangulation of `n` points."""
     starts = triangles.ravel()
     ends = triangles[:, [1, 2, 0]].ravel()
-    twins = _find_twins(triangles, n)
+    twins = find_twins(triangles, n).ravel()
     numbers = np.arange(len(starts), dtype=np.int32)
+    closed = (twins >= 0).all() and (twins[twins] == numbers).all()
+    check_that("triangles", closed, "close the sphere, each edge in two triangles that go around in the same direction")
     halves = numbers[numbers < twins]
     edge_of = np.empty(len(starts), np.int32)
     edge_of[halves] = edge_of[twins[halves]] = np.arange(len(halves), dtype=np.int32)
     degrees = np.bincount(starts, minlength=n).astype(np.int32)
-    outgoing = _outgoing(starts, twins, degrees)
+    first = np.empty(n, np.int32)
+    first[starts[::-1]] = numbers[::-1]
+    outgoing = half_edges_out(first, twins, degrees)
     there = outgoing >= 0
     return Connectivity(
         twins,
@@ -81,33 +85,3 @@ def connect(triangles: Indices, n: int) -> Connectivity:
         cells_on_vertex=triangles,
         edges_on_vertex=edge_of.reshape(-1, 3),
     )
-
-
-def _find_twins(triangles: Indices, n: int) -> Indices:
-    """Return the half-edge that leads back along each one."""
-    twins = np.empty(triangles.shape, np.int32)
-    heads, following = np.empty(n, np.int32), np.empty(triangles.size, np.int32)
-    n_open = _triangulation.find_twins(triangles, twins, heads, following)
-    flat = twins.ravel()
-    closed = n_open == 0 and (flat[flat] == np.arange(len(flat))).all()
-    check_that("triangles", closed, "close the sphere, each edge in two triangles that go around in the same direction")
-    return flat
-
-
-def turn(half_edges: Indices, twins: Indices) -> Indices:
-    """Return the next half-edges out of the same points, counterclockwise."""
-    before = np.where(half_edges % 3 == 0, half_edges + 2, half_edges - 1)
-    return twins[before]
-
-
-def _outgoing(starts: Indices, twins: Indices, degrees: Indices) -> Indices:
-    """(N, M) half-edges out of each point, counterclockwise from the one with the least number; -1 after the last."""
-    n = len(degrees)
-    current = np.empty(n, np.int32)
-    current[starts[::-1]] = np.arange(len(starts) - 1, -1, -1, dtype=np.int32)
-    found = np.full((n, int(degrees.max())), -1, np.int32)
-    for j in range(found.shape[1]):
-        some = np.flatnonzero(degrees > j)
-        found[some, j] = current[some]
-        current[some] = turn(current[some], twins)
-    return found

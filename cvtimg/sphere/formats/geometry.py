@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.sphere.formats.connectivity import Connectivity, Indices, turn
+from cvtimg.halfedges.half_edges import turn_left
+from cvtimg.sphere.formats.connectivity import Connectivity, Indices
 
 Values = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
             rows = np.flatnonzero(others > j)
             # Half-edge 3 t + k leaves corner k, whose kite in triangle t lies between it and the next one.
             passed[rows] += shares[current[rows]]
-            current[rows] = turn(current[rows], around.twins)
+            current[rows] = turn_left(current[rows], around.twins)
             edge = around.edge_of[current[rows]]
             outward = np.where(around.cells_on_edge[edge, 0] == cells[rows], sign, -sign)
             lengths = geometry.edge_lengths[edge] / geometry.cell_distances[rows]

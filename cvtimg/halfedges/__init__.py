@@ -1,0 +1,5 @@
+"""Triangles joined along their edges: which are beside which, and how good they are."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,29 @@
+"""What kernels know of half-edges."""
+from libc.stdint cimport int32_t, uint8_t
+
+cdef extern from "half_edges.h" nogil:
+    struct half_edges:
+        const double *points
+        int32_t *vertices
+        int32_t *twins
+        uint8_t *borders
+        int32_t *outgoing
+
+    int32_t next_edge(int32_t e)
+    int32_t last_edge(int32_t e)
+    int32_t end_of(const half_edges *mesh, int32_t e)
+    double squared_distance(const double *a, const double *b)
+
+
+cdef inline half_edges seen(mesh) except *:
+    """See a `cvtimg.halfedges.HalfEdges`, which must keep its arrays meanwhile."""
+    cdef half_edges found
+    cdef const double[:, ::1] points = mesh.points
+    cdef const int32_t[:, ::1] triangles = mesh.triangles
+    cdef const int32_t[:, ::1] twins = mesh.twins
+    found.points = &points[0, 0]
+    found.vertices = <int32_t *>&triangles[0, 0]
+    found.twins = <int32_t *>&twins[0, 0]
+    found.borders = NULL
+    found.outgoing = NULL
+    return found

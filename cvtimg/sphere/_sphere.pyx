@@ -1,0 +1,308 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled passes over triangulations of the sphere: insertion, flips, moments of their dual cells, and descent.
+
+`mesh` is a `SphereTriangulation` of N vertices and T = 2 N - 4 triangles. Passes that several threads share fill the rows
+start..stop of what they are given.
+"""
+import numpy as np
+
+from libc.math cimport cos, sqrt
+from libc.stdint cimport int32_t, uint8_t
+
+from cvtimg.halfedges.half_edges cimport half_edges, next_edge, seen, squared_distance
+
+cdef extern from "delaunay.h" nogil:
+    ctypedef int edge_test(const half_edges *mesh, const double *values, int32_t e)
+    ctypedef void edge_update(const half_edges *mesh, double *values, int32_t e)
+    int should_flip(const half_edges *mesh, const double *arcs, int32_t e)
+    int may_flip(const half_edges *mesh, const double *arcs, int32_t e)
+    void update_arcs(const half_edges *mesh, double *arcs, int32_t e)
+    Py_ssize_t flip_waiting(
+        half_edges *mesh, double *arcs, edge_test should_flip, edge_update update, int32_t *stack, uint8_t *waiting,
+        int32_t depth, Py_ssize_t most,
+    )
+
+cdef extern from "insertion.h" nogil:
+    void start_from_four(half_edges *mesh, const int32_t *four)
+    int32_t find_triangle(
+        const half_edges *mesh, int32_t n_triangles, int32_t t, const double *inside, const double *place,
+    )
+    Py_ssize_t insert_vertex(
+        half_edges *mesh, int32_t n_triangles, int32_t t, int32_t vertex, int32_t *stack, Py_ssize_t most,
+    )
+
+cdef extern from "dual_cells.h" nogil:
+    void circumcenter(const half_edges *mesh, int32_t t, double *center)
+    bint half_arcs(const half_edges *mesh, int32_t t, double *arcs)
+    void uniform_moment(const half_edges *mesh, const double *arcs, int32_t first, double *moment)
+    void weighted_moment(
+        const half_edges *mesh, const double *centers, const double *at_points, const double *at_centers,
+        int32_t first, double *mass, double *moment, double *energy,
+    )
+
+cdef extern from "corners.h" nogil:
+    int add_corner_slopes(
+        const half_edges *mesh, int32_t t, double least_cosine, double largest_cosine, double *slopes,
+    )
+
+#: M_PI is not standard C, and not in the headers for Windows.
+cdef double PI = 3.141592653589793
+
+
+def insert(mesh, const int32_t[::1] order, const double[::1] inside, double least, Py_ssize_t most):
+    """Insert the points of a mesh in an order (N,); return how many, fewer than N where one is too near to others.
+
+    The first three of the first four are counterclockwise from outside, and `inside` is in their tetrahedron; `least` is
+    the least squared distance of points, and `most` the flips for one point. Triangles and twins are filled.
+    """
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t[::1] stack = np.empty(mesh.triangles.size, np.int32)
+    cdef int32_t n = 4, t = 0, n_triangles = 4
+    cdef int k
+    cdef bint too_near = False
+    with nogil:
+        start_from_four(&c_mesh, &order[0])
+        while n < order.shape[0]:
+            t = find_triangle(&c_mesh, n_triangles, t, &inside[0], c_mesh.points + 3 * <Py_ssize_t>order[n])
+            if t < 0:
+                break
+            for k in range(3):
+                too_near |= squared_distance(
+                    c_mesh.points + 3 * <Py_ssize_t>order[n], c_mesh.points + 3 * <Py_ssize_t>c_mesh.vertices[3 * t + k]
+                ) < least
+            if too_near or insert_vertex(&c_mesh, n_triangles, t, order[n], &stack[0], most) < 0:
+                break
+            n_triangles += 2
+            n += 1
+    return n
+
+
+def fill_half_arcs(
+    const double[:, ::1] points, const int32_t[:, ::1] triangles, double[:, ::1] arcs, Py_ssize_t start, Py_ssize_t stop
+):
+    """For each edge (T, 3), compute the arc from its middle to the circumcenter of its triangle, by its length.
+
+    Returns how many triangles do not turn counterclockwise.
+    """
+    cdef half_edges c_mesh
+    cdef int32_t t
+    cdef Py_ssize_t n_turned = 0
+    c_mesh.points, c_mesh.vertices = &points[0, 0], <int32_t *>&triangles[0, 0]
+    with nogil:
+        for t in range(<int32_t>start, <int32_t>stop):
+            n_turned += not half_arcs(&c_mesh, t, &arcs[0, 0])
+    return n_turned
+
+
+def find_wrong(mesh, const double[:, ::1] arcs, uint8_t[::1] wrong, Py_ssize_t start, Py_ssize_t stop):
+    """Mark edges (3 T,) of triangles that are not Delaunay, each once."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t e
+    with nogil:
+        for e in range(<int32_t>(3 * start), <int32_t>(3 * stop)):
+            wrong[e] = may_flip(&c_mesh, &arcs[0, 0], e) and c_mesh.twins[e] > e and should_flip(
+                &c_mesh, &arcs[0, 0], e
+            )
+
+
+def flip(mesh, double[:, ::1] arcs, uint8_t[::1] wrong, Py_ssize_t most):
+    """Flip edges that are wrong (3 T,), and others, until all are Delaunay; return whether `most` flips were enough."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t[::1] stack = np.empty(wrong.shape[0], np.int32)
+    cdef int32_t e, depth = 0
+    cdef Py_ssize_t n_flips
+    with nogil:
+        for e in range(<int32_t>wrong.shape[0]):
+            if wrong[e]:
+                stack[depth] = e
+                depth += 1
+        n_flips = flip_waiting(
+            &c_mesh, &arcs[0, 0], should_flip, update_arcs, &stack[0], &wrong[0], depth, most,
+        )
+    return n_flips <= most
+
+
+def fill_circumcenters(mesh, double[:, ::1] centers, Py_ssize_t start, Py_ssize_t stop):
+    """Compute the centers (T, 3) of circumscribed caps: unit vectors."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t t
+    with nogil:
+        for t in range(<int32_t>start, <int32_t>stop):
+            circumcenter(&c_mesh, t, &centers[t, 0])
+
+
+def first_edges(const int32_t[:, ::1] triangles, Py_ssize_t n_points):
+    """Find the edge (N,) from each vertex to its least neighbor: where sums over its cell begin, whatever the mesh."""
+    cdef int32_t[::1] firsts = np.full(n_points, -1, np.int32)
+    cdef int32_t e, vertex
+    cdef const int32_t *vertices = &triangles[0, 0]
+    with nogil:
+        for e in range(<int32_t>(3 * triangles.shape[0])):
+            vertex = vertices[e]
+            if firsts[vertex] < 0 or vertices[next_edge(e)] < vertices[next_edge(firsts[vertex])]:
+                firsts[vertex] = e
+    return np.asarray(firsts)
+
+
+def sum_uniform(
+    mesh, const double[:, ::1] arcs, const int32_t[::1] firsts, double[:, ::1] moments, Py_ssize_t start, Py_ssize_t stop
+):
+    """Integrate x over cells, exactly: (N, 3)."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef Py_ssize_t i
+    with nogil:
+        for i in range(start, stop):
+            uniform_moment(&c_mesh, &arcs[0, 0], firsts[i], &moments[i, 0])
+
+
+def sum_weighted(
+    mesh,
+    const double[:, ::1] centers,
+    const int32_t[::1] firsts,
+    const double[::1] at_points,
+    const double[::1] at_centers,
+    double[::1] masses,
+    double[:, ::1] moments,
+    double[::1] energies,
+    Py_ssize_t start,
+    Py_ssize_t stop,
+):
+    """Integrate a density, that times x, and that times the squared distance to the vertex, over cells."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef Py_ssize_t i
+    with nogil:
+        for i in range(start, stop):
+            weighted_moment(
+                &c_mesh, &centers[0, 0], &at_points[0], &at_centers[0], firsts[i], &masses[i], &moments[i, 0],
+                &energies[i],
+            )
+
+
+def sum_corner_slopes(mesh, double least_cosine, double largest_cosine):
+    """Sum the slopes (N, 3) of what angles out of bounds cost; also return how many triangles have one."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef double[:, ::1] slopes = np.zeros(mesh.points.shape)
+    cdef int32_t t, n_triangles = <int32_t>len(mesh.triangles)
+    cdef Py_ssize_t n_out = 0
+    with nogil:
+        for t in range(n_triangles):
+            n_out += add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, &slopes[0, 0])
+    return np.asarray(slopes), n_out
+
+
+def split_moments(
+    const double[:, ::1] points,
+    double[:, ::1] moments,
+    double[::1] lengths,
+    double[::1] along,
+    Py_ssize_t start,
+    Py_ssize_t stop,
+):
+    """Split moments (N, 3) of uniform cells: into lengths, which are nearly areas, and parts along the points.
+
+    What is left in `moments` are the parts across the points.
+    """
+    cdef Py_ssize_t i, k
+    with nogil:
+        for i in range(start, stop):
+            lengths[i] = sqrt(
+                moments[i, 0] * moments[i, 0] + moments[i, 1] * moments[i, 1] + moments[i, 2] * moments[i, 2])
+            along[i] = moments[i, 0] * points[i, 0] + moments[i, 1] * points[i, 1] + moments[i, 2] * points[i, 2]
+            for k in range(3):
+                moments[i, k] -= along[i] * points[i, k]
+
+
+cdef double product(const double *a, const double *b, Py_ssize_t n) noexcept nogil:
+    cdef double sums[8]
+    cdef Py_ssize_t i, j
+    for j in range(8):
+        sums[j] = 0
+    for i in range(0, n - 7, 8):
+        for j in range(8):
+            sums[j] += a[i + j] * b[i + j]
+    for i in range(n - n % 8, n):
+        sums[0] += a[i] * b[i]
+    return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]))
+
+
+def sum_products(
+    const double[:, :, ::1] rows,
+    const Py_ssize_t[::1] new,
+    Py_ssize_t block,
+    double[:, :, ::1] sums,
+    Py_ssize_t start,
+    Py_ssize_t stop,
+):
+    """Sum the products of new rows (W,) with all rows (R, N, 3), over each block of points: (blocks, W, R)."""
+    cdef Py_ssize_t b, i, j, first, n
+    with nogil:
+        for b in range(start, stop):
+            first = b * block
+            n = 3 * min(block, rows.shape[1] - first)
+            for i in range(new.shape[0]):
+                for j in range(rows.shape[0]):
+                    sums[b, i, j] = product(&rows[new[i], first, 0], &rows[j, first, 0], n)
+
+
+def move_points(
+    const double[:, ::1] points,
+    const double[:, :, ::1] rows,
+    const double[::1] coefficients,
+    const double[::1] stretches,
+    const double[::1] areas,
+    double longest,
+    double part,
+    double[:, ::1] there,
+    Py_ssize_t start,
+    Py_ssize_t stop,
+):
+    """Move points (N, 3) by a part of a sum of rows, but no farther than `longest` times the size of their cells."""
+    cdef Py_ssize_t i, j, k
+    cdef double step[3]
+    cdef double scale, square
+    with nogil:
+        for i in range(start, stop):
+            step[0] = step[1] = step[2] = 0
+            for j in range(rows.shape[0]):
+                for k in range(3):
+                    step[k] += coefficients[j] * rows[j, i, k]
+            scale = stretches[i]
+            square = scale * scale * (step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
+            if square > longest * longest * areas[i]:
+                scale *= longest * sqrt(areas[i] / square)
+            square = 0
+            for k in range(3):
+                there[i, k] = points[i, k] + part * scale * step[k]
+                square += there[i, k] * there[i, k]
+            scale = 1 / sqrt(square)
+            for k in range(3):
+                there[i, k] *= scale
+
+
+def limit_growth(
+    double[:, ::1] sizes,          # INOUT (H, W): sizes at the pixels of a picture of the globe
+    double growth,                 # IN: of sizes for each radian
+):
+    """Lower sizes, until they grow by no more than this from each pixel to the eight around, across the date line too."""
+    cdef Py_ssize_t height = sizes.shape[0], width = sizes.shape[1], row, i, j, x, left, right, step
+    cdef double along, across = PI / height, slant, least
+    cdef bint changed = True
+    with nogil:
+        while changed:
+            changed = False
+            for step in range(-1, 2, 2):  # with rows, and against them
+                for i in range(height):
+                    row = i if step > 0 else height - 1 - i
+                    along = across * cos(PI * (0.5 - (row + 0.5) / height))
+                    slant = sqrt(along * along + across * across)
+                    for j in range(2 * width):  # twice around, so that what is beyond the date line counts
+                        x = (j if step > 0 else 2 * width - 1 - j) % width
+                        left, right = (x - 1 + width) % width, (x + 1) % width
+                        least = sizes[row, left if step > 0 else right] + growth * along
+                        if 0 <= row - step < height:
+                            least = min(least, sizes[row - step, x] + growth * across)
+                            least = min(least, sizes[row - step, left] + growth * slant)
+                            least = min(least, sizes[row - step, right] + growth * slant)
+                        if least < sizes[row, x]:
+                            changed = True
+                            sizes[row, x] = least

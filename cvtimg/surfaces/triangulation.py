@@ -1,0 +1,160 @@
+"""Triangles of a surface: their flips and cells, and splitting of long edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_that
+from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.threads import in_parts
+from cvtimg.halfedges import HalfEdges, find_twins
+from cvtimg.halfedges.half_edges import turn_left
+from cvtimg.surfaces import _surfaces
+
+Points = NDArray[np.float64]
+Triangles = NDArray[np.int32]
+
+#: Rounds of splitting at most; each halves the longest edges.
+_ROUNDS = 24
+#: Flips at most for each triangle; rounding on curved surfaces might let two edges take turns for ever.
+_MOST_FLIPS = 20
+#: Steps of the kernel to find the nearest point.
+_WORK = 300
+
+
+class SurfaceTriangulation(HalfEdges):
+    """Triangles of a surface in space, counterclockwise from outside."""
+
+    def areas(self) -> NDArray[np.float64]:
+        """Return the areas (T,) of triangles."""
+        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+    def vertex_areas(self) -> NDArray[np.float64]:
+        """Return a third of the areas (N,) of the triangles at each vertex."""
+        return sum_by_label(self.triangles.ravel(), np.repeat(self.areas() / 3, 3), len(self.points))
+
+    def face_normals(self, faces: Triangles | slice = slice(None)) -> Points:
+        """Return outward unit normals of triangles, of all by default."""
+        a, b, c = (self.points[corners] for corners in self.triangles[faces].T)
+        return unit(np.cross(b - a, c - a))
+
+    def normals(self) -> Points:
+        """Return outward unit normals (N, 3) at the vertices: the mean of their triangles."""
+        return unit(sum_by_label(self.triangles.ravel(), np.repeat(self.face_normals(), 3, axis=0), len(self.points)))
+
+    def flip(self, normals: Points) -> None:
+        """Flip edges until opposite angles add up to at most 180 degrees, but fold nothing."""
+        _surfaces.flip(self, normals, _MOST_FLIPS * len(self.triangles))
+
+    def moments(self, density: NDArray[np.float64]) -> tuple[NDArray[np.float64], Points]:
+        """Return the masses (N,) of the cells of points, and the steps (N, 3) to their centers of mass."""
+        masses, pulls = _surfaces.sum_cells(self, density)
+        # A cell of no mass, or of a negative one where angles are obtuse, stays.
+        heavy = masses > 1e-9 * masses.mean()
+        return masses, np.where(heavy[:, None], pulls / np.where(heavy, masses, 1)[:, None], 0)
+
+    def nearest(self, places: Points, faces: Triangles) -> tuple[Points, Triangles]:
+        """Walk from faces to the nearest points to places; return them and their faces."""
+        found, last = np.ascontiguousarray(places).copy(), faces.copy()
+        in_parts(partial(_surfaces.walk, self, found, last), len(found), _WORK * len(found))
+        return found, last
+
+    def face_of_each(self) -> Triangles:
+        """Return a triangle (N,) at each vertex; any number for vertices without one."""
+        face = np.zeros(len(self.points), np.int32)
+        face[self.triangles.ravel()] = np.arange(self.triangles.size, dtype=np.int32) // 3
+        return face
+
+
+def unit(vectors: Points) -> Points:
+    """Scale (N, 3) vectors to length 1."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def check_manifold(triangles: Triangles, n: int) -> None:
+    """Refuse triangles that go around in different directions, or that meet at an edge of others."""
+    keys = np.sort(triangles.astype(np.int64).ravel() * n + triangles[:, [1, 2, 0]].ravel())
+    demand = "go around in one direction, at most two at an edge: turn some, or divide the surface"
+    check_that("faces", (np.diff(keys) > 0).all(), demand)
+
+
+def divide_fans(points: Points, triangles: Triangles) -> tuple[Points, Triangles]:
+    """Give each fan of triangles a vertex of its own where several meet in one, and leave out unused vertices."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    numbers = np.arange(triangles.size, dtype=np.int32)
+    beyond = turn_left(numbers, find_twins(triangles, len(points)))
+    there = beyond >= 0
+    links = coo_array((np.ones(there.sum(), np.int8), (numbers[there], beyond[there])), (len(numbers), len(numbers)))
+    n_fans, fan = connected_components(links, directed=False)
+    origin = np.empty(n_fans, np.int64)
+    origin[fan] = triangles.ravel()
+    return points[origin], fan.astype(np.int32).reshape(-1, 3)
+
+
+def split_long_edges(
+    points: Points,
+    triangles: Triangles,
+    limits: Callable[[Points], NDArray[np.float64]],
+    on_surface: Callable[[Points], Points],
+) -> tuple[Points, Triangles]:
+    """Halve edges until none is longer than allowed.
+
+    Parameters
+    ----------
+    points, triangles
+        The surface.
+    limits : callable
+        From (N, 3) points to the (N,) lengths that edges there may have.
+    on_surface : callable
+        Moves the middles of edges to the surface.
+
+    Returns
+    -------
+    points, triangles
+    """
+    allowed = limits(points)
+    triangles = np.ascontiguousarray(triangles)
+    for _ in range(_ROUNDS):
+        halves = np.arange(triangles.size, dtype=np.int32)
+        edge = np.maximum(halves, find_twins(triangles, len(points)).ravel())  # one of the two half-edges for both
+        own = np.flatnonzero(edge == halves)
+        a, b = triangles.ravel()[own], triangles[:, [1, 2, 0]].ravel()[own]
+        is_long = np.linalg.norm(points[a] - points[b], axis=1) > (allowed[a] + allowed[b]) / 2
+        if not is_long.any():
+            break
+        middles = on_surface((points[a[is_long]] + points[b[is_long]]) / 2)
+        number = np.full(triangles.size, -1, np.int32)
+        number[own[is_long]] = np.arange(len(points), len(points) + len(middles), dtype=np.int32)
+        triangles = _split(triangles, number[edge].reshape(-1, 3))
+        points = np.concatenate([points, middles])
+        allowed = np.concatenate([allowed, limits(middles)])
+    return points, triangles
+
+
+def _split(triangles: Triangles, middles: Triangles) -> Triangles:
+    """Divide triangles at the middles of their sides 0-1, 1-2 and 2-0, where these are >= 0."""
+    n_split = (middles >= 0).sum(axis=1)
+    # Turn each so that side 0-1 is split and, of two, 1-2 as well; of one or two there is one such turn.
+    first = np.where(n_split == 2, (np.argmin(middles, axis=1) + 1) % 3, np.argmax(middles, axis=1))
+    turns = (first[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles, turns, axis=1).T
+    ab, bc, ca = np.take_along_axis(middles, turns, axis=1).T
+    patterns = (
+        [(a, b, c)],
+        [(a, ab, c), (ab, b, c)],
+        [(ab, b, bc), (a, ab, bc), (a, bc, c)],
+        [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)],
+    )
+    parts = [
+        np.stack([corner[n_split == count] for corner in part], axis=1)
+        for count, pattern in enumerate(patterns)
+        for part in pattern
+    ]
+    return np.ascontiguousarray(np.concatenate(parts), np.int32)
