@@ -165,7 +165,8 @@ def test_a_zarr_array_is_read_in_its_chunks(tmp_path: Path) -> None:
     assert is_blocked(stored)
     for opened in (as_blocks(stored), open_blocks(tmp_path / "a.zarr")):
         np.testing.assert_array_equal(opened.rows.compute(), ROWS)
-        assert all(length % 100 == 0 for length in opened.lengths or ())
+        assert opened.lengths is not None
+        assert all(length % 100 == 0 for length in opened.lengths)
 
 
 def test_a_file_of_numpy_is_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

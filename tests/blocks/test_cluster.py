@@ -82,19 +82,32 @@ def test_a_killed_worker_costs_time_and_no_bit(tmp_path: Path, monkeypatch: pyte
     assert result.energies == expected.energies
 
 
-def _slowly(start: int) -> NDArray[np.float64]:
-    time.sleep(0.2)
+reading, closing = threading.Event(), threading.Event()
+
+
+def _read_until_the_cluster_is_lost(start: int) -> NDArray[np.float64]:
+    reading.set()
+    assert closing.wait(60)
     return ROWS[start : start + 100]
 
 
 def test_a_lost_cluster_is_said_in_one_error() -> None:
     options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
-    parts = [dask.delayed(_slowly, pure=False)(start) for start in range(0, 1200, 100)]
+    parts = [dask.delayed(_read_until_the_cluster_is_lost, pure=False)(start) for start in range(0, 1200, 100)]
     rows = da.concatenate([da.from_delayed(part, (100, 3), np.float64) for part in parts])
     cluster = distributed.LocalCluster(**options)
+
+    async def close() -> None:
+        closing.set()
+        await cluster._close()
+
+    def close_while_reading() -> None:
+        assert reading.wait(60)
+        cluster.sync(close)
+
     with distributed.Client(cluster):
-        timer = threading.Timer(1, cluster.close)
-        timer.start()
+        closer = threading.Thread(target=close_while_reading)
+        closer.start()
         with pytest.raises(ConnectionError, match="the Dask cluster was lost"):
             tessellate(rows, 7)
-        timer.join()
+        closer.join()

@@ -141,7 +141,7 @@ def test_json_has_the_keys_that_are_documented_in_order(run: Run, here: Path) ->
     (row,) = run("quantize", "pictures/rgb.png", "-k", "4", "--json").rows
     assert list(row) == KEYS
     assert list(row["seconds"]) == ["read", "cluster", "write"]
-    assert all(seconds > 0 for seconds in row["seconds"].values())
+    assert all(seconds >= 0 for seconds in row["seconds"].values())
     assert (row["input"], row["output"]) == ("pictures/rgb.png", "pictures/rgb-quantized.png")
     assert row["converged"] is True
     assert row["n_iter"] > 0

@@ -32,7 +32,7 @@ def test_a_swap_is_made_exactly_if_it_lowers_the_discrepancy(n_dims: int, period
     assert _swaps.swap_coordinates(places, order, tries, least, periodic) == n_swaps
     np.testing.assert_allclose(places + 0.5, expected, atol=1e-12)
     assert (order == np.argsort(expected, axis=0).T).all()
-    assert n_swaps > 0 or n_dims == 1
+    assert (n_swaps > 0) == (n_dims > 1)
 
 
 def test_evened_points_stay_latin_and_apart() -> None:

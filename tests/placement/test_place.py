@@ -260,7 +260,9 @@ def test_cells_beyond_the_plane_are_refused_by_name(region: Any) -> None:
     placement = place_generators(region, 3, effort="fast")
     with pytest.raises(ValueError, match="must be in the plane: cells are polygons there"):
         placement.cells()
-    assert placement.measures().h > 0
+    corners = np.stack(np.meshgrid(*[[0, 3 if isinstance(region, np.ndarray) else 1]] * 3), -1).reshape(-1, 3)
+    from_corners = np.linalg.norm(corners[:, None] - placement.points, axis=2).min(axis=1).max()
+    assert placement.measures().h == pytest.approx(from_corners, rel=0.05)
 
 
 def test_draws_in_any_number_of_threads_end_alike() -> None:

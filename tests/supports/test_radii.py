@@ -69,7 +69,13 @@ def test_a_proved_cover_holds_at_each_of_many_places(case: int, order: int) -> N
     assert ((distances(region, slits, points, places) <= supports.radii).sum(axis=1) >= order).all()
     loose = support_radii(points, region, order, visible=slits, tighten=False)
     assert supports.overlap.nnz <= loose.overlap.nnz
-    assert order == 1 or slits is not None or supports.overlap.nnz < loose.overlap.nnz
+
+
+@pytest.mark.parametrize("region", [SQUARE, ELL, FRAME])
+def test_covers_by_three_get_tighter(region: Region) -> None:
+    points = region.draw(60, 5)
+    tight, loose = (support_radii(points, region, 3, tighten=tighten).overlap.nnz for tighten in (True, False))
+    assert tight < loose
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -86,7 +92,8 @@ def test_the_proof_finds_a_gap_where_samples_do_and_no_others(case: int, order: 
         smaller = radii * np.where(np.random.default_rng(seed).random(40) < 0.1, 0.85, 1)
         sampled = ((apart <= smaller).sum(axis=1) < order).any()
         gaps = find_gaps(points, smaller, outline, order)
-        assert len(gaps.places) or not sampled
+        if sampled:
+            assert len(gaps.places)
         n_with_gaps += bool(sampled)
         held = distances(region, slits, points, gaps.places) < smaller * (1 - 1e-6)
         assert (held.sum(axis=1) < order).all()
@@ -149,11 +156,20 @@ def test_boxes_prove_covers_in_any_number_of_dimensions(n_dims: int) -> None:
         apart = np.linalg.norm(places[:, None] - points, axis=2)
         assert ((apart <= supports.radii).sum(axis=1) >= order).all()
         loose = support_radii(points, region, order, tighten=False)
-        nearest = np.argsort(apart, axis=1)[:, :order]
-        sampled = np.zeros(40)
-        np.maximum.at(sampled, nearest.ravel(), np.take_along_axis(apart, nearest, axis=1).ravel())
-        assert n_dims > 3 or np.median(loose.radii / sampled) < 1.15
         assert supports.overlap.nnz <= loose.overlap.nnz
+
+
+# In more dimensions, so few samples come near to too few corners of cells.
+@pytest.mark.parametrize("n_dims", [1, 3])
+@pytest.mark.parametrize("order", [1, 3])
+def test_radii_in_boxes_are_little_larger_than_samples_say(n_dims: int, order: int) -> None:
+    region = Box([0] * n_dims, [1] * n_dims)
+    points, places = region.draw(40, 5), region.draw(4000, 2)
+    apart = np.linalg.norm(places[:, None] - points, axis=2)
+    nearest = np.argsort(apart, axis=1)[:, :order]
+    sampled = np.zeros(40)
+    np.maximum.at(sampled, nearest.ravel(), np.take_along_axis(apart, nearest, axis=1).ravel())
+    assert np.median(support_radii(points, region, order, tighten=False).radii / sampled) < 1.15
 
 
 def test_a_disk_and_a_function_are_covered_by_samples() -> None:
