@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg import tessellate
 from cvtimg.colors import color_samples
-from cvtimg.engine import EFFORTS, SEEDINGS, Tessellation
+from cvtimg.engine import EFFORTS, SEEDINGS
 from cvtimg.engine.methods import Stopping
 from cvtimg.engine.search import Effort
 
