@@ -1,12 +1,12 @@
 """Read and write palette files of other programs.
 
-Each format is a module of `cvtimg.palettes.formats`, registered here by suffix. Images can be read as palettes, too.
+Formats are registered here by suffix. Images can be read as palettes, too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,45 +16,41 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg._shared.pixels import peak
 from cvtimg.files.whole import StrPath, write_whole
+from cvtimg.palettes.formats import adobe, text
+from cvtimg.palettes.formats.aseprite import read_aseprite, write_aseprite
+from cvtimg.palettes.formats.picture import read_picture, write_picture
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
-
-__all__ = ["PALETTE_FORMATS", "read_palette", "write_palette"]
 
 
 @dataclass(frozen=True, slots=True)
 class PaletteFormat:
-    """A palette format: a module of `cvtimg.palettes.formats`, imported on first use."""
+    """A palette format.
 
-    module: str
+    Attributes
+    ----------
+    read : callable
+        Returns the (K, 3) or (K, 4) uint8 colors of a file, given its bytes.
+    write : callable
+        Returns the bytes of a file with these swatches.
+    """
 
-    def read(self, content: bytes) -> NDArray[np.uint8]:
-        """Return the colors of a file, given its bytes."""
-        colors: NDArray[np.uint8] = self._functions.read(content)
-        return colors
-
-    def write(self, swatches: Swatches) -> bytes:
-        """Return the bytes of a file with these colors."""
-        content: bytes = self._functions.write(swatches)
-        return content
-
-    @property
-    def _functions(self) -> Any:
-        return import_module(f"cvtimg.palettes.formats.{self.module}")
+    read: Callable[[bytes], NDArray[np.uint8]]
+    write: Callable[[Swatches], bytes]
 
 
 #: Formats by suffix.
 PALETTE_FORMATS = {
-    ".gpl": PaletteFormat("gpl"),
-    ".json": PaletteFormat("jsonlist"),
-    ".hex": PaletteFormat("hexlist"),
-    ".act": PaletteFormat("act"),
-    ".ase": PaletteFormat("ase"),
-    ".css": PaletteFormat("css"),
-    ".pal": PaletteFormat("jasc"),
-    ".txt": PaletteFormat("paintnet"),
-    ".aseprite": PaletteFormat("aseprite"),
-    ".png": PaletteFormat("picture"),
+    ".gpl": PaletteFormat(text.read_gpl, text.write_gpl),
+    ".json": PaletteFormat(text.read_json, text.write_json),
+    ".hex": PaletteFormat(text.read_hex, text.write_hex),
+    ".act": PaletteFormat(adobe.read_act, adobe.write_act),
+    ".ase": PaletteFormat(adobe.read_ase, adobe.write_ase),
+    ".css": PaletteFormat(text.read_css, text.write_css),
+    ".pal": PaletteFormat(text.read_jasc, text.write_jasc),
+    ".txt": PaletteFormat(text.read_paintnet, text.write_paintnet),
+    ".aseprite": PaletteFormat(read_aseprite, write_aseprite),
+    ".png": PaletteFormat(read_picture, write_picture),
 }
 
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cvtimg.pictures.formats.opening import UnfitContentError
 
-__all__ = ["Swatches", "as_palette", "css_color", "hex_color", "lines_of", "with_named_alpha"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swatches:

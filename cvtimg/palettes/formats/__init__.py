@@ -1,1 +1,1 @@
-"""Palette formats, one per module: ``read(content)`` returns the colors, ``write(swatches)`` the bytes of a file."""
+"""Palette formats: functions from the bytes of a file to its colors, and from swatches to bytes."""

@@ -26,7 +26,7 @@ def is_sprite(content: bytes) -> bool:
     return content[4:6] == _MAGIC.to_bytes(2, "little")
 
 
-def read(content: bytes) -> NDArray[np.uint8]:
+def read_aseprite(content: bytes) -> NDArray[np.uint8]:
     """Read the palette of the first frame, with alpha unless all colors are opaque."""
     if not is_sprite(content):
         raise UnfitContentError("is not an Aseprite sprite: it has the wrong magic number")
@@ -75,7 +75,7 @@ def _old_entries(chunk: bytes) -> Iterator[tuple[int, ...]]:
         at += 2 + 3 * count
 
 
-def write(swatches: Swatches) -> bytes:
+def write_aseprite(swatches: Swatches) -> bytes:
     """Write a sprite with one transparent pixel and the palette."""
     n_colors = len(swatches.colors)
     rgba = ((*color, 255)[:4] for color in swatches.colors.tolist())

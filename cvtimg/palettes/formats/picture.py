@@ -19,7 +19,7 @@ from cvtimg.pictures.formats.opening import UnfitContentError, open_picture
 MAX_COLORS = 1 << 16
 
 
-def read(content: bytes) -> NDArray[np.uint8]:
+def read_picture(content: bytes) -> NDArray[np.uint8]:
     """Read the palette of an indexed image, or the distinct colors of other images in order of first appearance."""
     file = BytesIO(content)
     try:
@@ -58,7 +58,7 @@ def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:
     return np.repeat(ordered, 3, axis=1) if ordered.shape[1] == 1 else ordered
 
 
-def write(swatches: Swatches) -> bytes:
+def write_picture(swatches: Swatches) -> bytes:
     """Write a PNG with one square per color; the rest of the last row repeats the last color."""
     n_colors = len(swatches.colors)
     widest = min(n_colors, max(16, int(np.ceil(np.sqrt(n_colors)))))

@@ -1,4 +1,4 @@
-"""Adobe Swatch Exchange (.ase). Alpha is stored only in color names."""
+"""Palettes of Adobe programs: color tables (.act) and Swatch Exchange (.ase)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.palettes.formats import aseprite
+from cvtimg.palettes.formats.aseprite import is_sprite, read_aseprite
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
+_ENTRIES = 256
+_TABLE = 3 * _ENTRIES
+_TAIL = struct.Struct(">HH")
+_NONE_CLEAR = 0xFFFF
 _HEADER = struct.Struct(">4sHHI")
 _BLOCK = struct.Struct(">HI")
 _MAGIC = b"ASEF"
@@ -28,13 +32,41 @@ _D50_TO_D65 = np.array(
 _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 
-def read(content: bytes) -> NDArray[np.uint8]:
-    """Read all colors, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50.
+def read_act(content: bytes) -> NDArray[np.uint8]:
+    """Read a color table: 256 RGB triples, then perhaps the number of colors in use and the transparent index."""
+    if len(content) not in (_TABLE, _TABLE + _TAIL.size):
+        raise UnfitContentError(f"has {len(content)} bytes; a color table must have 768 or 772")
+    table = np.frombuffer(content[:_TABLE], np.uint8).reshape(-1, 3)
+    n_colors, clear = _TAIL.unpack(content[_TABLE:]) if len(content) > _TABLE else (_ENTRIES, _NONE_CLEAR)
+    n_colors = n_colors or _ENTRIES  # some programs write 0 for all
+    if n_colors > _ENTRIES:
+        raise UnfitContentError(f"declares {n_colors} colors; a color table has at most 256")
+    if clear >= n_colors:
+        return table[:n_colors].copy()
+    alpha = np.where(np.arange(n_colors) == clear, 0, 255).astype(np.uint8)
+    return np.column_stack([table[:n_colors], alpha])
+
+
+def write_act(swatches: Swatches) -> bytes:
+    """Write a color table of at most 256 colors, at most one fully transparent and none partially transparent."""
+    colors = swatches.colors
+    if len(colors) > _ENTRIES:
+        raise ValueError(f".act holds at most 256 colors, and these are {len(colors)}")
+    clear = np.flatnonzero(colors[:, 3] < 255) if colors.shape[1] == 4 else np.empty(0, int)
+    if len(clear) > 1 or (len(clear) and colors[clear[0], 3]):
+        raise ValueError(".act holds one clear color, and no half transparent ones")
+    table = np.zeros((_ENTRIES, 3), np.uint8)
+    table[: len(colors)] = colors[:, :3]
+    return table.tobytes() + _TAIL.pack(len(colors), clear[0] if len(clear) else _NONE_CLEAR)
+
+
+def read_ase(content: bytes) -> NDArray[np.uint8]:
+    """Read all swatches, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50.
 
     Aseprite sprites, which have the same suffix, are read as well.
     """
-    if aseprite.is_sprite(content):
-        return aseprite.read(content)
+    if is_sprite(content):
+        return read_aseprite(content)
     magic, *_, n_blocks = _HEADER.unpack_from(content)
     if magic != _MAGIC:
         raise UnfitContentError("is not an Adobe Swatch Exchange file: it must begin with ASEF")
@@ -78,8 +110,8 @@ def _to_srgb(model: bytes, values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return levels
 
 
-def write(swatches: Swatches) -> bytes:
-    """Write the colors as RGB, in one group named after the palette."""
+def write_ase(swatches: Swatches) -> bytes:
+    """Write swatches as RGB, in one group named after the palette, with alpha in their names."""
     blocks = [(_GROUP, _text(swatches.name))]
     for color, code in zip(swatches.colors[:, :3] / 255, swatches.hexes(), strict=True):
         blocks.append((_COLOR, _text(code) + b"RGB " + struct.pack(">3fH", *color, _NORMAL)))

@@ -1,0 +1,156 @@
+"""Palettes as text: of GIMP, JASC and paint.net, and lists of colors for Lospec, JSON and style sheets."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.palettes.swatches import Swatches, as_palette, css_color, hex_color, lines_of, with_named_alpha
+from cvtimg.pictures.formats.opening import UnfitContentError
+
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
+#: RIFF, size, "PAL data", size, version, number of colors.
+_RIFF_HEADER = 24
+
+
+def read_gpl(content: bytes) -> NDArray[np.uint8]:
+    """Read a GIMP palette (.gpl), as Inkscape, Krita and Aseprite write them too; alpha may be in color names."""
+    lines = lines_of(content)
+    if not lines or lines[0].strip() != "GIMP Palette":
+        raise UnfitContentError("is not a GIMP palette: its first line must be 'GIMP Palette'")
+    n_bands = 4 if any(line.replace(" ", "") == "Channels:RGBA" for line in lines[:6]) else 3  # as in Aseprite
+    colors, names = [], []
+    for line in lines[1:]:
+        if line.startswith(("#", "Name:", "Columns:", "Channels:")):
+            continue
+        words = line.split(maxsplit=n_bands)
+        try:
+            colors.append(tuple(int(word) for word in words[:n_bands]))
+        except ValueError:
+            raise UnfitContentError(f"has a line {line[:40]!r}, which must begin with {n_bands} numbers") from None
+        names.append(words[n_bands] if len(words) > n_bands else "")
+    return as_palette(with_named_alpha(colors, names))
+
+
+def write_gpl(swatches: Swatches) -> bytes:
+    """Write a GIMP palette, with alpha in the names of the colors."""
+    rows = (
+        f"{red:3} {green:3} {blue:3}\t{code}"
+        for (red, green, blue), code in zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)
+    )
+    return "\n".join(["GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows, ""]).encode(
+        "utf-8", "replace"
+    )
+
+
+def read_jasc(content: bytes) -> NDArray[np.uint8]:
+    """Read a JASC palette (.pal): ``red green blue`` or ``red green blue alpha`` in each line; or a RIFF palette."""
+    if content[:4] == b"RIFF" and content[8:16] == b"PAL data":
+        n_colors = int.from_bytes(content[22:24], "little")
+        entries = np.frombuffer(content, np.uint8, 4 * n_colors, _RIFF_HEADER).reshape(-1, 4)
+        return as_palette(entries[:, :3].tolist())
+    lines = lines_of(content)
+    if not lines or lines[0].strip() != "JASC-PAL":
+        raise UnfitContentError("is not a JASC or RIFF palette: its first line must be 'JASC-PAL'")
+    try:
+        return as_palette([int(word) for word in line.split()] for line in lines[3:])
+    except ValueError as error:
+        if isinstance(error, UnfitContentError):
+            raise
+        raise UnfitContentError("has a line that is not three or four numbers") from None
+
+
+def write_jasc(swatches: Swatches) -> bytes:
+    """Write the colors, with alpha as a fourth number if the palette has transparency, as Aseprite does."""
+    rows = (" ".join(map(str, color)) for color in swatches.colors.tolist())
+    return "\r\n".join(["JASC-PAL", "0100", str(len(swatches.colors)), *rows, ""]).encode()
+
+
+def read_paintnet(content: bytes) -> NDArray[np.uint8]:
+    """Read a palette of paint.net (.txt): ``aarrggbb`` in each line, and comments after a semicolon."""
+    codes = [line.partition(";")[0].strip() for line in lines_of(content)]
+    colors = [hex_color(code[2:] + code[:2] if len(code) == 8 else code) for code in codes if code]
+    opaque = all(len(color) == 3 or color[3] == 255 for color in colors)
+    return as_palette(color[:3] if opaque else color for color in colors)
+
+
+def write_paintnet(swatches: Swatches) -> bytes:
+    """Write the colors. paint.net reads only the first 96."""
+    rows = (f"{code[7:] or 'ff'}{code[1:7]}".upper() for code in swatches.hexes())
+    return "\r\n".join(["; paint.net Palette File", f"; Palette Name: {swatches.name}", *rows, ""]).encode(
+        "utf-8", "replace"
+    )
+
+
+def read_hex(content: bytes) -> NDArray[np.uint8]:
+    """Read ``rrggbb`` or ``rrggbbaa`` from each line, with or without a leading ``#``, as on Lospec."""
+    return as_palette(hex_color(line) for line in lines_of(content))
+
+
+def write_hex(swatches: Swatches) -> bytes:
+    """Write the colors."""
+    return "".join(f"{code[1:]}\n" for code in swatches.hexes()).encode()
+
+
+def read_css(content: bytes) -> NDArray[np.uint8]:
+    """Read CSS custom properties of any rule that are colors, as ``#rrggbb`` or by name."""
+    text = _COMMENT.sub("", content.decode("utf-8-sig", "replace"))
+    return as_palette(color for code in _PROPERTY.findall(text) if (color := _css_property(code)))
+
+
+def _css_property(code: str) -> tuple[int, ...] | None:
+    """Parse a color; None for other keywords, such as ``auto``."""
+    try:
+        return css_color(code)
+    except UnfitContentError:
+        if code.startswith("#"):
+            raise
+        return None
+
+
+def write_css(swatches: Swatches) -> bytes:
+    """Write CSS custom properties ``--name-1: #rrggbb;`` in one ``:root`` rule."""
+    name = re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
+    rows = (f"  --{name}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
+    return f":root {{\n{''.join(rows)}}}\n".encode()
+
+
+def read_json(content: bytes) -> NDArray[np.uint8]:
+    """Read JSON written by cvtimg, and lists of ``"#rrggbb"`` or ``[r, g, b]``."""
+    value = json.loads(content)
+    entries = value.get("colors") if isinstance(value, dict) else value
+    if not isinstance(entries, list):
+        raise UnfitContentError("must have a list of colors, or one called 'colors'")
+    return as_palette(_json_color(entry) for entry in entries)
+
+
+def _json_color(entry: Any) -> tuple[int, ...]:
+    if isinstance(entry, dict):
+        entry = (
+            entry["hex"] if "hex" in entry else [*entry.get("rgb", ()), *([entry["alpha"]] if "alpha" in entry else [])]
+        )
+    if isinstance(entry, str):
+        return hex_color(entry)
+    if not isinstance(entry, list) or not all(isinstance(one, int) for one in entry):
+        raise UnfitContentError(f"has a color {str(entry)[:40]}, which must be like '#rrggbb' or [r, g, b]")
+    return tuple(entry)
+
+
+def write_json(swatches: Swatches) -> bytes:
+    """Write the colors, and the share of each if it is known."""
+    entries: list[dict[str, Any]] = []
+    for number, (color, code) in enumerate(zip(swatches.colors.tolist(), swatches.hexes(), strict=True)):
+        entry: dict[str, Any] = {"hex": code, "rgb": color[:3]}
+        if len(color) == 4:
+            entry["alpha"] = color[3]
+        if swatches.shares is not None:
+            entry["share"] = swatches.shares[number]
+        entries.append(entry)
+    # One line per color is easy to read and to diff.
+    lines = ",\n".join("    " + json.dumps(entry) for entry in entries)
+    return f'{{\n  "name": {json.dumps(swatches.name)},\n  "colors": [\n{lines}\n  ]\n}}\n'.encode()
