@@ -189,7 +189,7 @@ class InputOptions:
 
 
 def _chosen(*arguments: Any, work: Callable[..., Any], page: int | None, channel_axis: int | None) -> Any:
-    from cvtimg.pictures.formats.selection import Selection, selecting
+    from cvtimg.pictures.formats.opening import Selection, selecting
 
     with selecting(Selection(page, channel_axis)):
         return work(*arguments)

@@ -16,27 +16,23 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import with_mark
-from cvtimg.files.finding import find_images
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suffixes
 from cvtimg.pictures.formats.header import ImageInfo, read_header
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
-from cvtimg.pictures.formats.opening import Source, reading
-from cvtimg.pictures.formats.selection import selected, selecting
-from cvtimg.pictures.formats.stacks import decode_page
+from cvtimg.pictures.formats.opening import Source, reading, selected, selecting
+from cvtimg.pictures.pages import decode_page
 
 __all__ = [
     "ImageInfo",
     "Metadata",
     "encode_image",
-    "find_images",
     "image_info",
     "lossless_suffixes",
     "read_image",
     "read_indices",
     "read_metadata",
-    "whole_file",
     "write_image",
 ]
 

@@ -23,8 +23,6 @@ from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading
 
-__all__ = ["Frames", "is_animated", "read_frames", "write_frames"]
-
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")
 

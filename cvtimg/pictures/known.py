@@ -12,20 +12,10 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import ImageInfo, read_image
-from cvtimg.pictures.formats.selection import Selection, selected, selecting
+from cvtimg.pictures.formats.opening import Selection, selected, selecting
 from cvtimg.pictures.frames import is_animated, read_frames
 from cvtimg.pictures.pages import read_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands
-
-__all__ = [
-    "check_mask_size",
-    "known_in_all",
-    "known_pixels",
-    "mask_bands",
-    "not_black",
-    "not_missing",
-    "with_known",
-]
 
 Known = NDArray[np.bool_]
 

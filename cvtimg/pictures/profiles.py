@@ -12,8 +12,6 @@ from PIL import Image, ImageCms
 from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.opening import UnfitContentError
 
-__all__ = ["apply_profile", "convert_deep", "kept_profile", "profile_name", "profile_space"]
-
 # Relative colorimetric leaves colors within the sRGB gamut unchanged; the perceptual intent shifts all colors to make
 # room for the few outside it. Black point compensation preserves shadow detail with print profiles.
 _INTENT = ImageCms.Intent.RELATIVE_COLORIMETRIC

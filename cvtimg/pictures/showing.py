@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
 
-__all__ = ["limits_to_show", "natural_limits", "shown"]
-
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
 _TAIL = 0.001
 #: Samples looked at to find the limits.

@@ -6,23 +6,114 @@ memory at any time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import needs
+from cvtimg._shared.threads import n_threads
+from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
-from cvtimg.pictures.formats.bands import BAND_PIXELS, Band, Bands, Form
-from cvtimg.pictures.formats.tiled_tiff import open_tiff, write_tiff
-from cvtimg.pictures.formats.zarr_arrays import open_zarr, write_zarr
-
-__all__ = ["BAND_PIXELS", "TILED_SUFFIXES", "Band", "Bands", "Form", "needs_tiles", "open_bands", "write_bands"]
+from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
+from cvtimg.pictures.formats.opening import UnfitContentError, reading
+from cvtimg.pictures.formats.tiff import (
+    TIFF_MAGICS,
+    Layout,
+    colormap_of,
+    count_pages,
+    icc_profile,
+    sample_options,
+    size_of,
+    tiff_tags,
+)
 
 #: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
 #: TIFF files of more pixels are read in tiles, if the format of the output allows it.
 _LARGE = 1 << 26
+#: Approximate number of pixels in a band; a few bands are in memory at a time.
+BAND_PIXELS = 1 << 23
+#: Sample types that can be read in bands.
+SAMPLES = (*(f"{kind}{bits}" for bits in (8, 16, 32, 64) for kind in ("uint", "int")), "float32", "float64")
+
+Band: TypeAlias = NDArray[Any]
+#: Larger strips or tiles, in bytes, are rejected: reading one would be like reading the whole image.
+_MOST_AT_ONCE = 1 << 28
+#: Bytes of tiles that are decoded or encoded in parallel.
+_AT_ONCE = 1 << 24
+_TILE = 256
+#: Gray (0 is black), RGB, and YCbCr in JPEG, which is decoded to RGB.
+_GRAY, _RGB, _YCBCR, _JPEG = 1, 2, 6, 7
+_ORIENTATION = 274
+#: Images with more bytes before compression are written as BigTIFF.
+_BIG = 1 << 31
+_CHUNK = 1024
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """Shape, sample type and metadata of an image file.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        (H, W) or (H, W, C).
+    dtype : numpy.dtype
+        Any integer type, float32 or float64.
+    alpha : bool
+        Whether the last of several bands is transparency.
+    icc : bytes or None
+        Color profile; colors are not converted, and are written with the same profile.
+    geo : mapping of int
+        Georeferencing tags of a GeoTIFF, as in `Metadata`.
+    nodata : float or None
+        Value that marks missing pixels in a GeoTIFF.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    alpha: bool = False
+    icc: bytes | None = None
+    geo: Mapping[int, Any] = field(default_factory=dict)
+    nodata: float | None = None
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return self.shape[0] * self.shape[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bands:
+    """An image on disk; each iteration reads it from top to bottom, one band of rows at a time."""
+
+    form: Form
+    read: Callable[[], Iterator[Band]]
+
+    def __iter__(self) -> Iterator[Band]:
+        return self.read()
+
+
+def band_height(width: int, piece: int) -> int:
+    """Return the number of rows of a band: a multiple of the tile height, for about `BAND_PIXELS` pixels."""
+    return max(1, BAND_PIXELS // (width * piece)) * piece
+
+
+def in_heights(bands: Iterable[Band], height: int) -> Iterator[Band]:
+    """Regroup rows into bands of the given height; the last may be shorter."""
+    left: list[Band] = []
+    for band in bands:
+        rows = np.concatenate([*left, band]) if left else band
+        n_whole = len(rows) // height * height
+        yield from (rows[top : top + height] for top in range(0, n_whole, height))
+        left = [rows[n_whole:]] if n_whole < len(rows) else []
+    yield from left
 
 
 def open_bands(path: StrPath) -> Bands:
@@ -43,8 +134,8 @@ def open_bands(path: StrPath) -> Bands:
         If the file cannot be read, or cannot be read in tiles; the message says why.
     """
     if Path(path).suffix.lower() == ".zarr":
-        return open_zarr(path)
-    return open_tiff(path)
+        return _open_zarr(path)
+    return _open_tiff(path)
 
 
 def write_bands(
@@ -72,10 +163,10 @@ def write_bands(
     """
     if Path(path).suffix.lower() == ".zarr":
         with whole_folder(path, overwrite=overwrite) as folder:
-            write_zarr(folder, form, bands)
+            _write_zarr(folder, form, bands)
         return
     with whole_file(path, overwrite=overwrite) as file:
-        write_tiff(file, form, bands, palette)
+        _write_tiff(file, form, bands, palette)
 
 
 def needs_tiles(source: StrPath, target: StrPath) -> bool:
@@ -89,3 +180,173 @@ def needs_tiles(source: StrPath, target: StrPath) -> bool:
         return open_bands(source).form.n_pixels > _LARGE
     except OSError:  # the usual reader opens it or reports the error
         return False
+
+
+def _open_tiff(path: StrPath) -> Bands:
+    """Open a TIFF with a single page."""
+    with reading(path) as file:
+        import tifffile
+
+        if not file.read(4).startswith(TIFF_MAGICS):
+            raise UnfitContentError("cannot be read in tiles: it is neither a TIFF file nor a Zarr array")
+        file.seek(0)
+        with tifffile.TiffFile(file) as tiff:
+            page, tags = tiff.pages.first, tiff_tags(tiff)
+            if (n_pages := count_pages(file)) > 1:
+                raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
+            _check_page(page)
+            shape = (*size_of(page), *([page.samplesperpixel] if page.samplesperpixel > 1 else []))
+            place, layout = Place.of(tags), Layout.of(tags)
+            form = Form(shape, np.dtype(page.dtype), layout.alpha, icc_profile(tags), geo_tags(tags), place.nodata)
+    return Bands(form, lambda: _read(path, form))
+
+
+def _check_page(page: Any) -> None:
+    """Reject pages that cannot be read in tiles."""
+    plain = page.photometric in (_GRAY, _RGB) or (page.photometric, page.compression) == (_YCBCR, _JPEG)
+    problem = ""
+    if not plain or str(page.dtype) not in SAMPLES or page.bitspersample % 8 or page.fillorder != 1:
+        problem = f"its samples are {page.photometric.name}, {page.bitspersample} bits"
+    elif page.samplesperpixel > 1 and page.planarconfig != 1:
+        problem = "its bands lie one after the other"
+    elif page.tags.valueof(_ORIENTATION, 1) != 1:
+        problem = "it lies on its side"
+    elif not _is_plain(page) and math.prod(page.chunks) * page.dtype.itemsize > _MOST_AT_ONCE:
+        problem = "it is one piece"
+    if problem:
+        raise UnfitContentError(f"cannot be read in tiles: {problem}")
+
+
+def _is_plain(page: Any) -> bool:
+    """Return whether all pixels are contiguous in the file."""
+    return page.is_contiguous and not page.is_tiled and page.compression == 1
+
+
+def _read(path: StrPath, form: Form) -> Iterator[Band]:
+    import tifffile
+
+    with reading(path) as file, tifffile.TiffFile(file) as tiff:
+        page = tiff.pages.first
+        if _is_plain(page):
+            yield from _read_plain(page, form)
+        else:
+            yield from _read_pieces(page, form)
+
+
+def _read_plain(page: Any, form: Form) -> Iterator[Band]:
+    height, (n_rows, width) = band_height(form.shape[1], 1), form.shape[:2]
+    file = page.parent.filehandle
+    for top in range(0, n_rows, height):
+        n = min(height, n_rows - top)
+        file.seek(page.dataoffsets[0] + top * (page.nbytes // n_rows))
+        flat = file.read_array(
+            page.parent.byteorder + page.dtype.char, n * page.nbytes // n_rows // page.dtype.itemsize
+        )
+        yield flat.reshape(n, width, *form.shape[2:]).astype(form.dtype, copy=False)
+
+
+def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
+    """Collect tiles or strips, which arrive row by row, into bands."""
+    n_rows, width = form.shape[:2]
+    piece = page.tilelength if page.is_tiled else page.rowsperstrip
+    height = band_height(width, min(piece, n_rows))
+    band, first = np.zeros((min(height, n_rows), *form.shape[1:]), form.dtype), 0
+    for pixels, (_, _, top, left, _), (_, n, m, _) in _pieces(page):
+        if top >= first + len(band):
+            yield band
+            first += len(band)
+            band = np.zeros((min(height, n_rows - first), *form.shape[1:]), form.dtype)
+        if pixels is not None:  # None is a tile that was never written
+            part = band[top - first : top - first + n, left : left + m]
+            part[:] = pixels[0, : part.shape[0], : part.shape[1]].reshape(part.shape)
+    yield band
+
+
+def _pieces(page: Any) -> Iterator[Any]:
+    """Decode tiles or strips in parallel, fewer at a time than tifffile, which would read 256 MB before decoding."""
+    n_pieces = math.prod(page.chunked)
+    at_once = max(n_threads(), _AT_ONCE // (math.prod(page.chunks) * page.dtype.itemsize))
+    of_jpeg = {"jpegtables": page.jpegtables, "jpegheader": page.jpegheader} if page.compression == _JPEG else {}
+    with ThreadPoolExecutor(n_threads()) as pool:
+        for first in range(0, n_pieces, at_once):
+            some = range(first, min(first + at_once, n_pieces))
+            where = (numbers[first : some.stop] for numbers in (page.dataoffsets, page.databytecounts))
+            coded = page.parent.filehandle.read_segments(*where, some, sort=False)
+            yield from pool.map(lambda piece: page.decode(*piece, **of_jpeg), coded)
+
+
+def _write_tiff(file: BinaryIO, form: Form, bands: Iterable[Band], palette: NDArray[np.uint8] | None) -> None:
+    """Write a TIFF in tiles; with a (K, 3) uint8 palette, the bands are indices."""
+    import tifffile
+
+    samples = sample_options(form.shape, form.alpha)
+    tifffile.imwrite(
+        file,
+        _tiles(bands),
+        shape=form.shape,
+        dtype=form.dtype,
+        tile=(_TILE, _TILE),
+        bigtiff=math.prod(form.shape) * form.dtype.itemsize > _BIG,
+        **(samples if palette is None else {**samples, "photometric": "palette"}),
+        colormap=None if palette is None else colormap_of(palette),
+        compression="adobe_deflate",
+        compressionargs={"level": 3},
+        iccprofile=form.icc,
+        extratags=extra_tags(form.geo, form.nodata),
+        metadata=None,
+        software=False,
+        maxworkers=n_threads(),
+        buffersize=_AT_ONCE,
+    )
+
+
+def _tiles(bands: Iterable[Band]) -> Iterator[Band]:
+    """Cut bands into tiles, left to right and top to bottom, padded with zeros at the edges."""
+    for band in in_heights(bands, _TILE):
+        for left in range(0, band.shape[1], _TILE):
+            part = band[:, left : left + _TILE]
+            tile = np.zeros((_TILE, _TILE, *band.shape[2:]), band.dtype)
+            tile[: part.shape[0], : part.shape[1]] = part
+            yield tile
+
+
+def _open_zarr(path: StrPath) -> Bands:
+    """Open an array, or the array "0" of a group."""
+    array = _zarr_array(path)
+    if array.ndim not in (2, 3) or 0 in array.shape or str(array.dtype) not in SAMPLES:
+        raise OSError(
+            f"{path}: holds {array.dtype} of shape {array.shape}; it must be (H, W) or (H, W, C), "
+            "of integers, float32 or float64"
+        )
+    form = Form(array.shape, np.dtype(array.dtype))
+
+    def read() -> Iterator[Band]:
+        height = band_height(form.shape[1], min(array.chunks[0], form.shape[0]))
+        for top in range(0, form.shape[0], height):
+            yield np.ascontiguousarray(array[top : top + height])
+
+    return Bands(form, read)
+
+
+def _zarr_array(path: StrPath) -> Any:
+    try:
+        import zarr
+
+        found = zarr.open(url_of(path), mode="r")
+        return found["0"] if isinstance(found, zarr.Group) else found
+    except ImportError as error:
+        raise OSError(f"{path}: needs {needs('zarr', 'zarr')}") from error
+    except Exception as error:  # zarr raises many kinds of errors for damaged metadata
+        raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
+
+
+def _write_zarr(folder: Path, form: Form, bands: Iterable[Band]) -> None:
+    """Write an array into a folder."""
+    import zarr
+
+    chunks = (min(_CHUNK, form.shape[0]), min(_CHUNK, form.shape[1]), *form.shape[2:])
+    array = zarr.create_array(str(folder), shape=form.shape, chunks=chunks, dtype=form.dtype, overwrite=True)
+    top = 0
+    for band in in_heights(bands, chunks[0]):
+        array[top : top + len(band)] = band
+        top += len(band)

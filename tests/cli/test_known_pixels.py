@@ -177,7 +177,7 @@ def test_tiles_leave_out_what_the_whole_image_does(
     tifffile.imwrite("mask.tif", inside.astype(np.uint8), rowsperstrip=7, photometric="minisblack")
     whole = run("in.tif", "-k", "4", "--mask", mask, "-o", "whole.tif")
     monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
-    monkeypatch.setattr("cvtimg.pictures.formats.bands.BAND_PIXELS", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles.BAND_PIXELS", 100)
     tiled = run("in.tif", "-k", "4", "--mask", mask, "-o", "tiled.tif")
     assert (tiled["status"], tiled["left_out"]) == (0, (~inside).sum())
     assert [tiled[name] for name in ("k", "mse", "left_out")] == pytest.approx(

@@ -43,7 +43,7 @@ def test_pages_are_segmented_inside_a_mask(volume: list[str]) -> None:
 @pytest.mark.parametrize("mask", ["mask.png", "mask.tif"])
 def test_tiles_are_segmented_inside_a_mask(monkeypatch: pytest.MonkeyPatch, mask: str) -> None:
     monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
-    monkeypatch.setattr("cvtimg.pictures.formats.bands.BAND_PIXELS", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles.BAND_PIXELS", 100)
     tifffile.imwrite("in.tif", PAGES[0], rowsperstrip=5)
     inside = INSIDE.copy()
     inside[5:11] = False  # whole bands

@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 
-from cvtimg.pictures.files import (
-    find_images,
-)
+from cvtimg.files import find_images
 
 
 @pytest.fixture

@@ -18,11 +18,8 @@ from picture_files import (
 )
 from PIL import Image
 
-from cvtimg.pictures.files import (
-    read_image,
-    whole_file,
-    write_image,
-)
+from cvtimg.files.whole import whole_file
+from cvtimg.pictures.files import read_image, write_image
 
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and devices")
 

@@ -23,7 +23,6 @@ from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import color_samples
 from cvtimg.files.whole import whole_folder
 from cvtimg.pictures import tiles
-from cvtimg.pictures.formats import bands as _bands
 from cvtimg.quantization import files, map_to_palette
 from cvtimg.quantization import tiled as tiled_quantization
 
@@ -46,7 +45,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 def small_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several bands in a picture."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_bands, "BAND_PIXELS", 40_000)
+    monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
 
 
 def write(image: NDArray[Any], **layout: Any) -> None:

@@ -17,7 +17,6 @@ from cvtimg.colors.counting import Counter
 from cvtimg.labels import region_means
 from cvtimg.pictures import tiles
 from cvtimg.pictures import tiles as _tiled
-from cvtimg.pictures.formats import bands as _bands
 from cvtimg.segmentation import Averaging, disk_values, segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation
 from cvtimg.segmentation.averaging import averaged
@@ -31,7 +30,7 @@ zarr = pytest.importorskip("zarr")
 def small_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several strips in a picture."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_bands, "BAND_PIXELS", 20_000)
+    monkeypatch.setattr(tiles, "BAND_PIXELS", 20_000)
     monkeypatch.setattr(disk_values, "STRIP_PIXELS", 4000)
 
 

@@ -20,8 +20,6 @@ from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
 from cvtimg.pictures.formats.png import chunk
 
-__all__ = ["FRAME_WRITERS", "Cel"]
-
 _MOST = 0xFFFF
 _MOST_OF_THREE = 0xFFFFFF
 _KEEP, _CLEAR = 1, 2  # how a GIF disposes of a frame before drawing the next

@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
-from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
-from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_fits
+from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_fits, decode_npy
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
-
-__all__ = ["decode", "decode_opened", "depth", "to_srgb"]
 
 _UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,

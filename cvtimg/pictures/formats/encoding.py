@@ -17,9 +17,6 @@ from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
 from cvtimg.pictures.formats.tiff import encode_tiff
 
-__all__ = ["SUFFIXES_OF_ANY_TYPE", "check_indexed", "encode_image", "encoder", "lossless_suffixes"]
-
-
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"

@@ -7,8 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["GEO_TYPES", "NODATA", "GeoTags", "Place", "extra_tags", "geo_tags"]
-
 #: Tags of a TIFF by their code.
 Tags = Mapping[int, Any]
 #: Tags in `GEO_TYPES`, which georeference an upright image; empty if a file has no georeferencing.

@@ -8,12 +8,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
-from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
+from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, npy_header
 from cvtimg.pictures.formats.decoding import depth
-from cvtimg.pictures.formats.fits import FITS_MAGIC, decode_planes
 from cvtimg.pictures.formats.geotiff import Place
-from cvtimg.pictures.formats.opening import open_picture, orientation
-from cvtimg.pictures.formats.selection import selected
+from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -24,8 +22,6 @@ from cvtimg.pictures.formats.tiff import (
     tags_of,
     tiff_tags,
 )
-
-__all__ = ["ImageInfo", "read_header"]
 
 
 @dataclass(frozen=True, slots=True)

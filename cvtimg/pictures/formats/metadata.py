@@ -17,8 +17,6 @@ from cvtimg.pictures.formats.tiff import TIFF_MAGICS, tags_of, tiff_tags
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-__all__ = ["Metadata", "decode_metadata"]
-
 _EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: Tags of the main EXIF directory that describe the image, not its file: description, make and model, software, date,
 #: artist, copyright, and the title, comment, author, keywords and subject of Windows.

@@ -11,6 +11,8 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
@@ -22,19 +24,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
-
-__all__ = [
-    "PNG_MAGIC",
-    "Source",
-    "UnfitContentError",
-    "check_size",
-    "limit_pixels",
-    "name_of",
-    "open_picture",
-    "orientation",
-    "pixels_limited",
-    "reading",
-]
 
 #: A stream with more bytes per allowed pixel is rejected.
 _BYTES_PER_PIXEL = 16
@@ -155,6 +144,40 @@ def orientation(image: Image.Image) -> int:
         return int(image.getexif().get(0x0112, 1))
     except Exception:  # damaged metadata, for which Pillow raises many kinds of errors, does not affect the pixels
         return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """A choice within files.
+
+    Attributes
+    ----------
+    page : int or None
+        Page to read from files of several pages or planes, from 1; None to refuse such files as images.
+    channel_axis : int or None
+        Axis of the bands in .npy arrays of three axes; None for the last, unless that is doubtful.
+    """
+
+    page: int | None = None
+    channel_axis: int | None = None
+
+
+_SELECTED: ContextVar[Selection] = ContextVar("cvtimg_selection", default=Selection())  # noqa: B039, immutable
+
+
+def selected() -> Selection:
+    """Return the choice in force."""
+    return _SELECTED.get()
+
+
+@contextmanager
+def selecting(selection: Selection) -> Iterator[None]:
+    """Read files by another choice within a block."""
+    token = _SELECTED.set(selection)
+    try:
+        yield
+    finally:
+        _SELECTED.reset(token)
 
 
 def check_size(n_pixels: int) -> None:

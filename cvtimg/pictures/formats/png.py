@@ -15,8 +15,6 @@ from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
 
-__all__ = ["chunk", "decode_deep_png", "encode_deep_png", "encode_indexed_png", "optimized"]
-
 _COLOR, _INDEXED, _ALPHA = 2, 3, 4
 # Unfiltered indexed pixels: bytes relative to pngquant 2.17 with the same number of colors, mean of four photographs of
 # 0.4 megapixels, first without dithering at 256 colors, then with Floyd-Steinberg at 64; and time.

@@ -21,25 +21,6 @@ from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 if TYPE_CHECKING:
     import tifffile
 
-__all__ = [
-    "TIFF_MAGICS",
-    "Layout",
-    "Tags",
-    "count_pages",
-    "decode_tiff",
-    "encode_tiff",
-    "finished",
-    "first_page",
-    "icc_profile",
-    "is_plain",
-    "is_subordinate",
-    "is_turned",
-    "main_pages",
-    "sample_options",
-    "size_of",
-    "tiff_tags",
-]
-
 #: First bytes of TIFF and BigTIFF files, little and big endian.
 TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
@@ -259,6 +240,13 @@ def encode_tiff(
         software=False,
         maxworkers=n_threads(),
     )
+
+
+def colormap_of(palette: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """(3, 256) colors of an indexed TIFF, for a palette (K, 3) or (K, 4) whose alpha is left out."""
+    colormap = np.zeros((3, 256), np.uint16)
+    colormap[:, : len(palette)] = palette[:, :3].T.astype(np.uint16) * 257
+    return colormap
 
 
 def sample_options(shape: tuple[int, ...], alpha: bool) -> dict[str, Any]:
