@@ -34,8 +34,6 @@ CHOICES: dict[str, dict[str, str]] = {
     "restore": {},
     "mesh": {},
 }
-#: Colors of the figures: enough for text, and few bytes.
-N_COLORS = 200
 
 
 def shot(browser: Browser, address: str, tab: str, *, scheme: str, size: tuple[int, int]) -> Image.Image:
@@ -85,7 +83,7 @@ def main() -> None:
         program.terminate()
     figures = {"explore": first, "explore_tabs": tiles(others, 2, 0.6), "explore_narrow": tiles(small, 4, 0.7)}
     for name, figure in figures.items():
-        cvtimg.quantize(figure, N_COLORS).save(DOCS / f"{name}.png", overwrite=True)
+        cvtimg.write_image(DOCS / f"{name}.png", figure, overwrite=True)
 
 
 if __name__ == "__main__":

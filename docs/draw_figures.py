@@ -10,7 +10,6 @@ import sys
 from io import BytesIO
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 import cvtimg
@@ -20,13 +19,16 @@ GALLERY = DOCS.parent / "examples" / "gallery"
 
 
 def main(names: list[str]) -> None:
-    """Run the scripts, and write the `sheet` or the `figure` (bytes of a PNG) that each defines, in 256 colors."""
+    """Run the scripts, and write the `sheet` or the `figure` (bytes of a PNG) that each defines, in full color.
+
+    Pages compare images with their originals, so figures are never quantized.
+    """
     drawn = [path.stem for path in sorted(DOCS.glob("*.png")) if (GALLERY / f"plot_{path.stem}.py").exists()]
     for name in names or drawn:
         with contextlib.chdir(GALLERY):
             left = runpy.run_path(f"plot_{name}.py")
-        shown = np.asarray(Image.open(BytesIO(left["figure"])).convert("RGB")) if "figure" in left else left["sheet"]
-        cvtimg.quantize(shown, 256, dither="edge-aware").save(DOCS / f"{name}.png", overwrite=True)
+        shown = Image.open(BytesIO(left["figure"])).convert("RGB") if "figure" in left else left["sheet"]
+        cvtimg.write_image(DOCS / f"{name}.png", shown, overwrite=True)
 
 
 if __name__ == "__main__":

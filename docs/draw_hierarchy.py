@@ -16,8 +16,7 @@ def main() -> None:
     """Write docs/hierarchy.png."""
     names = ("coffee.png", "chelsea.png", "rocket.jpg")
     rows = [panels(cvtimg.read_image(ROOT / "sample_images" / name)) for name in names]
-    sheet = cvtimg.quantize(contact_sheet(rows, panel_width=260), 256)
-    cvtimg.write_image(ROOT / "docs" / "hierarchy.png", sheet.indices, palette=sheet.palette, overwrite=True)
+    cvtimg.write_image(ROOT / "docs" / "hierarchy.png", contact_sheet(rows, panel_width=260), overwrite=True)
 
 
 def panels(image: NDArray[Any]) -> list[Panel]:

@@ -15,9 +15,12 @@ from collections.abc import Set
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
+from PIL import Image
 
+import cvtimg
 from cvtimg.cli.app import main
 from cvtimg.cli.commands import app
 
@@ -132,6 +135,33 @@ def test_the_scripts_that_are_named_are_there(page: Path) -> None:
         r"python ((?:docs|examples|benchmarks|sample_images|tests|\.ci)/[\w/]+\.py)", page.read_text()
     ):
         assert (ROOT / script).exists(), script
+
+
+@pytest.mark.parametrize(
+    ("figure", "sample", "part"),
+    [
+        ("quantization", "coffee.png", np.s_[70:300, 190:460]),
+        ("quantization", "rocket.jpg", np.s_[40:270, 150:420]),
+        ("hard_cases", "rocket.jpg", np.s_[60:240, 20:290]),
+        ("exposures", "coffee.png", np.s_[100:292, 200:456]),
+    ],
+)
+def test_an_original_in_a_figure_has_all_its_colors(figure: str, sample: str, part: tuple[slice, slice]) -> None:
+    original = cvtimg.read_image(ROOT / "sample_images" / sample)[part]
+    sheet = cvtimg.read_image(ROOT / "docs" / f"{figure}.png")
+    height, width = original.shape[:2]
+    found = [
+        (top, left)
+        for top, left in np.argwhere((sheet == original[0, 0]).all(axis=2))
+        if np.array_equal(sheet[top : top + height, left : left + width], original)
+    ]
+    assert len(found) == 1
+
+
+def test_no_figure_is_reduced_to_a_palette() -> None:
+    for path in (ROOT / "docs").glob("*.png"):
+        with Image.open(path) as figure:
+            assert figure.mode != "P", path.name
 
 
 def test_the_extra_all_holds_every_optional_part() -> None:

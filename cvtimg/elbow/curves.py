@@ -178,7 +178,7 @@ def energy_curve(
     volume_power : float
         Weights the cells, as in `tessellate`.
     effort : {"fast", "balanced", "best"}
-        "fast" finds each solution from its neighbors: the whole curve takes about the time of eight calls of
+        "fast" finds each solution from its neighbors: to k = 64, the curve takes the time of two to five calls of
         `tessellate`, and energies can be a percent or two higher than those of such calls. With "balanced" and "best"
         each number is also searched by itself, with that effort, and the better end kept.
     rng : int or numpy.random.Generator

@@ -124,8 +124,8 @@ def tessellate(
     effort : {"fast", "balanced", "best"}
         All efforts first search over fewer points: means of neighboring colors, or some of the rows of a table. "fast"
         then moves the generators at most 4 times. "balanced" also breathes in the search, which leaves most local
-        minima, and then moves until a pass lowers the energy by at most 1e-4 of it: 1.5 to 3 times the time of "fast"
-        up to K = 256, and 8 times at K = 4096. "best" searches up to 12 times (4 from K = 128 on), until three
+        minima, and then moves until a pass lowers the energy by at most 1e-4 of it: 1 to 3 times the time of "fast" up
+        to K = 256, and 8 times at K = 4096. "best" searches up to 12 times (4 from K = 128 on), until three
         searches end alike, breathes longer, and moves until 1e-6: on photographs 2 to 10 times the time of "balanced",
         for an energy a few tenths of a percent lower.
     volume_power : float

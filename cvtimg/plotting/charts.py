@@ -52,18 +52,22 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
         for (down, right), axes in np.ndenumerate(grid):
             axes.tick_params(labelsize=6)
             if down == right:
-                axes.hist(points[:, right], bins=_BINS, color="0.75")
-                axes.set_yticks([])
+                shown = [points[:, right], *([] if existing is None else [existing[:, right]])]
+                axes.hist(shown, bins=_BINS, stacked=True, rwidth=0.8, color=["C0", "C3"][: len(shown)], alpha=0.5)
+                axes.locator_params(axis="y", integer=True, nbins=4)
             elif down > right:
-                axes.plot(points[:, right], points[:, down], ".", color="C0", markersize=3)
+                axes.plot(points[:, right], points[:, down], ".", color="C0", markersize=4, label="new")
                 if existing is not None:
-                    axes.plot(existing[:, right], existing[:, down], "x", color="C3", markersize=4)
+                    axes.plot(existing[:, right], existing[:, down], "x", color="C3", markersize=4, label="existing")
             else:
                 axes.set_axis_off()
             if down == n_axes - 1:
                 axes.set_xlabel(names[right], fontsize=8)
-            if right == 0 and down > 0:
-                axes.set_ylabel(names[down], fontsize=8)
+            if right == 0:
+                axes.set_ylabel(names[down] if down else "points", fontsize=8)
+        if existing is not None and n_axes > 1:
+            handles, _ = grid[1, 0].get_legend_handles_labels()
+            figure.legend(handles, ["new", "existing"], loc="upper right", fontsize=9)
     return content.getvalue()
 
 

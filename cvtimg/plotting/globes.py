@@ -116,7 +116,7 @@ def draw_map(
     with figure_file(10.0, 5.0, suffix) as (figure, content):
         axes = figure.subplots()
         if image is not None:
-            axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", zorder=0)
+            axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", vmin=0, vmax=255, zorder=0)
         drawn = _add_polygons(axes, pieces, sizes[of_cell], sizes, over_image=image is not None)
         axes.set_xlim(-180, 180)
         axes.set_ylim(-90, 90)

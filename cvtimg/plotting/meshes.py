@@ -58,7 +58,7 @@ def draw_mesh(
         axes = figure.subplots()
         thickness = min(_EDGE / len(triangles) ** 0.5, 0.6)
         if image is not None:
-            axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0), cmap="gray")
+            axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0), cmap="gray", vmin=0, vmax=255)
         drawn = PolyCollection(
             list(points[triangles]),
             array=qualities,

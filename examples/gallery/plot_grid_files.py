@@ -6,21 +6,26 @@ A grid of 5,000 cells, four times as fine around Europe, seen from there and on 
 """
 
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from cvtimg import sphere_grid
+from cvtimg import read_image, sphere_grid
 from cvtimg.plotting import draw_globe, draw_map
 from cvtimg.sphere import Refinement, cell_polygons
 
+land = read_image(Path("../../sample_images") / "land.png")
+shade = np.where(land > 127, 165, 255).astype(np.uint8)
+
 grid = sphere_grid(5000, density=Refinement(10, 50, radius=20, ratio=4))
 cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
-globe = draw_globe(list(cells), sizes, ".png", center=(10, 50))
-on_map = draw_map(list(cell_polygons(cells.vertices, cells.corners, cells.offsets)), sizes, ".png")
+globe = draw_globe(list(cells), sizes, ".png", center=(10, 50), image=shade)
+rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
+on_map = draw_map(rings, sizes, ".png", image=shade)
 
 # %%
-# Both charts color cells by size; the map is cut at 180 degrees.
+# Both charts color cells by size, over a map of the land; the flat one is cut at 180 degrees.
 
 charts = [Image.open(BytesIO(content)).convert("RGB") for content in (globe, on_map)]
 height = 540

@@ -25,8 +25,8 @@ ff004d ffa300 ffec27 00e436 29adff 83769c ff77a8 ffccaa"""
 colors = np.array([list(bytes.fromhex(color)) for color in PICO_8.split()], np.uint8)
 
 # %%
-# Reduce first and quantize afterwards: scaling a quantized image would mix its colors again. Oklab keeps hues that are
-# rare, such as the green of the eyes. Dithering mixes colors that a fixed palette lacks.
+# Reduce first and quantize afterwards: scaling a quantized image would mix its colors again. Oklab measures
+# distances as people see them. Dithering mixes colors that a fixed palette lacks.
 
 photograph = cvtimg.read_image(SAMPLES / "chelsea.png")
 small = np.asarray(Image.fromarray(photograph).resize((90, 60), Image.Resampling.BOX))

@@ -2,35 +2,44 @@
 Color quantization
 ==================
 
-Two photographs in 4, 16, 64 and 256 colors, each above its palette.
+Two photographs in few colors, plain and dithered, each above its palette. The panels show parts of the images, pixel by
+pixel; sizes of files are those of the whole images.
 """
 
 from pathlib import Path
+from typing import Any
 
 import cvtimg
+from cvtimg.pictures import encode_image
 from cvtimg.plotting import Panel, contact_sheet
 
 SAMPLES = Path("../../sample_images")
+WIDTH, HEIGHT = 270, 230
 
 # %%
 # `quantize` returns the palette, the index of each pixel in it, and the image that they make.
 
 
-def panels(name: str) -> list[Panel]:
-    """Show an image beside its quantized versions."""
+def panels(name: str, top: int, left: int, *choices: dict[str, Any]) -> list[Panel]:
+    """Show a part of an image beside its quantized versions."""
     image = cvtimg.read_image(SAMPLES / name)
     n_distinct = cvtimg.colors.color_samples(image).n_colors
-    results = {n_colors: cvtimg.quantize(image, n_colors) for n_colors in (4, 16, 64, 256)}
-    return [
-        Panel(image, ("original", f"{n_distinct:,} colors")),
-        *(
-            Panel(result.image, (f"{n} colors", f"{result.psnr:.1f} dB"), result.palette)
-            for n, result in results.items()
-        ),
+    part = slice(top, top + HEIGHT), slice(left, left + WIDTH)
+    shown = [
+        Panel(image[part], ("original", f"{n_distinct:,} colors, {len(encode_image('.png', image)) // 1000} kB as PNG"))
     ]
+    for how in choices:
+        result = cvtimg.quantize(image, **how)
+        file = encode_image(".png", result.indices, palette=result.palette)
+        dithered = ", dithered" if "dither" in how else ""
+        caption = f"{how['n_colors']} colors{dithered}", f"{result.psnr:.1f} dB, {len(file) // 1000} kB"
+        shown.append(Panel(result.image[part], caption, result.palette))
+    return shown
 
 
 # %%
 # A contact sheet is an image like any other.
 
-sheet = contact_sheet([panels("coffee.png"), panels("rocket.jpg")], panel_width=200)
+plain = [{"n_colors": n_colors} for n_colors in (256, 64, 16)]
+sky = [*plain[:1], {"n_colors": 16}, {"n_colors": 16, "dither": "floyd-steinberg"}]
+sheet = contact_sheet([panels("coffee.png", 70, 190, *plain), panels("rocket.jpg", 40, 150, *sky)], panel_width=WIDTH)

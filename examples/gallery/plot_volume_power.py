@@ -35,7 +35,7 @@ def panel(samples: ColorSamples, power: int) -> Panel:
 # The engine takes the distinct colors of an image as weighted samples.
 
 rows = []
-for name in ("coffee.png", "europe_night.png"):
+for name in ("coffee.png", "chelsea.png"):
     image = cvtimg.read_image(SAMPLES / name)
     samples = cvtimg.colors.color_samples(image)
     original = Panel(image, ("original", f"{samples.n_colors:,} colors"))
