@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from cvtimg.plotting.charts import figure_file
 
-#: Width of the figure in inches, and its least and greatest height.
-_WIDTH, _LEAST, _GREATEST = 9.0, 3.0, 12.0
+#: Width of the figure in inches, the part of it beside the mesh, and its least and greatest height.
+_WIDTH, _BESIDE, _LEAST, _GREATEST = 9.0, 1.4, 3.0, 12.0
 #: Qualities from the ends of the color map; few triangles are worse.
 _POOR, _BEST = 0.6, 1.0
 #: Thickness of edges in points, by the number of triangles.
@@ -54,7 +54,8 @@ def draw_mesh(
 
     low, high = points.min(axis=0), points.max(axis=0)
     width, height = high - low
-    with figure_file(_WIDTH, float(np.clip(_WIDTH * height / width, _LEAST, _GREATEST)), suffix) as (figure, content):
+    inside = _WIDTH - _BESIDE
+    with figure_file(_WIDTH, float(np.clip(inside * height / width, _LEAST, _GREATEST)), suffix) as (figure, content):
         axes = figure.subplots()
         thickness = min(_EDGE / len(triangles) ** 0.5, 0.6)
         if image is not None:
@@ -62,7 +63,7 @@ def draw_mesh(
         drawn = PolyCollection(
             list(points[triangles]),
             array=qualities,
-            cmap="RdYlGn",
+            cmap="viridis",
             clim=(_POOR, _BEST),
             edgecolors="0.15",
             linewidths=thickness,

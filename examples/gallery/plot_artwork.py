@@ -8,37 +8,47 @@ mosaics of cells and of triangles.
 
 from pathlib import Path
 
+import numpy as np
+from skimage import data
+
 import cvtimg
-from cvtimg.plotting.sheets import Panel, contact_sheet
+from cvtimg.plotting import Panel, contact_sheet
 
 SAMPLES = Path("../../sample_images")
-portrait = cvtimg.read_image(SAMPLES / "astronaut.png")
+WIDTH = 480
+
+# %%
+# Light images make the best drawings: here the tones of a portrait (NASA) are stretched, so that its background is paper.
+
+face = data.astronaut()[0:250, 95:345].astype(np.float64)  # type: ignore[no-untyped-call]
+portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
 cup = cvtimg.read_image(SAMPLES / "coffee.png")
 
 # %%
 # Dots reproduce the tones of the image in linear light.
 
-equal = cvtimg.stipple(portrait, 8000, dots="equal-mass")
-sized = cvtimg.stipple(portrait, 4000, dots="sized", radius_range=(0.4, 2))
-color = cvtimg.stipple(cup, 20000, layers="cmyk", dots="sized")
+equal = cvtimg.stipple(portrait, 9000, dots="equal-mass", max_ink=0.8)
+sized = cvtimg.stipple(portrait, 5000, dots="sized", radius_range=(0.4, 2), max_ink=0.8)
+inks = cvtimg.stipple(portrait, 16000, layers="cmyk", dots="sized", max_ink=0.8)
 
 # %%
 # The tiles of a mosaic move until it is as like the image as possible.
 
-cells = cvtimg.mosaic(cup, 800)
-triangles = cvtimg.mosaic(cup, 800, shape="triangles")
+outlined = cvtimg.mosaic(portrait, 1000)
+cells = cvtimg.mosaic(cup, 1500)
+triangles = cvtimg.mosaic(cup, 1500, shape="triangles")
 
 sheet = contact_sheet(
     [
         [
-            Panel(equal.draw(scale=4), ("8,000 dots of equal ink",)),
-            Panel(sized.draw(scale=4), ("4,000 dots, radius 0.4 to 2",)),
-            Panel(color.draw(scale=2), ("20,000 dots in four inks",)),
+            Panel(equal.draw(scale=WIDTH / 250), ("9,000 dots of equal ink",)),
+            Panel(sized.draw(scale=WIDTH / 250), ("5,000 dots, sized by tone",)),
         ],
         [
-            Panel(cells.draw(), ("800 cells",)),
-            Panel(cells.draw(outline=1.2), ("with outlines",)),
-            Panel(triangles.draw(), ("800 triangles",)),
+            Panel(inks.draw(scale=WIDTH / 250), ("16,000 dots in cyan, magenta, yellow and black",)),
+            Panel(outlined.draw(scale=2, outline=0.3), ("1,000 cells with outlines",)),
         ],
-    ]
+        [Panel(cells.draw(), ("1,500 cells",)), Panel(triangles.draw(), ("1,500 triangles",))],
+    ],
+    panel_width=WIDTH,
 )

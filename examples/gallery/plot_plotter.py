@@ -6,17 +6,19 @@ A portrait in the dots of a 0.7 mm pen on paper 120 mm wide, the path of the pen
 four pens.
 """
 
-from pathlib import Path
-
 import numpy as np
 from PIL import Image, ImageDraw
+from skimage import data
 
 import cvtimg
 from cvtimg.artwork import ink_coverage
 from cvtimg.plotting import Panel, contact_sheet
 
-SAMPLES = Path("../../sample_images")
-portrait = cvtimg.read_image(SAMPLES / "astronaut.png")
+# %%
+# A part of a portrait (NASA), with stretched tones, so that the background is paper.
+
+face = data.astronaut()[:250, 95:345]  # type: ignore[no-untyped-call]
+portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
 
 # %%
 # As many dots as the pen needs for the ink of the image.
@@ -26,25 +28,25 @@ ink = ink_coverage(portrait)
 pixel = WIDTH / ink.shape[1]
 n_dots = round(MAX_INK * ink.sum() * pixel**2 / (np.pi * (PEN / 2) ** 2))
 dots = cvtimg.stipple(portrait, n_dots, dots="equal-mass", max_ink=MAX_INK)
-pens = cvtimg.stipple(portrait, 12_000, layers="cmyk", max_ink=0.7)
+pens = cvtimg.stipple(portrait, 12_000, layers="cmyk", max_ink=MAX_INK)
 
 # %%
 # The pen visits dots on a short tour.
 
-PANEL, SCALE = 380, 6
+PANEL, SCALE = 480, 8
 way = Image.new("L", tuple(SCALE * side for side in dots.size[::-1]), 255)
-ImageDraw.Draw(way).line([tuple(point) for point in SCALE * dots.points[dots.order]], fill=0, width=2)
-detail = np.s_[SCALE * 16 : SCALE * 80, SCALE * 84 : SCALE * 148]
+ImageDraw.Draw(way).line([tuple(point) for point in SCALE * dots.points[dots.order]], fill=0, width=3)
+detail = np.s_[SCALE * 80 : SCALE * 140, SCALE * 82 : SCALE * 142]
 
 sheet = contact_sheet(
     [
         [
-            Panel(dots.draw(scale=PANEL / 256), (f"{n_dots:,} dots of 0.7 mm on 120 mm",)),
-            Panel(dots.draw(scale=SCALE)[detail], ("a detail, 30 mm wide",)),
+            Panel(dots.draw(scale=PANEL / 250), (f"{n_dots:,} dots of 0.7 mm on 120 mm",)),
+            Panel(dots.draw(scale=SCALE)[detail], ("a detail, 29 mm wide",)),
         ],
         [
-            Panel(pens.draw(scale=PANEL / 256), ("12,000 dots of four pens",)),
-            Panel(np.asarray(way)[detail], ("the way of the pen in the detail",)),
+            Panel(pens.draw(scale=PANEL / 250), ("12,000 dots of four pens",)),
+            Panel(np.asarray(way)[detail], ("the path of the pen in the detail",)),
         ],
     ],
     panel_width=PANEL,
