@@ -18,7 +18,7 @@ SAMPLES = Path("../../sample_images")
 WIDTH = 480
 
 # %%
-# Light images make the best drawings: here the tones of a portrait (NASA) are stretched, so that its background is paper.
+# Light images make the best drawings: here the tones of a portrait (NASA) are stretched, for a background of paper.
 
 face = data.astronaut()[0:250, 95:345].astype(np.float64)  # type: ignore[no-untyped-call]
 portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
