@@ -28,7 +28,7 @@ def sum_by_label(
     return np.stack([sum_by_label(labels, column, n_labels, weights) for column in values.T], axis=1)
 
 
-def per_mass(sums: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
+def per_mass(sums: NDArray[np.float64], masses: NDArray[Any]) -> NDArray[np.float64]:
     """Divide (K, P) sums by (K,) masses; 0 where there is none."""
     has_mass = masses[:, None] > 0
     return np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=has_mass)

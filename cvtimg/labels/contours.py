@@ -185,8 +185,7 @@ def _crossings(walk: Walk, labels: NDArray[np.int32], picture: NDArray[Any]) -> 
     crosses = (at_right < 0) & (at_left > 0)
     gap = np.where(crosses, at_left - at_right, 1)
     part[told] = np.where(crosses, np.clip(-at_right / gap, CLEARANCE, 1 - CLEARANCE), 0.5)
-    places: _Points = (right + 0.5 + (left - right) * part[:, None])[:, ::-1]
-    return places
+    return (right + 0.5 + (left - right) * part[:, None])[:, ::-1]
 
 
 def _junctions(walk: Walk, corners: _Points, crossings: _Points) -> _Points:

@@ -144,5 +144,4 @@ def cut_at_junctions(walk: Walk) -> Pieces:
 
 def _numbers(corners: _Index, directions: _Index, walk: Walk) -> _Index:
     """Give each step a number of its own."""
-    numbers: _Index = (corners[:, 0] * (walk.corners[:, 1].max() + 1) + corners[:, 1]) * 4 + directions
-    return numbers
+    return (corners[:, 0] * (walk.corners[:, 1].max() + 1) + corners[:, 1]) * 4 + directions

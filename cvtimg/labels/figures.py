@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
+from cvtimg._shared.sums import per_mass, sum_by_label
 
 
 def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
@@ -41,9 +42,7 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     flat = segments.ravel()
     counts = np.bincount(flat).astype(np.float64)
     counts[0] = 0
-    sums = [np.bincount(flat, values[:, :, band].ravel()) for band in range(values.shape[2])]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        means: NDArray[np.float64] = np.stack(sums, axis=1) / counts[:, None]
+    means = per_mass(sum_by_label(flat, values.reshape(flat.size, -1)), counts)
     means[counts == 0] = np.nan
     return means
 
@@ -70,8 +69,13 @@ def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
     means = np.nan_to_num(region_means(labels, image))
     pixels = np.asarray(image)
     colors = (np.rint(means) if pixels.dtype.kind in "iu" else means).astype(pixels.dtype)
-    picture: NDArray[Any] = colors[np.asarray(labels)].reshape(pixels.shape)
-    return picture
+    return painted(np.asarray(labels), colors[1:]).reshape(pixels.shape)
+
+
+def painted(labels: NDArray[np.integer], colors: NDArray[Any]) -> NDArray[Any]:
+    """Give each pixel the color, (K, C), of its label 1..K, and 0 where that is 0: (..., C), or (...) of one band."""
+    pixels = np.concatenate([np.zeros((1, colors.shape[1]), colors.dtype), colors])[labels]
+    return pixels if colors.shape[1] > 1 else pixels[..., 0]
 
 
 def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()) -> dict[str, NDArray[Any]]:

@@ -112,8 +112,7 @@ def label_colors(n_labels: int) -> NDArray[np.uint8]:
     colors = [(0.0, 0.0, 0.0)]
     for label in range(n_labels):
         colors.append(hsv_to_rgb(label * golden % 1, *steps[label % len(steps)]))
-    levels: NDArray[np.uint8] = np.rint(np.array(colors) * 255).astype(np.uint8)
-    return levels
+    return np.rint(np.array(colors) * 255).astype(np.uint8)
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:

@@ -49,8 +49,7 @@ def _shorter(line: _Points, tolerance: float) -> _Points:
 
     if len(line) == 2 or tolerance < _LEAST_TOLERANCE:
         return line
-    shorter: _Points = approximate_polygon(line, tolerance)  # type: ignore[no-untyped-call]
-    return shorter
+    return approximate_polygon(line, tolerance)  # type: ignore[no-untyped-call]
 
 
 def _sweeping(lines: Sequence[_Points], simple: Sequence[_Points], suspects: Sequence[int]) -> Iterator[int]:

@@ -101,8 +101,7 @@ class _Part:
         ordered = np.sort(np.where(self.known[..., None], self.values, np.float32(np.nan)), axis=0)
         count = self.known.sum(axis=0)[None, :, :, None]
         low, high = np.maximum((count - 1) // 2, 0), np.minimum(count // 2, len(ordered) - 1)
-        middle: Floats = (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
-        return middle
+        return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
 
     def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
         """(h, W) where a version departs from what it is compared with by more than noise would.
@@ -132,8 +131,7 @@ class _Part:
         # A pixel among those that depart is taken to depart too: noise alone has brought it back.
         around = uniform_filter(found.astype(np.float32), 3, mode="constant")
         found |= around > _MOST * uniform_filter(known.astype(np.float32), 3, mode="constant")
-        departing: _Bools = found & known
-        return departing
+        return found & known
 
 
 def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools]) -> Versions:
@@ -202,5 +200,4 @@ def _commonest_color(versions: Versions) -> Floats:
     low, high = rows.min(axis=0), rows.max(axis=0)
     boxes = np.minimum((rows - low) * (_BOXES / np.maximum(high - low, 1e-30)), _BOXES - 1).astype(np.int64)
     number = boxes[:, :n_bands] @ [_BOXES**band for band in range(n_bands)]
-    color: Floats = rows[number == np.bincount(number).argmax()].mean(axis=0)
-    return color
+    return rows[number == np.bincount(number).argmax()].mean(axis=0)

@@ -98,8 +98,7 @@ def _step(
     usual = _OUTLYING * np.median(np.abs(difference)) if len(difference) else 0.0
     weights = 1 / (1 + (difference / usual) ** 2) if usual else np.ones(len(difference))
     step, *_ = np.linalg.lstsq(slopes.T @ (weights[:, None] * slopes), slopes.T @ (weights * difference))
-    limited: NDArray[np.float64] = np.clip(step, -1, 1)
-    return limited
+    return np.clip(step, -1, 1)
 
 
 def _shifted(bands: Floats, known: NDArray[np.bool_], shift: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:

@@ -49,8 +49,7 @@ class Clipped:
 
 def _places(apart: Floats, sigma: float) -> NDArray[np.int32]:
     """Points of the table for values that are so far from an end."""
-    places: NDArray[np.int32] = np.minimum(apart * np.float32(_PER_DEVIATION / sigma) + 0.5, _LAST).astype(np.int32)
-    return places
+    return np.minimum(apart * np.float32(_PER_DEVIATION / sigma) + 0.5, _LAST).astype(np.int32)
 
 
 @cache

@@ -168,8 +168,7 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     total = groups.sums(around(uniform_filter(precision, SIDE)))
     best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
-    limited: _Doubles = np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
-    return limited
+    return np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,8 +218,7 @@ class _Filters:
         """(G, 25) variance that remains at each place of a patch, as a share of that of the noise."""
         size = self.means.shape[1]
         diagonal = np.einsum("gii->gi", self.matrices[:, :, :size])
-        left: Floats = diagonal.reshape(len(diagonal), SIDE**2, -1).mean(axis=2)
-        return left
+        return diagonal.reshape(len(diagonal), SIDE**2, -1).mean(axis=2)
 
     def applied(self, image: Floats, change: Floats, groups: Groups, steps: _Doubles) -> Floats:
         """(N, P) filtered patches of the image plus `steps` of each group times the change."""
@@ -268,5 +266,4 @@ def _without_noise(covariances: _Doubles, noise: _Doubles, variances: _Doubles, 
     diagonal -= noise
     values, axes = np.linalg.eigh(covariances)
     values = np.maximum(values - (_LOWERED * variances * np.sqrt(size / sizes))[:, None], 0)
-    left: _Doubles = (axes * values[:, None, :]) @ axes.transpose(0, 2, 1)
-    return left
+    return (axes * values[:, None, :]) @ axes.transpose(0, 2, 1)

@@ -92,8 +92,7 @@ def _quiet_noise(values: Floats, known: _Bools) -> _Doubles:
     covariances = block_covariances(values, known)
     if len(covariances) < _ENOUGH_BLOCKS:
         return np.full(values.shape[2], np.nan)
-    noise: _Doubles = np.sqrt(np.diag(quiet_covariance(covariances, BLOCK**2)))
-    return noise
+    return np.sqrt(np.diag(quiet_covariance(covariances, BLOCK**2)))
 
 
 def _by_differences(versions: Versions, alone: _Doubles) -> _Doubles:

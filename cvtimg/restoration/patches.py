@@ -153,8 +153,7 @@ class Groups:
 
     def sums(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
         """(G,) or (G, ...) sums over the patches of each group."""
-        sums: NDArray[np.float64] = np.add.reduceat(values[self.order], self.bounds[:-1], axis=0, dtype=np.float64)
-        return sums
+        return np.add.reduceat(values[self.order], self.bounds[:-1], axis=0, dtype=np.float64)
 
 
 def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:

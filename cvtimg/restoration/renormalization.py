@@ -51,8 +51,7 @@ def mean_colors(levels: Levels) -> _Doubles:
     """(K, C) mean of the known values of each segment in all versions."""
     totals = levels.masses.sum(axis=0)
     sums = (levels.masses * levels.generators).sum(axis=0)
-    colors: _Doubles = np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
-    return colors
+    return np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
 
 
 def median_colors(levels: Levels) -> _Doubles:

@@ -59,5 +59,4 @@ def _half(image: Floats) -> Floats:
     """(ceil(H / 2), ceil(W / 2), C) means of 2 x 2 pixels; an odd last row or column counts twice."""
     height, width = image.shape[:2]
     even = np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-    means: Floats = (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]) * np.float32(0.25)
-    return means
+    return (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]) * np.float32(0.25)

@@ -85,16 +85,14 @@ class Suspicion:
         usual = np.where(seen, np.minimum(squares, _NEVER * least * n_bands), 0) / n_bands
         share = uniform_filter(seen.astype(np.float32), _AROUND, mode="constant")
         mean = uniform_filter(usual.astype(np.float32), _AROUND, mode="constant")
-        found: Floats = np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
-        return found
+        return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
 
 
 def first_estimate(fused: Floats) -> Floats:
     """(H, W, C) median of near pixels, which additions to single pixels do not reach."""
     from scipy.ndimage import median_filter
 
-    median: Floats = median_filter(fused, (_MEDIAN, _MEDIAN, 1))
-    return median
+    return median_filter(fused, (_MEDIAN, _MEDIAN, 1))
 
 
 def _compared(
@@ -117,8 +115,7 @@ def _disagree(versions: Versions, one: int, other: int, noise: NDArray[np.float6
     apart = np.square(versions.bands(one) - versions.bands(other)).sum(axis=2)
     n_bands = np.count_nonzero(versions.version_of == one)
     variance = noise[one] ** 2 + noise[other] ** 2
-    disagree: NDArray[np.bool_] = apart > (_NEVER + 2 * n_bands) * variance
-    return disagree
+    return apart > (_NEVER + 2 * n_bands) * variance
 
 
 def _shares_of_two(versions: Versions, noise: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

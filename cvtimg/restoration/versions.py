@@ -62,8 +62,7 @@ class Versions:
     @property
     def coverage(self) -> NDArray[np.int32]:
         """(H, W) number of versions that know each pixel."""
-        counts: NDArray[np.int32] = self.known.sum(axis=2, dtype=np.int32)
-        return counts
+        return self.known.sum(axis=2, dtype=np.int32)
 
     def bands(self, version: int) -> Floats:
         """(H, W, C) values of one version."""
@@ -216,8 +215,7 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
             raise ValueError(f"weights={trust.tolist()} must be finite and > 0")
     else:
         trust = 1 / usual_noise(versions, noise) ** 2
-    shares: NDArray[np.float64] = trust / trust.mean()
-    return shares
+    return trust / trust.mean()
 
 
 def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> tuple[Floats, Floats]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import AveragingName
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.points import assign, pack
 
 WHEN = ("before", "after")
@@ -82,8 +83,7 @@ def averaged(
     within = np.ones(values.shape[:2], bool) if inside is None else inside
     mass = _filtered(within[..., None].astype(np.float32), averaging)
     sums = _filtered(np.where(within[..., None], values, np.float32(0)), averaging)
-    result: NDArray[np.float32] = np.divide(sums, mass, out=np.zeros_like(sums), where=within[..., None])
-    return result
+    return np.divide(sums, mass, out=np.zeros_like(sums), where=within[..., None])
 
 
 def _filtered(values: NDArray[np.float32], averaging: Averaging) -> NDArray[np.float32]:
@@ -127,9 +127,8 @@ def average_segments(
             break
         seen.add(own.tobytes())
         masses = np.bincount(own, minlength=n_segments)
-        means = np.stack([np.bincount(own, column, n_segments) for column in rows.T.astype(np.float64)], axis=1)
+        means = per_mass(sum_by_label(own, rows, n_segments), masses)
         present = np.flatnonzero(masses)
-        means[present] = means[present] / masses[present, None]
         drawn = np.zeros(values.shape, np.float32)
         drawn[inside] = means[own]
         points = pack(averaged(drawn, averaging, inside)[inside], np.ones(len(rows)))

@@ -17,9 +17,8 @@ from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES, to_space
 from cvtimg.engine.points import Frame, assign, pack
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.segmentation.levels import Levels, to_levels
 from cvtimg.segmentation.result import Segmentation, dark_to_bright, from_tessellation
-from cvtimg.segmentation.values import picture_values, unit_of
+from cvtimg.segmentation.values import EvenLevels, picture_values, to_levels, unit_of
 
 __all__ = ["segment_blocks"]
 
@@ -97,7 +96,7 @@ def segment_blocks(
 class _Label:
     """From (n, C) pixels to their (n,) labels, where blocks are worked on."""
 
-    levels: Levels
+    levels: EvenLevels
     space: SpaceName
     frame: Frame
     generators: NDArray[np.float64]
@@ -114,5 +113,4 @@ class _Label:
             rows = to_space(rows / peak(rows.dtype), self.space) * unit_of(self.space, rows.dtype)
         points = pack(rows, np.ones(len(rows)), frame=self.frame)
         labels: NDArray[np.int32] = self.new_label[assign(points, self.generators)[: len(rows)]]
-        own: NDArray[np.int32] = labels[counted.inverse[0]]
-        return own
+        return labels[counted.inverse[0]]

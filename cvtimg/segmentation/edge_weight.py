@@ -320,8 +320,7 @@ def disc(radius: int) -> NDArray[np.intp]:
     """(S, 2) steps down and right to the neighbors within a disc, without its center."""
     down, right = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)
     near = (down**2 + right**2 <= radius**2) & ((down != 0) | (right != 0))
-    steps: NDArray[np.intp] = np.stack([down, right], axis=1)[near]
-    return steps
+    return np.stack([down, right], axis=1)[near]
 
 
 def length_cost(radius: int) -> int:

@@ -65,8 +65,7 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
     """
     array = check_image("image", image)
     values = array.reshape(*array.shape[:2], -1)
-    deviations: NDArray[np.float64] = np.sqrt(np.diag(noise_covariance(values)))
-    return deviations
+    return np.sqrt(np.diag(noise_covariance(values)))
 
 
 def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
@@ -102,11 +101,9 @@ def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray
     order = np.argsort(np.trace(covariances, axis1=1, axis2=2), kind="stable")
     first, last = (int(share * len(order)) for share in _QUIET)
     if last == first:
-        covariance: NDArray[np.float64] = covariances.mean(axis=0)
-        return covariance
+        return covariances.mean(axis=0)
     variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (n_pixels * n_dims))
-    quiet: NDArray[np.float64] = covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation)
-    return quiet
+    return covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation)
 
 
 def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:

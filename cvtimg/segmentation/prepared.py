@@ -1,4 +1,4 @@
-"""Values, averages and edge weight, computed once for any number of segments."""
+"""Values, averages and edge weight, computed once for any number of segments, and the energy curve of these."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight
 from cvtimg._shared.choices import AveragingName
+from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg.elbow.curves import EnergyCurve, energy_curve
+from cvtimg.elbow.rules import Scale
+from cvtimg.engine.points import assign, pack
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
@@ -22,6 +26,8 @@ _RADIUS_OF_AUTO = 3
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
 _LARGEST_RADIUS = 30
+#: Curves start from an image blurred as for this many segments.
+_SEGMENTS_AT_START = 4
 
 Floats = NDArray[np.float32]
 
@@ -163,3 +169,42 @@ def blur_at_start(variance: float, noise: NDArray[np.float64], n_segments: int) 
     # times closer to each other than those of two.
     blur = np.sqrt(noisy / signal) * n_segments / 2 / (2 * np.sqrt(np.pi) * _NOISE_AT_START)
     return 0.0 if blur < 0.5 else float(min(blur, _LARGEST_START))
+
+
+def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Generator) -> EnergyCurve:
+    """Compute the energies of 1, 2, ... n_max segments from those of the cells that they start from.
+
+    The curve never rises: where another segment would cost more, because of its edges, it stays empty, and the curve
+    keeps the energy and the generators of one segment less.
+    """
+    inside, volume_power = prepared.values.inside, prepared.volume_power
+    start = prepared.start(_SEGMENTS_AT_START)
+    rows = (prepared.field if start is None else start)[inside]
+    cells = energy_curve(rows, n_max, volume_power=volume_power, rng=rng)
+    if start is None and prepared.average_after is None and not prepared.edge_weight:
+        return cells
+    points = pack(rows, np.ones(len(rows)))
+    energies: list[float] = []
+    generators: list[NDArray[np.float64]] = []
+    for places in cells.generators:
+        labels = np.zeros(inside.shape, np.int32)
+        labels[inside] = assign(points, points.frame.inward(places))[: len(rows)] + 1
+        energy, means = _settled(prepared, labels, len(places))
+        if energies and energy > energies[-1]:
+            energy, means = energies[-1], generators[-1]
+        energies.append(energy)
+        generators.append(means)
+    return EnergyCurve(np.array(energies), tuple(generators), Scale(float(rows.size), None))
+
+
+def _settled(prepared: Prepared, start: NDArray[np.int32], n_segments: int) -> tuple[float, NDArray[np.float64]]:
+    """Return the energy of the segments in the end, and their means."""
+    labels, end = prepared.settle(start, n_segments)
+    if end is not None:
+        return end.energies[-1], end.generators[end.masses[:, 0] > 0]
+    own = labels[labels > 0] - 1
+    rows = prepared.data[labels > 0].astype(np.float64)
+    masses = np.bincount(own, minlength=n_segments).astype(np.float64)
+    means = per_mass(sum_by_label(own, rows, n_segments), masses)
+    parts = sum_by_label(own, ((rows - means[own]) ** 2).sum(axis=1), n_segments)
+    return float((masses / masses.sum()) ** prepared.volume_power @ parts), means[masses > 0]

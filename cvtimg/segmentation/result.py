@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
+from cvtimg.labels.figures import painted
 from cvtimg.labels.files import write_labels
 from cvtimg.pictures.files import encode_image
+from cvtimg.pictures.showing import shown
 from cvtimg.segmentation.edge_weight import EdgeWeighted
 from cvtimg.segmentation.values import PictureValues
 
@@ -79,14 +82,9 @@ class Segmentation:
             In color if there are three bands or more, of which the first three are shown; otherwise in grey. Pixels
             of label 0 are black.
         """
-        n_shown = 3 if self.generators.shape[1] >= 3 else 1
-        colors = np.zeros((self.n_segments + 1, n_shown), np.uint8)
-        if self.n_segments:
-            shown = self.generators[:, :n_shown]
-            span = float(np.ptp(shown)) or 1.0
-            colors[1:] = np.rint((shown - shown.min()) * (255 / span))
-        labels = np.asarray(self.labels)
-        return colors[labels] if n_shown == 3 else colors[labels, 0]
+        means = self.generators[:, : 3 if self.generators.shape[1] >= 3 else 1]
+        colors = shown(means, (means.min(), means.max()))[:, : means.shape[1]] if self.n_segments else means
+        return painted(np.asarray(self.labels), colors.astype(np.uint8))
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())
@@ -126,11 +124,10 @@ def from_labels(
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
     inside = labels > 0
-    own = labels[inside]
-    masses = np.bincount(own)[1:].astype(np.float64)
-    rows = field[inside]
-    sums = np.stack([np.bincount(own, column)[1:] for column in rows.T], axis=1)
-    means = sums / np.maximum(masses, 1)[:, None]
+    own, rows = labels[inside] - 1, field[inside]
+    masses = np.bincount(own).astype(np.float64)
+    sums = sum_by_label(own, rows)
+    means = per_mass(sums, masses)
     squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
     energy = max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
     generators = values.to_picture(means + values.center)

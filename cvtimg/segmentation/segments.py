@@ -18,8 +18,7 @@ from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.blocks import segment_blocks
-from cvtimg.segmentation.curves import curve_of_segments
-from cvtimg.segmentation.prepared import Prepared, Smoothness
+from cvtimg.segmentation.prepared import Prepared, Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels, from_tessellation
 from cvtimg.segmentation.touching import Objects
 from cvtimg.segmentation.values import PictureValues, picture_values

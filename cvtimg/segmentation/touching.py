@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_labels, check_non_negative, check_weights
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.segmentation.averaging import Averaging, averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
@@ -146,8 +147,7 @@ def _with_own_borders(
 
     from_ground, own, inside = _apart(values, ground), objects, objects > 0
     for _ in range(_MAX_ROUNDS):
-        sizes = np.maximum(np.bincount(own.ravel()), 1)
-        means = np.stack([np.bincount(own.ravel(), band.ravel()) / sizes for band in np.moveaxis(values, 2, 0)], axis=1)
+        means = per_mass(sum_by_label(own.ravel(), values.reshape(own.size, -1)), np.bincount(own.ravel()))
         near = np.where(inside & (_apart(values, means.astype(np.float32)[own]) < from_ground), own, 0)
         if (near == own).all():
             break
@@ -164,13 +164,11 @@ def _with_own_borders(
 
 def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) squared distances of (H, W, D) values to a color or to that of each pixel."""
-    squares: NDArray[np.float32] = np.square(values - color).sum(axis=2)
-    return squares
+    return np.square(values - color).sum(axis=2)
 
 
 def _numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     present = np.bincount(objects.ravel()) > 0
     present[0] = False
-    numbers: NDArray[np.int32] = (np.cumsum(present) * present).astype(np.int32)[objects]
-    return numbers
+    return (np.cumsum(present) * present).astype(np.int32)[objects]

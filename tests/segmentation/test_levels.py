@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.levels import to_levels
+from cvtimg.segmentation.values import to_levels
 
 
 @settings(max_examples=60)

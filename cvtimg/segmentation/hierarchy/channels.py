@@ -124,8 +124,7 @@ def _filled(channel: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
-    filled: NDArray[np.float32] = channel[tuple(nearest)]
-    return filled
+    return channel[tuple(nearest)]
 
 
 def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:

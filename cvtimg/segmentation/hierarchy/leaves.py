@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import sum_by_label
 from cvtimg.labels.borders import Borders, find_borders
 from cvtimg.labels.components import absorb_small
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
-from cvtimg.segmentation.hierarchy.borders import border_strengths, smoothing_matrix
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.eigenvectors import global_strengths
 from cvtimg.segmentation.hierarchy.merging import Merges, Weights, merge_regions
+from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.values import PictureValues
@@ -66,7 +66,7 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
     labels = _superpixels(channels, n_leaves)
     own = labels[values.inside] - 1
     rows = values.field()[values.inside]
-    squares = np.bincount(own, np.einsum("nd,nd->n", rows, rows, dtype=np.float64))
+    squares = np.einsum("nd,nd->n", rows, rows, dtype=np.float64)
     sizes = np.bincount(own).astype(np.float64)
     borders = find_borders(labels)
     strengths = border_strengths(borders, channels)
@@ -74,7 +74,7 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
     return Leaves(
         labels=labels,
         sizes=sizes,
-        moments=np.stack([*(np.bincount(own, column) for column in rows.T), squares], axis=1),
+        moments=sum_by_label(own, np.column_stack([rows, squares])),
         histograms=_histograms(own, len(sizes), channels),
         borders=borders,
         # Eigenvectors have slopes even where there is nothing to see: they can only confirm other evidence.

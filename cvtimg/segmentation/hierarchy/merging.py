@@ -89,3 +89,17 @@ def merge_regions(
         weights.size_power,
     )
     return Merges(found, np.maximum.accumulate(altitudes))
+
+
+def altitudes_between(
+    pairs: NDArray[np.int32], merges: NDArray[np.int32], altitudes: NDArray[np.float64], n_leaves: int
+) -> NDArray[np.float64]:
+    """(B,) altitudes at which pairs of leaves come to be in one region."""
+    parents = np.arange(n_leaves + len(merges))
+    parents[merges.ravel()] = np.repeat(np.arange(n_leaves, len(parents)), 2)
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    while (apart := low != high).any():
+        # The lower of two nodes is not above the other.
+        above = np.where(apart, parents[low], low)
+        low, high = np.minimum(above, high), np.maximum(above, high)
+    return altitudes[low - n_leaves]

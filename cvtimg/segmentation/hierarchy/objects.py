@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.labels.borders import find_borders
 
 
@@ -79,7 +80,6 @@ def shares_that_part(
     own, others = np.concatenate([borders.pairs, borders.pairs[:, ::-1]]).T
     apart = lengths * (np.linalg.norm(means[own] - means[others], axis=1) >= contrast)
     is_brighter = brightness[own] > brightness[others]
-    sums = [np.bincount(own, apart * side, len(means)) for side in (is_brighter, ~is_brighter)]
+    sums = sum_by_label(own, np.stack([apart * is_brighter, apart * ~is_brighter], axis=1), len(means))
     perimeters = np.bincount(own, lengths, len(means))
-    shares: NDArray[np.float64] = np.stack(sums, axis=1) / np.maximum(perimeters, 1)[:, None]
-    return shares
+    return per_mass(sums, perimeters)

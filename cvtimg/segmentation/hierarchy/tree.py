@@ -17,7 +17,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.labels.borders import find_borders
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation._segments import label_pixels
-from cvtimg.segmentation.hierarchy.contour_maps import altitudes_between, on_cracks, on_pixels
+from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.result import dark_to_bright
 
@@ -253,8 +253,8 @@ class RegionHierarchy:
         check_choice("kind", kind, ("pixels", "cracks"))
         borders = find_borders(self.leaves)
         between = altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
-        draw = on_pixels if kind == "pixels" else on_cracks
-        return draw(borders, between, self.leaves.shape)
+        draw = borders.on_pixels if kind == "pixels" else borders.on_cracks
+        return draw(between, self.leaves.shape)
 
     def find_edges(self, threshold: float | None = None) -> NDArray[np.bool_]:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
@@ -280,8 +280,7 @@ class RegionHierarchy:
         """
         from skimage.morphology import thin
 
-        edges: NDArray[np.bool_] = thin(self.contour_map() > self._threshold(threshold))  # type: ignore[no-untyped-call]
-        return edges
+        return thin(self.contour_map() > self._threshold(threshold))  # type: ignore[no-untyped-call]
 
     def energy_curve(self, n_max: int = CHORD_ENDS) -> EnergyCurve:
         """Measure the energies of cuts into 1, 2, .. n_max regions, of which an elbow can be picked.

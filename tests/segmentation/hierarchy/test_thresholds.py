@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sklearn.metrics import rand_score
 
 from cvtimg import segment_hierarchy
-from cvtimg.segmentation.hierarchy.thresholds import default_threshold
+from cvtimg.segmentation.hierarchy.building import default_threshold
 
 
 def test_a_darkened_photograph_has_nearly_the_same_default_cut(photograph: NDArray[Any]) -> None:
