@@ -1,15 +1,17 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled passes over patches in groups: covariances, filters, the image made of patches, groups cut in two.
 
-Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. H x W is the size of
+Nothing here checks its arguments or decides. Each argument is marked IN, OUT or INOUT. H x W is the size of
 an image in pixels, N their number, C that of bands, P = 25 C that of the values of a patch, R = P rounded up to a
 multiple of 16, G the number of groups, and M the number of patches of the largest, rounded up to a multiple of 4. Each
 pass works on the groups, or rows, from `first` until `last`.
 """
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
+import numpy as np
+
 cdef extern from "patches.h" nogil:
-    int REACH, SIDE
+    int REACH, SIDE, LANES, ROWS_AT_ONCE
 
     struct picture:
         const float *values
@@ -44,21 +46,21 @@ def halve_groups(
     int32_t[::1] order,            # INOUT (N,): members of the groups, one group after the other
     const int64_t[::1] starts,     # IN (G,): of the groups to cut
     const int64_t[::1] stops,      # IN (G,)
-    uint8_t[::1] sides,            # scratch (N,)
-    float[:, ::1] along,           # scratch (2, N)
-    int32_t[::1] second,           # scratch (N,)
     int64_t[::1] cuts,             # OUT (G,): where the second half of each begins
     Py_ssize_t first,              # IN
     Py_ssize_t last,               # IN
 ):
     """Cut groups in two, each by two generators of its own."""
-    cdef Py_ssize_t g, start
+    cdef Py_ssize_t g, start, largest = np.max(np.subtract(stops, starts)[first:last], initial=1)
+    cdef uint8_t[::1] sides = np.empty(largest, np.uint8)
+    cdef float[:, ::1] along = np.empty((2, largest), np.float32)
+    cdef int32_t[::1] second = np.empty(largest, np.int32)
     with nogil:
         for g in range(first, last):
             start = starts[g]
             cuts[g] = start + functions.halve(
-                &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[start],
-                &along[0, start], &along[1, start], &second[start],
+                &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[0],
+                &along[0, 0], &along[1, 0], &second[0],
             )
 
 
@@ -66,8 +68,6 @@ def measure_groups(
     const float[:, :, ::1] image,    # IN (H + 4, W + 4, C)
     const int32_t[::1] order,        # IN (N,): pixels of the groups, one group after the other
     const int64_t[::1] bounds,       # IN (G + 1,): where each group begins in `order`
-    float[:, ::1] patches,           # scratch (M, R)
-    float[:, ::1] products,          # scratch (R, R)
     float[:, ::1] means,             # OUT (G, P)
     double[:, :, ::1] covariances,   # OUT (last - first, P, P)
     Py_ssize_t first,                # IN
@@ -75,7 +75,9 @@ def measure_groups(
 ):
     """Measure the mean and the covariance of the patches of each group."""
     cdef picture from_image = as_picture(image)
-    cdef Py_ssize_t g
+    cdef Py_ssize_t g, columns = (means.shape[1] + LANES - 1) // LANES * LANES
+    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), columns), np.float32)
+    cdef float[:, ::1] products = np.empty((columns, columns), np.float32)
     with nogil:
         for g in range(first, last):
             functions.measure(
@@ -106,14 +108,14 @@ def filter_groups(
     const int64_t[::1] bounds,       # IN (G + 1,)
     const float[:, ::1] means,       # IN (G, P)
     const float[:, :, ::1] filters,  # IN (G, P, R)
-    float[:, :, ::1] scratch,        # scratch (2, M, R)
     float[:, ::1] patches,           # OUT (N, P)
     Py_ssize_t first,                # IN
     Py_ssize_t last,                 # IN
 ):
     """Filter the patches of each group about their mean."""
     cdef picture from_image = as_picture(image), from_change = as_picture(change)
-    cdef Py_ssize_t g
+    cdef Py_ssize_t g, most = (np.max(np.diff(bounds)) + ROWS_AT_ONCE - 1) // ROWS_AT_ONCE * ROWS_AT_ONCE
+    cdef float[:, :, ::1] scratch = np.empty((2, most, filters.shape[2]), np.float32)
     with nogil:
         for g in range(first, last):
             functions.filter(

@@ -13,18 +13,24 @@ from itertools import pairwise, starmap
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.choices import EffortName
+from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg.restoration.clipping import Clipped, clipped_ends
+from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.filters import Block, Noisy, filtered
+from cvtimg.restoration.masked import masked_means
+from cvtimg.restoration.merging import measured
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
+from cvtimg.restoration.result import Found
 from cvtimg.restoration.scales import FIRST_BLUR, halved, with_low_frequencies
-from cvtimg.restoration.suspicion import Suspicion, first_estimate
+from cvtimg.restoration.suspicion import first_estimate
 from cvtimg.restoration.versions import Floats, Versions, fuse
 
 #: Largest number of patches in a group, pass by pass.
 _PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
 #: Largest number of pixels for which these are affordable: a pass over a megapixel takes some seconds.
 _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, "balanced"))
+#: Kinds of patches by default.
+_AUTO_KINDS = 32
 #: How often the size is halved to find low frequencies, and the shortest side of a size.
 _HALVINGS, _SHORTEST = 2, 32
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
@@ -56,49 +62,24 @@ def affordable_effort(n_pixels: int) -> EffortName:
     return next((effort for most, effort in _AFFORDABLE if n_pixels <= most), "fast")
 
 
-def restore_detail(
-    versions: Versions,
-    trust: NDArray[np.float64],
-    variance: float,
-    suspicion: Suspicion | None,
-    n_generators: int,
-    effort: EffortName,
-    rng: np.random.Generator,
-) -> tuple[Detailed, Versions]:
-    """Restore an image from versions of it, or denoise a single one.
-
-    Parameters
-    ----------
-    versions : Versions
-        Versions of one look.
-    trust : (S,) array
-        Weight of each version.
-    variance : float
-        Variance of the noise of a value of weight 1.
-    suspicion : Suspicion or None
-        How often versions hold additions; None if nothing else is to be left out.
-    n_generators : int
-        Number of kinds of patches.
-    effort : {"fast", "balanced", "best"}
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    Detailed
-    Versions
-        What was left of the versions in the last pass.
-    """
+def denoise_versions(
+    evidence: Evidence, n_generators: int | None, effort: AutoEffortName, rng: np.random.Generator
+) -> Found:
+    """Restore an image from versions of one look, or denoise a single one, by groups of patches of some kinds."""
     from scipy.ndimage import gaussian_filter
     from threadpoolctl import threadpool_limits
 
-    variance = max(variance, versions.rounding**2 / 12)
+    n_generators = n_generators or _AUTO_KINDS
+    versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
+    variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
+    passes = _PASSES[affordable_effort(versions.coverage.size) if effort == "auto" else effort]
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
     fused, weight = fuse(kept, trust)
     estimate: Floats = gaussian_filter(fused, (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"):
-        for number, largest in enumerate(_PASSES[effort]):
+        for number, largest in enumerate(passes):
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)
                 fused, weight = fuse(kept, trust)
@@ -111,9 +92,13 @@ def restore_detail(
             kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
-        lower = _with_low_frequencies(done.image, noisy, axes, _PASSES[effort], n_generators, _HALVINGS, rng)
+        lower = _with_low_frequencies(done.image, noisy, axes, passes, n_generators, _HALVINGS, rng)
         estimate = axes.back(lower)
-    return Detailed(estimate, done.labels, done.energy), kept
+    labels = done.labels + 1
+    generators, masses = measured(versions, trust, labels, n_generators)
+    rows = estimate.reshape(labels.size, -1)
+    colors, _ = masked_means(rows, np.ones_like(rows), labels.ravel(), np.zeros((n_generators, rows.shape[1])))
+    return Found(labels, generators, masses, colors, (done.energy,), kept.coverage, image=estimate)
 
 
 def _with_low_frequencies(

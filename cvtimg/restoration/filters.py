@@ -184,7 +184,7 @@ class _Filters:
         image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
         image = np.ascontiguousarray(image, np.float32)
         size = SIDE**2 * image.shape[2]
-        columns, most = -(-size // 16) * 16, int(groups.sizes.max())
+        columns = -(-size // 16) * 16
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
         noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
         for start in range(0, len(groups), _CHUNK):
@@ -192,11 +192,8 @@ class _Filters:
             covariances = np.empty((stop - start, size, size))
 
             def measure(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
-                patches, products = np.empty((most, columns), np.float32), np.empty((columns, columns), np.float32)
                 own = covariances[first:last]
-                _patches.measure_groups(
-                    image, groups.order, groups.bounds, patches, products, means, own, start + first, start + last
-                )
+                _patches.measure_groups(image, groups.order, groups.bounds, means, own, start + first, start + last)
 
             def make(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
                 own = covariances[first:last]
@@ -222,25 +219,12 @@ class _Filters:
 
     def applied(self, image: Floats, change: Floats, groups: Groups, steps: _Doubles) -> Floats:
         """(N, P) filtered patches of the image plus `steps` of each group times the change."""
-        size, columns = self.matrices.shape[1:]
-        most = -(-int(groups.sizes.max()) // 4) * 4
+        size = self.means.shape[1]
         patches = np.empty((len(groups.order), size), np.float32)
+        order, bounds = groups.order, groups.bounds
 
         def apply(first: int, last: int) -> None:
-            scratch = np.empty((2, most, columns), np.float32)
-            _patches.filter_groups(
-                image,
-                change,
-                steps,
-                groups.order,
-                groups.bounds,
-                self.means,
-                self.matrices,
-                scratch,
-                patches,
-                first,
-                last,
-            )
+            _patches.filter_groups(image, change, steps, order, bounds, self.means, self.matrices, patches, first, last)
 
         in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         return patches

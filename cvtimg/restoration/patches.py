@@ -170,8 +170,6 @@ def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> 
     """
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
-    sides, second = np.empty(len(order), np.uint8), np.empty(len(order), np.int32)
-    along = np.empty((2, len(order)), np.float32)
     while True:
         large = np.flatnonzero(np.diff(bounds) > largest)
         if not len(large):
@@ -179,7 +177,7 @@ def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> 
         starts, stops, cuts = bounds[large], bounds[large + 1], np.empty(len(large), np.int64)
 
         def halve(first: int, last: int, starts=starts, stops=stops, cuts=cuts) -> None:  # type: ignore[no-untyped-def]
-            _patches.halve_groups(features, order, starts, stops, sides, along, second, cuts, first, last)
+            _patches.halve_groups(features, order, starts, stops, cuts, first, last)
 
         in_parts(halve, len(large), work=float((stops - starts).sum()) * features.shape[1] ** 2 / 8)
         bounds = np.insert(bounds, large + 1, cuts)

@@ -6,36 +6,21 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_edge_weight, check_excluded, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_excluded, check_non_negative
 from cvtimg._shared.choices import AutoEffortName, AveragingName, SpaceName
-from cvtimg._shared.pixels import white_of
-from cvtimg.colors.spaces import to_space
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
-from cvtimg.restoration.alignment import align as align_versions
-from cvtimg.restoration.detail import affordable_effort
-from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.detail import denoise_versions
+from cvtimg.restoration.evidence import prepare
+from cvtimg.restoration.merging import Merging, merge_versions
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
-from cvtimg.restoration.suspicion import Suspicion, first_estimate
-from cvtimg.restoration.versions import (
-    Versions,
-    averaged_versions,
-    disagreement,
-    fuse,
-    stack_versions,
-    trust_in,
-    usual_noise,
-)
+from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.averaging import Averaging, as_averaging
 
 __all__ = ["Restoration", "restore"]
-
-#: The edge weight "auto" as a multiple of the variance of the noise. Half or twice as much serves nearly as well.
-_EDGE_WEIGHT_PER_VARIANCE = 0.5
 
 
 def restore(
@@ -163,63 +148,15 @@ def restore(
     average = as_averaging(averaging)
     check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
-    noise = noise_of(given, alike=not channels)  # before any interpolation, which smooths it
-    trust = trust_in(given, weights, noise)
-    placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))
-    versions = placed if channels else HIDDEN[hiding](placed, usual_noise(placed, noise))
-    suspicion = None
-    if hiding == "outliers" and not channels:
-        suspicion = Suspicion.of(placed, versions, usual_noise(placed, noise)) or None
-    if suspicion and not detail and placed.n_versions > 2:  # of two, neither has a majority: both count
-        versions = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
-    data = averaged_versions(versions, average) if average and average.when == "before" else versions
-    gain = average.noise_gain if average and data is not versions else 1.0
-    variances = _variances(data, trust, noise, gain, channels)
-    unit = _level(versions, space) ** 2
-    if cost is None:
-        cost = 0.0 if detail else _EDGE_WEIGHT_PER_VARIANCE * max(variances) / unit
-    evidence = Evidence(
-        versions=versions,
-        data=data,
-        trust=trust,
-        average_after=None if data is not versions else average,
-        edge_weight=cost * unit,
-        volume_power=power,
-        channels=channels,
-        suspicion=suspicion,
-    )
-    count = evidence.count(n_generators, detail)
-    if detail:
-        affordable = affordable_effort(versions.coverage.size) if effort == "auto" else effort
-        found = evidence.patches(count, affordable, min(variances), np.random.default_rng(rng))
+    evidence = prepare(given, weights, align=align, hidden=hiding, channels=channels)
+    if isinstance(n_generators, str):
+        check_choice("n_generators", n_generators, ("auto",))
+        number = None
     else:
-        found = evidence.segments(count, rule, "balanced" if effort == "auto" else effort)
-    return in_order(
-        found,
-        versions,
-        space,
-        coverage=placed.coverage,
-        left_out=placed.coverage - (versions.coverage if found.used is None else found.used),
-        noise=noise,
-        weights=trust,
-        shifts=shifts,
-        edge_weight=cost,
-    )
-
-
-def _level(versions: Versions, space: SpaceName) -> float:
-    """Return an 8-bit level in the units of the first version's color space."""
-    white = np.array([[white_of(versions.dtype)]], versions.dtype)
-    return float(to_space(white, space)[0, 0]) / 255
-
-
-def _variances(
-    data: Versions, trust: NDArray[np.float64], noise: NDArray[np.float64], gain: float, channels: bool
-) -> list[float]:
-    """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
-    known = np.isfinite(noise)
-    found = [float((trust * noise**2)[known].mean()) * gain] if known.any() else []
-    apart = np.nan if channels else disagreement(data, trust)
-    if np.isfinite(apart):
-        found.append(apart)
-    return found or [0.0]
+        number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
+    if detail:
+        found = denoise_versions(evidence, number, effort, np.random.default_rng(rng))
+    else:
+        how = Merging(average, cost, power, rule, "balanced" if effort == "auto" else effort, space)
+        found = merge_versions(evidence, number, how)
+    return in_order(found, evidence, space)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown
+from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.versions import Floats, Versions
 
 
@@ -69,10 +70,9 @@ class Restoration:
     converged: bool
 
     def __post_init__(self) -> None:
-        for array in (self.image, self.labels, self.generators, self.colors, self.coverage, self.left_out, self.noise):
-            array.flags.writeable = False
-        for array in (self.weights, self.shifts):
-            array.flags.writeable = False
+        for field in fields(self):
+            if isinstance(array := getattr(self, field.name), np.ndarray):
+                array.flags.writeable = False
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the restored image, as `write_image` does."""
@@ -95,23 +95,22 @@ class Restoration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Segments in the stacked space, in any order, and their colors; and what is not made of these, if any.
-
-    That is the image, and how many versions were used at each pixel.
-    """
+    """Segments in the stacked space, in any order; versions used at each pixel; and an image not made of segments."""
 
     labels: NDArray[np.int32]
     generators: NDArray[np.float64]
     masses: NDArray[np.float64]
     colors: NDArray[np.float64]
     energies: tuple[float, ...]
+    used: NDArray[np.int32]
+    edge_weight: float = 0.0
     converged: bool = True
     image: Floats | None = None
-    used: NDArray[np.int32] | None = None
 
 
-def in_order(found: Found, versions: Versions, space: SpaceName, **about: Any) -> Restoration:
+def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
     """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
+    versions = evidence.placed
     deep = np.dtype(np.float64)
     white = peak(versions.dtype) if space != "rgb" else 1.0
     n_left = np.bincount(found.labels.ravel(), minlength=len(found.colors) + 1)[1:]
@@ -130,10 +129,15 @@ def in_order(found: Found, versions: Versions, space: SpaceName, **about: Any) -
         labels=labels,
         generators=_by_version(generators, versions, space),
         colors=colors[order],
+        coverage=versions.coverage,
+        left_out=versions.coverage - found.used,
+        noise=evidence.noise,
+        weights=evidence.trust,
+        shifts=evidence.shifts,
+        edge_weight=found.edge_weight,
         energy=found.energies[-1],
         energies=found.energies,
         converged=found.converged,
-        **about,
     )
 
 
