@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -57,7 +57,11 @@ class History(NamedTuple):
 
 
 def iterate(
-    energy: float, step: Callable[[], float | None], stopping: Stopping, watch: Callable[[float], bool] | None = None
+    energy: float,
+    step: Callable[[], float | None],
+    stopping: Stopping,
+    watch: Callable[[float], bool] | None = None,
+    before: Sequence[float] = (),
 ) -> History:
     """Step until the energy converges.
 
@@ -71,8 +75,10 @@ def iterate(
         When to stop.
     watch : callable, optional
         Receives the energy before each step, and returns True to stop.
+    before : sequence of float
+        Energies that led to the start, of a run that goes on.
     """
-    energies = [energy]
+    energies = [*before, energy]
     while True:
         asked = watch is not None and watch(energies[-1])
         converged = stopping.converged(energies)

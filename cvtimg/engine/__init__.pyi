@@ -1,6 +1,6 @@
 from .methods import METHODS, Callback, Conditions, Iterate, Iteration, Method, Probabilistic, Stopping, Watch
 from .samples import WeightedSamples
-from .search import EFFORTS, Effort
+from .search import EFFORTS, SearchEffort
 from .seeding import SEEDINGS
 from .tessellation import Tessellation, tessellate
 
@@ -10,11 +10,11 @@ __all__ = [
     "SEEDINGS",
     "Callback",
     "Conditions",
-    "Effort",
     "Iterate",
     "Iteration",
     "Method",
     "Probabilistic",
+    "SearchEffort",
     "Stopping",
     "Tessellation",
     "Watch",

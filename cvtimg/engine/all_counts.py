@@ -15,8 +15,8 @@ import numpy as np
 from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
-from cvtimg.engine.search import EFFORTS, Effort, fewer_points, search
+from cvtimg.engine.points import SMALL_ENERGY, Points, assign, cell_energies, cell_moments
+from cvtimg.engine.search import EFFORTS, SearchEffort, fewer_points, search
 from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
 
 #: Minimum number of points, per generator and in total.
@@ -27,12 +27,10 @@ _LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, from generators found with fewer.
 _LAST = Stopping(tolerance=0, max_iterations=1)
-#: Energies below this fraction of the energy about the origin are summed point by point.
-_SMALL = 1e-7
 
 
 def chain(
-    points: Points, n_max: int, method: Method, conditions: Conditions, effort: Effort | None = None
+    points: Points, n_max: int, method: Method, conditions: Conditions, effort: SearchEffort | None = None
 ) -> list[Iteration]:
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
 
@@ -93,7 +91,9 @@ def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions)
     return [best[number] for number in range(1, n_max + 1) if number in best]
 
 
-def _alone(points: Points, n_generators: int, method: Method, conditions: Conditions, effort: Effort) -> Iteration:
+def _alone(
+    points: Points, n_generators: int, method: Method, conditions: Conditions, effort: SearchEffort
+) -> Iteration:
     none = np.empty((0, points.n_dims))
     start = search(points, none, n_generators, "split", method, effort, conditions)
     return method(points, start, conditions.until(effort.stopping))
@@ -101,7 +101,7 @@ def _alone(points: Points, n_generators: int, method: Method, conditions: Condit
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
     """Sum a small energy point by point, where the moments of the cells lose digits."""
-    if end.energies and end.energies[-1] > _SMALL * points.energy_about_origin:
+    if end.energies and end.energies[-1] > SMALL_ENERGY * points.energy_about_origin:
         return end
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, len(end.generators))

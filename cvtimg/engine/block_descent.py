@@ -22,15 +22,23 @@ from cvtimg.blocks.rows import Blocks
 from cvtimg.engine.checkpoints import Checkpoint
 from cvtimg.engine.methods import Conditions
 from cvtimg.engine.ordering import pack_in_order
-from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack, scale_within
+from cvtimg.engine.points import (
+    SMALL_ENERGY,
+    Frame,
+    Points,
+    assign,
+    cell_energies,
+    cell_moments,
+    energy,
+    pack,
+    scale_within,
+)
 from cvtimg.engine.seeding import TooFewSamplesError, refill
 
 #: The sample has at most this many rows and values, but this many rows per generator.
 _SAMPLE_ROWS = 1 << 20
 _SAMPLE_VALUES = 1 << 25
 _ROWS_PER_GENERATOR = 64
-#: Energies below this fraction of the energy about the origin are summed point by point, as their moments cancel.
-_SMALL = 1e-7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,9 +106,7 @@ class Moments:
 
     def energy(self, generators: NDArray[np.float64]) -> float:
         """Sum of density times squared distance to the own generator."""
-        cross = np.einsum("kd,kd->", generators, self.sums)
-        norms = np.einsum("k,kd,kd->", self.masses, generators, generators)
-        return float(max(self.about_origin - 2 * cross + norms, 0.0))
+        return energy(self.about_origin, generators, self.masses, self.sums)
 
     @staticmethod
     def total(parts: Sequence[Moments]) -> Moments:
@@ -175,24 +181,32 @@ def descend(
 
     Empty cells, which are rare after a search, are refilled from the sample.
     """
-    known = list(energies)
     free = np.arange(len(generators)) >= conditions.n_locked
     frame = sample.frame
-    while True:
+    known = list(energies)
+    found: Moments
+
+    def measure() -> float:
+        nonlocal found
         checkpoint.save(generators, known)
         found = over_blocks(blocks, _moments_of_block, Moments.total, generators, frame)
         known.append(found.energy(generators))
-        if conditions.ended(known):
-            break
+        return known[-1]
+
+    def step() -> float:
+        nonlocal generators
         full = found.masses > 0
         moved = np.divide(found.sums, found.masses[:, None], out=generators.copy(), where=(free & full)[:, None])
         if (free & ~full).any():
             moved = refill(sample, moved, assign(sample, moved), free & full, free & ~full)
         generators = moved
-    energy = known[-1]
-    if energy <= _SMALL * found.about_origin:
-        energy = over_blocks(blocks, _energy_of_block, _added, generators, frame)
-    return Descent(generators, found.masses, energy, known, conditions.stopping.converged(known))
+        return measure()
+
+    history = conditions.iterate(measure(), step, energies)
+    lowest = known[-1]
+    if lowest <= SMALL_ENERGY * found.about_origin:
+        lowest = over_blocks(blocks, _energy_of_block, _added, generators, frame)
+    return Descent(generators, found.masses, lowest, *history)
 
 
 def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
@@ -248,11 +262,11 @@ def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Fram
 
 
 def _energy_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> float:
-    energy = 0.0
+    total = 0.0
     for rows, weights in block.pieces():
         points = pack(rows, weights, frame=frame)
-        energy += float(cell_energies(points, generators, assign(points, generators)).sum())
-    return energy
+        total += float(cell_energies(points, generators, assign(points, generators)).sum())
+    return total
 
 
 def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:

@@ -26,6 +26,8 @@ _TILES_AT_ONCE = 1 << 12
 _ROUNDING = 1e-24
 #: Energies, sums of squares, of values this far from their mean are out of the range of float64.
 _TOO_LARGE = 1e140
+#: Energies below this fraction of the energy about the origin are summed point by point, as their moments cancel.
+SMALL_ENERGY = 1e-7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -287,12 +289,15 @@ def cell_moments(
 
 
 def energy(
-    points: Points, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
+    about_origin: float, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
 ) -> float:
-    """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
+    """Return the sum of density times squared distance to the own generator, from the moments of the cells.
+
+    `about_origin` is that to the origin. Below the fraction `SMALL_ENERGY` of it the moments cancel.
+    """
     cross = np.einsum("kd,kd->", generators, sums)
     norms = np.einsum("k,kd,kd->", masses, generators, generators)
-    return float(max(points.energy_about_origin - 2 * cross + norms, 0.0))
+    return float(max(about_origin - 2 * cross + norms, 0.0))
 
 
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class SearchEffort:
     """How much work to spend on finding a low energy.
 
     Attributes
@@ -38,10 +38,10 @@ class Effort:
 
 
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": Effort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300)),
-    "best": Effort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
+EFFORTS: dict[str, SearchEffort] = {
+    "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
+    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300)),
+    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
 }
 
 #: From so many rows for each that is searched, a pass over all takes longer than the best search.
@@ -57,7 +57,7 @@ _ENOUGH_POINTS = 1 << 14
 _STARTS_TIMES_GENERATORS = 512
 
 
-def effort_beyond(effort: Effort, n_rows: int, n_searched: int) -> Effort:
+def effort_beyond(effort: SearchEffort, n_rows: int, n_searched: int) -> SearchEffort:
     """Return how much to search on a sample of many more rows: as much as the best effort, unless it is to be fast."""
     worthwhile = n_rows >= _FAR_MORE * n_searched and any(effort.breaths)
     return EFFORTS["best"] if worthwhile else effort
@@ -69,7 +69,7 @@ def search(
     n_generators: int,
     init: str,
     method: Method,
-    effort: Effort,
+    effort: SearchEffort,
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""

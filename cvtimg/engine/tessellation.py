@@ -27,12 +27,12 @@ from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.block_descent import Descent, check_by_blocks, descend, job_of, label_blocks, sample_points, survey
 from cvtimg.engine.checkpoints import Checkpoint
-from cvtimg.engine.methods import Callback, Conditions, Iterate, Watch, choose_method
+from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.ordering import pack_in_order
 from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.engine.search import EFFORTS, effort_beyond, search
+from cvtimg.engine.search import EFFORTS, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
 from cvtimg.files.whole import StrPath
 
@@ -174,70 +174,108 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    numbers = np.random.default_rng(rng)
     power = check_non_negative("volume_power", volume_power)
-    blocks = as_blocks(samples, density) if is_blocked(samples) else None
-    check_needs("checkpoint", checkpoint is not None, "samples in blocks", blocks is not None)
-    if blocks:
-        check_by_blocks(method, power)
-    found = survey(blocks, n_generators, numbers) if blocks else None
-    if blocks and found:
-        points, order = sample_points(blocks, found, n_generators)
-    else:
-        points, order = _points(samples, density, n_generators)
-    fixed = points.frame.inward(check_locked(locked, n_generators, points.n_dims))
-    move = choose_method(
-        method, n_dims=points.n_dims, volume_power=power, n_locked=len(fixed), has_start=not isinstance(init, str)
-    )
-    watch = Watch(callback, points.frame.energy)
-    conditions = Conditions(settings.stopping, numbers, len(fixed), power, watch)
+    asked = _Asked(n_generators, method, init, settings, power, locked, np.random.default_rng(rng), callback)
+    if is_blocked(samples):
+        return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)
+    check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
+    return _tessellate_rows(*_points(samples, density, n_generators), asked)
 
-    def start() -> NDArray[np.float64]:
-        if not isinstance(init, str):
-            free = check_generators("init", init, n_generators - len(fixed), points.n_dims)
-            return np.concatenate([fixed, points.frame.inward(free)])
-        check_choice("init", init, SEEDINGS)
-        if move.exact_in_one_dimension:
-            return np.zeros((n_generators, points.n_dims))  # only their number matters
-        searching = effort_beyond(settings, found.n_rows, len(found.rows)) if found else settings
-        return search(points, fixed, n_generators, init, move, searching, conditions)
 
-    if blocks and found:
-        options = (n_generators, effort, np.asarray(init).tolist(), fixed.tolist(), numbers.bit_generator.state)
-        kept = Checkpoint(checkpoint, job_of(found, *options))
-        state = kept.load()
-        if state is None:
-            # From given generators the descent starts at once.
-            state = (move(points, start(), conditions).generators if isinstance(init, str) else start()), []
-        descent = descend(blocks, points, state[0], conditions, kept, state[1])
-        return _of_blocks(descent, points.frame, label_blocks(blocks, found.lengths, descent.generators, points.frame))
-    end = move(points, start(), conditions)
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Arguments of `tessellate` for samples of any kind."""
+
+    n_generators: int
+    method: MethodName | Iterate | None
+    init: InitName | ArrayLike
+    effort: SearchEffort
+    volume_power: float
+    locked: ArrayLike | None
+    rng: np.random.Generator
+    callback: Callback | None
+
+
+class _Descent:
+    """How the generators of some points start and move."""
+
+    def __init__(self, points: Points, asked: _Asked) -> None:
+        self._points, self._asked = points, asked
+        self.has_start = not isinstance(asked.init, str)
+        self.fixed = points.frame.inward(check_locked(asked.locked, asked.n_generators, points.n_dims))
+        self._method = choose_method(
+            asked.method,
+            n_dims=points.n_dims,
+            volume_power=asked.volume_power,
+            n_locked=len(self.fixed),
+            has_start=self.has_start,
+        )
+        watch = Watch(asked.callback, points.frame.energy)
+        self.conditions = Conditions(asked.effort.stopping, asked.rng, len(self.fixed), asked.volume_power, watch)
+
+    def start(self, effort: SearchEffort) -> NDArray[np.float64]:
+        """Return the given generators, or those of a search."""
+        asked, points = self._asked, self._points
+        if not isinstance(asked.init, str):
+            free = check_generators("init", asked.init, asked.n_generators - len(self.fixed), points.n_dims)
+            return np.concatenate([self.fixed, points.frame.inward(free)])
+        check_choice("init", asked.init, SEEDINGS)
+        if self._method.exact_in_one_dimension:
+            return np.zeros((asked.n_generators, points.n_dims))  # only their number matters
+        return search(points, self.fixed, asked.n_generators, asked.init, self._method, effort, self.conditions)
+
+    def end(self, start: NDArray[np.float64]) -> Iteration:
+        """Move generators until their energy converges."""
+        return self._method(self._points, start, self.conditions)
+
+
+def _tessellate_rows(points: Points, order: NDArray[np.intp] | None, asked: _Asked) -> Tessellation:
+    descent = _Descent(points, asked)
+    end = descent.end(descent.start(asked.effort))
     labels = assign(points, end.generators) if end.labels is None else end.labels
-    masses, _ = cell_moments(points, labels, n_generators)
+    masses, _ = cell_moments(points, labels, asked.n_generators)
     parts = cell_energies(points, end.generators, labels)
+    weighted = weighted_energy(masses, parts, asked.volume_power)
+    return _of_frame(
+        points.frame, end, _given_order(labels[: points.n_points], order), masses, float(parts.sum()), weighted
+    )
+
+
+def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
+    check_by_blocks(asked.method, asked.volume_power)
+    found = survey(blocks, asked.n_generators, asked.rng)
+    points, _ = sample_points(blocks, found, asked.n_generators)
+    of_sample = _Descent(points, asked)
+    init, fixed = np.asarray(asked.init).tolist(), of_sample.fixed.tolist()
+    job = job_of(found, asked.n_generators, effort, init, fixed, asked.rng.bit_generator.state)
+    kept = Checkpoint(checkpoint, job)
+    state = kept.load()
+    if state is None:
+        start = of_sample.start(effort_beyond(asked.effort, found.n_rows, len(found.rows)))
+        # From given generators the descent starts at once.
+        state = (start if of_sample.has_start else of_sample.end(start).generators), []
+    end = descend(blocks, points, state[0], of_sample.conditions, kept, state[1])
+    labels = label_blocks(blocks, found.lengths, end.generators, points.frame)
+    return _of_frame(points.frame, end, labels, end.masses, end.energy, end.energy)
+
+
+def _of_frame(
+    frame: Frame,
+    end: Iteration | Descent,
+    labels: Any,
+    masses: NDArray[np.float64],
+    energy: float,
+    weighted: float,
+) -> Tessellation:
     return Tessellation(
-        generators=points.frame.outward(end.generators),
-        labels=_given_order(labels[: points.n_points], order),
+        generators=frame.outward(end.generators),
+        labels=labels,
         masses=masses,
-        energy=points.frame.energy(parts.sum()),
-        weighted_energy=points.frame.energy(weighted_energy(masses, parts, power)),
-        energies=tuple(points.frame.energy(energy) for energy in end.energies),
+        energy=frame.energy(energy),
+        weighted_energy=frame.energy(weighted),
+        energies=tuple(frame.energy(before) for before in end.energies),
         n_iter=len(end.energies) - 1,
         converged=end.converged,
-    )
-
-
-def _of_blocks(descent: Descent, frame: Frame, labels: Any) -> Tessellation:
-    energy = frame.energy(descent.energy)
-    return Tessellation(
-        generators=frame.outward(descent.generators),
-        labels=labels,
-        masses=descent.masses,
-        energy=energy,
-        weighted_energy=energy,
-        energies=tuple(frame.energy(before) for before in descent.energies),
-        n_iter=len(descent.energies) - 1,
-        converged=descent.converged,
     )
 
 

@@ -17,12 +17,12 @@ from cvtimg import tessellate
 from cvtimg.colors import color_samples
 from cvtimg.engine import EFFORTS, SEEDINGS
 from cvtimg.engine.methods import Stopping
-from cvtimg.engine.search import Effort
+from cvtimg.engine.search import SearchEffort
 
 #: Methods for any dimension that draw nothing; tests/test_methods.py has the others.
 DESCENTS = ["lloyd", "transfer"]
-ONE_MOVE = Effort(1, (0, 0), Stopping(tolerance=0, max_iterations=1))
-TO_THE_END = Effort(2, (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
+ONE_MOVE = SearchEffort(1, (0, 0), Stopping(tolerance=0, max_iterations=1))
+TO_THE_END = SearchEffort(2, (1 / 4, 0), Stopping(tolerance=0, max_iterations=1000))
 
 
 @pytest.fixture

@@ -19,19 +19,27 @@ _MOVES = 4
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
     """Iterate until the energy converges. It never rises, except by the rounding of distances to float32."""
-    energies: list[float] = []
     locked = np.arange(len(generators)) < conditions.n_locked
-    while True:
+    labels: NDArray[np.int32]
+    masses: NDArray[np.float64]
+    sums: NDArray[np.float64]
+
+    def measure() -> float:
+        nonlocal labels, masses, sums
         labels = assign(points, generators)
         masses, sums = cell_moments(points, labels, len(generators))
-        energies.append(energy(points, generators, masses, sums))
-        if conditions.ended(energies):
-            return Iteration(generators, energies, conditions.stopping.converged(energies))
-        free = ~locked & (masses > 0)
+        return energy(points.energy_about_origin, generators, masses, sums)
+
+    def step() -> float:
+        nonlocal generators
+        free, empty = ~locked & (masses > 0), ~locked & (masses == 0)
         generators = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
-        empty = ~locked & (masses == 0)
         if empty.any():
             generators = refill(points, generators, labels, free, empty)
+        return measure()
+
+    history = conditions.iterate(measure(), step)
+    return Iteration(generators, *history)
 
 
 def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
+from cvtimg._shared.iteration import Stopping
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -103,23 +104,42 @@ def follow_draws(
     n_drawn = -(-points.n_points // draws) * draws
     locked = np.arange(len(generators)) < conditions.n_locked
     moving, counts = generators.copy(), np.ones(len(generators))
-    best = generators
-    energies: list[float] = []
-    while True:
+    best, lowest = generators, np.inf
+    labels: NDArray[np.int32]
+    masses: NDArray[np.float64]
+
+    def measure() -> float:
+        nonlocal labels, masses, best, lowest
         labels = assign(points, moving)
         masses, sums = cell_moments(points, labels, len(moving))
-        now = energy(points, moving, masses, sums)
-        if not energies or now < energies[-1]:
-            best = moving.copy()
-        energies.append(min([now, *energies[-1:]]))
-        if _ended(energies, conditions):
-            return Iteration(best, energies, _converged(energies, conditions))
+        now = energy(points.energy_about_origin, moving, masses, sums)
+        if now < lowest:
+            best, lowest = moving.copy(), now
+        return lowest
+
+    def step() -> float:
+        nonlocal moving
         empty = ~locked & (masses == 0)
         if empty.any():
             refilled = refill(points, moving, labels, ~locked & ~empty, empty)
             counts[(refilled != moving).any(axis=1)] = 1
             moving = refilled
         move(moving, counts, draw(points, n_drawn, conditions.rng))
+        return measure()
+
+    stopping = _Patient(conditions.stopping.tolerance, conditions.stopping.max_iterations)
+    history = conditions.until(stopping).iterate(measure(), step)
+    return Iteration(best, *history)
+
+
+class _Patient(Stopping):
+    """Stops when several steps in a row bring next to nothing."""
+
+    def converged(self, energies: list[float]) -> bool:
+        if energies[-1] == 0:
+            return True
+        ends = range(len(energies) - _PATIENCE + 1, len(energies) + 1)
+        return ends[0] > 1 and all(Stopping.converged(self, energies[:end]) for end in ends)
 
 
 def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -130,15 +150,3 @@ def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> NDArray[np.i
     drawn = np.searchsorted(cumulative, heights, side="right")
     last = np.flatnonzero(points.density)[-1]  # as a height may be rounded up to the sum of all
     return rng.permutation(np.minimum(drawn, last))
-
-
-def _ended(energies: list[float], conditions: Conditions) -> bool:
-    asked = conditions.watch(energies[-1])
-    return asked or _converged(energies, conditions) or len(energies) > conditions.stopping.max_iterations
-
-
-def _converged(energies: list[float], conditions: Conditions) -> bool:
-    if energies[-1] == 0:
-        return True
-    ends = range(len(energies) - _PATIENCE + 1, len(energies) + 1)
-    return ends[0] > 1 and all(conditions.stopping.converged(energies[:end]) for end in ends)
