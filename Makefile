@@ -8,7 +8,7 @@ WHEEL ?=
 export PATH := $(abspath $(BIN)):$(PATH)
 
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
-RECIPES := pyproject.toml meson.build cvtimg/meson.build
+RECIPES := pyproject.toml meson.build meson.options cvtimg/meson.build
 
 .PHONY: install demo test lint docs man completions notebooks napari dist bench clean
 
@@ -30,11 +30,11 @@ $(VENV)/extra-%: $(VENV)/installed
 	touch $@
 else
 $(VENV)/installed: $(VENV)/builds $(RECIPES)
-	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build --editable .
+	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build -Csetup-args=-Dsimd=native --editable .
 	touch $@
 
 $(VENV)/extra-%: $(VENV)/installed
-	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build --editable ".[$*]"
+	$(BIN)/pip install --quiet --no-build-isolation -Cbuild-dir=build -Csetup-args=-Dsimd=native --editable ".[$*]"
 	touch $@
 endif
 

@@ -15,22 +15,18 @@ cdef extern from "cell_weight.h" nogil:
 
 cdef extern from "nearest.h" nogil:
     enum: LANES, FEW_DIMS, TILES_IN_GROUP
-    ctypedef void nearest_function(
-        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-        int32_t *nearest)
-    ctypedef void two_function(
-        const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-        int32_t *nearest, int32_t *second, float *gap)
-    ctypedef void group_function(
-        const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
-        const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
-    ctypedef void sum_function(
-        const float *tile, int dims, const double *density, const int32_t *labels, double *sums)
-    nearest_function *nearest_by_level[3]
-    two_function *two_by_level[3]
-    group_function *group_by_level[3]
-    sum_function *sum_by_level[3]
-    int supported_simd_level()
+    cdef struct nearest_functions:
+        void (*one)(
+            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+            int32_t *nearest) noexcept nogil
+        void (*two)(
+            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+            int32_t *nearest, int32_t *second, float *gap) noexcept nogil
+        void (*group)(
+            const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
+            const float *generators, const float *half_norms, int n_generators, int32_t *nearest) noexcept nogil
+        void (*sum)(const float *tile, int dims, const double *density, const int32_t *labels, double *sums) noexcept nogil
+    const nearest_functions *nearest_at(int level)
 
 SIMD_LEVELS = ("baseline", "avx2", "avx512")
 TILE = LANES
@@ -43,17 +39,24 @@ ctypedef fused sample_t:
     double
 
 
-def _simd_level():
-    """The processor's best level, or the lower one that the environment variable CVTIMG_SIMD names."""
+cdef const nearest_functions *search = NULL
+
+
+def _choose_level():
+    """Use the processor's best level, or the lower one that CVTIMG_SIMD names; that there is, if only one is compiled."""
+    global search
     wanted = os.environ.get("CVTIMG_SIMD", "avx512")
     if wanted not in SIMD_LEVELS:
         raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
-    cdef int level = SIMD_LEVELS.index(wanted)
-    return min(supported_simd_level(), level)
+    cdef int most = SIMD_LEVELS.index(wanted), level
+    for level in (*range(most, -1, -1), *range(most + 1, 3)):
+        search = nearest_at(level)
+        if search != NULL:
+            return SIMD_LEVELS[level]
+    raise ImportError("cvtimg was compiled for instructions that this processor does not have")
 
 
-cdef int level = _simd_level()
-simd = SIMD_LEVELS[level]
+simd = _choose_level()
 
 
 def pack_tiles(
@@ -80,10 +83,9 @@ def assign(
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
-    cdef nearest_function *nearest = nearest_by_level[level]
     with nogil:
         for t in range(n_tiles):
-            nearest(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+            search.one(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
 
 
 def assign_grouped(
@@ -97,11 +99,10 @@ def assign_grouped(
     """Assign as `assign` does, faster where the points of a tile are near each other."""
     cdef Py_ssize_t n_tiles = tiles.shape[0], width = columns.shape[1], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
-    cdef group_function *nearest = group_by_level[level]
     with nogil:
         t = 0
         while t < n_tiles:
-            nearest(
+            search.group(
                 &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
                 &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
             t += TILES_IN_GROUP
@@ -117,11 +118,10 @@ def assign_two(
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
-    cdef two_function *nearest_two = two_by_level[level]
     with nogil:
         for t in range(n_tiles):
             at = t * LANES
-            nearest_two(
+            search.two(
                 &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
                 &gaps[at])
 
@@ -134,10 +134,9 @@ def accumulate(
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t
     cdef int dims = tiles.shape[1]
-    cdef sum_function *add_tile = sum_by_level[level]
     with nogil:
         for t in range(n_tiles):
-            add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+            search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
 
 
 def move_often(
@@ -153,8 +152,6 @@ def move_often(
     """Make so many moves of Lloyd's method; a generator whose cell is empty stays. For points that are few."""
     cdef Py_ssize_t n_tiles = tiles.shape[0], n_energies = energies.shape[0], n, t, k, d
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
-    cdef nearest_function *nearest = nearest_by_level[level]
-    cdef sum_function *add_tile = sum_by_level[level]
     cdef double norm, cross, total
     with nogil:
         for n in range(n_energies):
@@ -169,8 +166,8 @@ def move_often(
                 half_norms[k] = <float>(0.5 * norm)
             sums[:, :] = 0
             for t in range(n_tiles):
-                nearest(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
-                add_tile(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+                search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+                search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
             total = 0
             for k in range(n_generators):
                 norm = cross = 0

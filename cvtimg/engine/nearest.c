@@ -1,0 +1,410 @@
+/* The loops of nearest.h for one instruction set, which the compiler's arguments choose; SIMD is its name.
+ *
+ * Points come in tiles of LANES points, one coordinate after the other, so that points lie in SIMD lanes and each
+ * generator is broadcast to a whole tile. Comparing |z|^2 / 2 - x.z in place of |x - z|^2 leaves one multiply-add
+ * a dimension; callers centre the data, so that the product form loses nothing that matters in float32.
+ *
+ * They vectorise only with -ffinite-math-only -fno-signed-zeros -fno-trapping-math.
+ */
+#include "nearest.h"
+
+#include <float.h>
+#include <string.h>
+
+/* Sums of many dimensions are kept for four generators at a time, so that each load of a point serves four of them. */
+enum { GENERATORS_AT_ONCE = 4, DIMS_AT_ONCE = 2 };
+
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+
+INLINE void keep_nearer(const float *restrict score, int generator, float *restrict least, int32_t *restrict nearest)
+{
+    for (int i = 0; i < LANES; i++) {
+        int closer = score[i] < least[i];
+        least[i] = closer ? score[i] : least[i];
+        nearest[i] = closer ? generator : nearest[i];
+    }
+}
+
+/* Few dimensions: `dims` is known to the compiler, the whole tile stays in registers. */
+INLINE void nearest_few_dims(const float *restrict tile, int dims, const float *restrict generators,
+                             const float *restrict half_norms, int n_generators, int32_t *restrict nearest)
+{
+    float least[LANES];
+    int32_t index[LANES];
+
+    for (int i = 0; i < LANES; i++) {
+        least[i] = FLT_MAX;
+        index[i] = 0;
+    }
+    for (int k = 0; k < n_generators; k++) {
+        const float *z = generators + (ptrdiff_t)k * dims;
+        /* One loop, not a call of keep_nearer on an array of scores: the scores then never leave the registers. */
+        for (int i = 0; i < LANES; i++) {
+            float score = half_norms[k];
+            for (int d = 0; d < dims; d++)
+                score -= tile[d * LANES + i] * z[d];
+            int closer = score < least[i];
+            least[i] = closer ? score : least[i];
+            index[i] = closer ? k : index[i];
+        }
+    }
+    memcpy(nearest, index, sizeof index);
+}
+
+INLINE void subtract_products(const float *restrict tile, int n_dims, const float *restrict generators, int dims,
+                              int n_generators, float score[][LANES])
+{
+    for (int i = 0; i < LANES; i++)
+        for (int g = 0; g < n_generators; g++)
+            for (int d = 0; d < n_dims; d++)
+                score[g][i] -= tile[d * LANES + i] * generators[(ptrdiff_t)g * dims + d];
+}
+
+INLINE void score_generators(const float *restrict tile, int dims, const float *restrict generators,
+                             const float *restrict half_norms, int first, int n_generators, float score[][LANES])
+{
+    int d = 0;
+
+    for (int g = 0; g < n_generators; g++)
+        for (int i = 0; i < LANES; i++)
+            score[g][i] = half_norms[first + g];
+    generators += (ptrdiff_t)first * dims;
+    for (; d + DIMS_AT_ONCE <= dims; d += DIMS_AT_ONCE)
+        subtract_products(tile + d * LANES, DIMS_AT_ONCE, generators + d, dims, n_generators, score);
+    for (; d < dims; d++)
+        subtract_products(tile + d * LANES, 1, generators + d, dims, n_generators, score);
+}
+
+INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *restrict generators,
+                             const float *restrict half_norms, int n_generators, int32_t *restrict nearest)
+{
+    float least[LANES], score[GENERATORS_AT_ONCE][LANES];
+    int k = 0;
+
+    for (int i = 0; i < LANES; i++) {
+        least[i] = FLT_MAX;
+        nearest[i] = 0;
+    }
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_nearer(score[g], k + g, least, nearest);
+    }
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_nearer(score[0], k, least, nearest);
+    }
+}
+
+struct nearest_pair {
+    float least[LANES], next[LANES];
+    int32_t index[LANES], next_index[LANES];
+};
+
+INLINE void keep_two(const float *restrict score, int generator, struct nearest_pair *restrict kept)
+{
+    for (int i = 0; i < LANES; i++) {
+        int closer = score[i] < kept->least[i], close = score[i] < kept->next[i];
+        kept->next[i] = closer ? kept->least[i] : close ? score[i] : kept->next[i];
+        kept->next_index[i] = closer ? kept->index[i] : close ? generator : kept->next_index[i];
+        kept->least[i] = closer ? score[i] : kept->least[i];
+        kept->index[i] = closer ? generator : kept->index[i];
+    }
+}
+
+/* The nearest and the second nearest generator, and how much farther (squared) the second is. */
+INLINE void nearest_two(const float *restrict tile, int dims, const float *restrict generators,
+                        const float *restrict half_norms, int n_generators, int32_t *restrict nearest,
+                        int32_t *restrict second, float *restrict gap)
+{
+    struct nearest_pair kept;
+    float score[GENERATORS_AT_ONCE][LANES];
+    int k = 0;
+
+    for (int i = 0; i < LANES; i++) {
+        kept.least[i] = kept.next[i] = FLT_MAX;
+        kept.index[i] = kept.next_index[i] = 0;
+    }
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
+            keep_two(score[g], k + g, &kept);
+    }
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        keep_two(score[0], k, &kept);
+    }
+    memcpy(nearest, kept.index, sizeof kept.index);
+    memcpy(second, kept.next_index, sizeof kept.next_index);
+    for (int i = 0; i < LANES; i++)
+        gap[i] = 2 * (kept.next[i] - kept.least[i]);
+}
+
+/* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */
+
+/* Candidates that a group, or a tile, may have; with more, all generators are compared. */
+enum { MOST_NEAR = 1024 };
+
+/* Fills columns up; its square is still a float. */
+#define FAR_AWAY 1e18f
+
+/* Generators in columns, (dims, width), so that they lie in lanes; width is a multiple of LANES. */
+struct columns {
+    const float *at;
+    ptrdiff_t width;
+    const int32_t *names; /* which generator each column is, or NULL where that is the number of the column */
+};
+
+INLINE float square(float x)
+{
+    return x * x;
+}
+
+/* The column nearest to a place. */
+INLINE ptrdiff_t nearest_column(struct columns z, int dims, const float *restrict place)
+{
+    float least[LANES];
+    int32_t index[LANES];
+    int32_t best = INT32_MAX;
+    float minimum = FLT_MAX;
+
+    for (int i = 0; i < LANES; i++)
+        least[i] = FLT_MAX;
+    for (ptrdiff_t k = 0; k < z.width; k += LANES) {
+        for (int i = 0; i < LANES; i++) {
+            float distance = 0;
+            for (int d = 0; d < dims; d++)
+                distance += square(z.at[d * z.width + k + i] - place[d]);
+            int closer = distance < least[i];
+            least[i] = closer ? distance : least[i];
+            index[i] = closer ? (int32_t)k + i : index[i];
+        }
+    }
+    for (int i = 0; i < LANES; i++)
+        minimum = least[i] < minimum ? least[i] : minimum;
+    for (int i = 0; i < LANES; i++)
+        best = least[i] == minimum && index[i] < best ? index[i] : best;
+    return best;
+}
+
+/* Columns that are nearest to some point of a box; their number, or -1 if there are more than fit.
+ *
+ * The one nearest to the middle of the box rules out every other that is farther away even from the corner of the
+ * box that lies most in its direction (Kanungo et al., IEEE Trans. PAMI 24, 2002, doi 10.1109/TPAMI.2002.1017616).
+ */
+INLINE int columns_near(struct columns z, int dims, const float *restrict low, const float *restrict high,
+                        int32_t *restrict nearby)
+{
+    float place[FEW_DIMS], size = 0;
+    int n_near = 0;
+
+    for (int d = 0; d < dims; d++) {
+        place[d] = 0.5f * (low[d] + high[d]);
+        size += square(high[d] - low[d]);
+    }
+    ptrdiff_t middle = nearest_column(z, dims, place);
+    for (int d = 0; d < dims; d++)
+        place[d] = z.at[d * z.width + middle];
+    for (ptrdiff_t k = 0; k < z.width; k += LANES) {
+        float farther[LANES], scale[LANES];
+        if (n_near > MOST_NEAR - LANES)
+            return -1;
+        for (int i = 0; i < LANES; i++) {
+            farther[i] = 0;
+            scale[i] = size;
+            for (int d = 0; d < dims; d++) {
+                float other = z.at[d * z.width + k + i], step = other - place[d];
+                float corner = step > 0 ? high[d] : low[d];
+                farther[i] += step * (0.5f * (other + place[d]) - corner);
+                scale[i] += square(other - corner);
+            }
+        }
+        /* A generator is kept when rounding leaves a doubt: the margin is some ulp of the distances compared. */
+        for (int i = 0; i < LANES; i++) {
+            nearby[n_near] = (int32_t)k + i;
+            n_near += farther[i] <= 1e-6f * scale[i];
+        }
+    }
+    return n_near;
+}
+
+/* One tile against some columns, with the middle of its box as origin: differences keep their precision. */
+INLINE void nearest_of_columns(const float *restrict tile, int dims, struct columns z, const float *restrict low,
+                               const float *restrict high, const int32_t *restrict nearby, int n_near,
+                               int32_t *restrict nearest)
+{
+    float points[FEW_DIMS * LANES], generators[FEW_DIMS * MOST_NEAR], half_norms[MOST_NEAR];
+    int32_t index[LANES], name[MOST_NEAR];
+
+    for (int d = 0; d < dims; d++)
+        for (int i = 0; i < LANES; i++)
+            points[d * LANES + i] = tile[d * LANES + i] - 0.5f * (low[d] + high[d]);
+    for (int k = 0; k < n_near; k++) {
+        name[k] = z.names ? z.names[nearby[k]] : nearby[k];
+        half_norms[k] = 0;
+        for (int d = 0; d < dims; d++) {
+            float step = z.at[d * z.width + nearby[k]] - 0.5f * (low[d] + high[d]);
+            generators[k * dims + d] = step;
+            half_norms[k] += 0.5f * square(step);
+        }
+    }
+    nearest_few_dims(points, dims, generators, half_norms, n_near, index);
+    for (int i = 0; i < LANES; i++)
+        nearest[i] = name[index[i]];
+}
+
+/* Tiles that follow each other, against the generators that can be nearest to any of their points. */
+INLINE void nearest_in_group(const float *restrict tiles, const float *restrict boxes, int n_tiles, int dims,
+                             struct columns z, const float *restrict generators, const float *restrict half_norms,
+                             int n_generators, int32_t *restrict nearest)
+{
+    float low[FEW_DIMS], high[FEW_DIMS], at[FEW_DIMS * MOST_NEAR];
+    int32_t in_group[MOST_NEAR], in_tile[MOST_NEAR];
+
+    for (int d = 0; d < dims; d++) {
+        low[d] = boxes[d];
+        high[d] = boxes[dims + d];
+        for (int t = 1; t < n_tiles; t++) {
+            const float *box = boxes + (ptrdiff_t)t * 2 * dims;
+            low[d] = box[d] < low[d] ? box[d] : low[d];
+            high[d] = box[dims + d] > high[d] ? box[dims + d] : high[d];
+        }
+    }
+    int n_near = columns_near(z, dims, low, high, in_group);
+    struct columns group = z;
+    if (n_near >= 0) {
+        group = (struct columns){at, (n_near + LANES - 1) / LANES * LANES, in_group};
+        for (int d = 0; d < dims; d++)
+            for (int k = 0; k < group.width; k++)
+                at[d * group.width + k] = k < n_near ? z.at[d * z.width + in_group[k]] : FAR_AWAY;
+    }
+    for (int t = 0; t < n_tiles; t++) {
+        const float *tile = tiles + (ptrdiff_t)t * dims * LANES, *box = boxes + (ptrdiff_t)t * 2 * dims;
+        int n = columns_near(group, dims, box, box + dims, in_tile);
+        if (n >= 0)
+            nearest_of_columns(tile, dims, group, box, box + dims, in_tile, n, nearest + (ptrdiff_t)t * LANES);
+        else
+            nearest_few_dims(tile, dims, generators, half_norms, n_generators, nearest + (ptrdiff_t)t * LANES);
+    }
+}
+
+/* Points that follow each other mostly share few cells. While a cell has so many points left in a tile, summing it in
+ * all lanes at once takes less than going from point to point. */
+enum { WORTH_ALL_LANES = 10, SUMS_AT_ONCE = 8 };
+
+static const float ONES[LANES] = {
+#define EIGHT_ONES 1, 1, 1, 1, 1, 1, 1, 1
+    EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES,
+};
+
+INLINE double sum_products(const double *restrict weight, const float *restrict values)
+{
+    double sums[SUMS_AT_ONCE] = {0};
+
+    for (int i = 0; i < LANES; i += SUMS_AT_ONCE)
+        for (int lane = 0; lane < SUMS_AT_ONCE; lane++)
+            sums[lane] += weight[i + lane] * values[i + lane];
+    for (int half = SUMS_AT_ONCE / 2; half; half /= 2)
+        for (int lane = 0; lane < half; lane++)
+            sums[lane] += sums[lane + half];
+    return sums[0];
+}
+
+/* Add the points of one cell in a tile to its sums, strike them off the labels left, and count them. */
+INLINE int sum_one_cell(const float *restrict tile, int dims, const double *restrict density, int32_t label,
+                        int32_t *restrict left, double *restrict cell)
+{
+    double weight[LANES];
+    int n_members = 0;
+
+    for (int i = 0; i < LANES; i++) {
+        int member = left[i] == label;
+        weight[i] = member ? density[i] : 0;
+        left[i] = member ? -1 : left[i];
+        n_members += member;
+    }
+    for (int d = 0; d < dims; d++)
+        cell[d] += sum_products(weight, tile + d * LANES);
+    cell[dims] += sum_products(weight, ONES);
+    return n_members;
+}
+
+/* Add density times (point, 1) to the sums of each point's cell. */
+INLINE void sum_tile(const float *restrict tile, int dims, const double *restrict density,
+                     const int32_t *restrict labels, double *restrict sums)
+{
+    int32_t left[LANES];
+    int n_left = LANES, n_members = dims <= FEW_DIMS ? LANES : 0, first = 0;
+
+    memcpy(left, labels, sizeof left);
+    while (n_left && n_members >= WORTH_ALL_LANES) {
+        while (left[first] < 0)
+            first++;
+        n_members = sum_one_cell(tile, dims, density, labels[first], left,
+                                 sums + (ptrdiff_t)labels[first] * (dims + 1));
+        n_left -= n_members;
+    }
+    for (int i = first; n_left && i < LANES; i++) {
+        if (left[i] < 0)
+            continue;
+        double *cell = sums + (ptrdiff_t)left[i] * (dims + 1);
+        for (int d = 0; d < dims; d++)
+            cell[d] += density[i] * tile[d * LANES + i];
+        cell[dims] += density[i];
+        n_left--;
+    }
+}
+
+#define BY_DIMS(dims, call) \
+    switch (dims) {         \
+    case 1: call(1); break; \
+    case 2: call(2); break; \
+    case 3: call(3); break; \
+    case 4: call(4); break; \
+    default: call(0);       \
+    }
+
+#define NEAREST(D)                                                                           \
+    D ? nearest_few_dims(tile, D, generators, half_norms, n_generators, nearest)             \
+      : nearest_any_dims(tile, dims, generators, half_norms, n_generators, nearest)
+
+#define NEAREST_TWO(D) \
+    nearest_two(tile, D ? D : dims, generators, half_norms, n_generators, nearest, second, gap)
+
+#define NEAREST_IN_GROUP(D) \
+    nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
+
+#define SUM(D) sum_tile(tile, D ? D : dims, density, labels, sums)
+
+static void one(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+                int32_t *nearest)
+{
+    BY_DIMS(dims, NEAREST)
+}
+
+static void two(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+                int32_t *nearest, int32_t *second, float *gap)
+{
+    BY_DIMS(dims, NEAREST_TWO)
+}
+
+static void group(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, ptrdiff_t width,
+                  const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
+{
+    struct columns z = {columns, width, NULL};
+
+    BY_DIMS(dims, NEAREST_IN_GROUP)
+}
+
+static void sum(const float *tile, int dims, const double *density, const int32_t *labels, double *sums)
+{
+    BY_DIMS(dims, SUM)
+}
+
+#define JOIN(first, second) first##second
+#define NAME(simd) JOIN(nearest_, simd)
+const struct nearest_functions NAME(SIMD) = {one, two, group, sum};
