@@ -119,8 +119,7 @@ def exact(quick: bool) -> list[Row]:
     """Compare centroids of cells with those of polygons, of SciPy's Voronoi diagram of points and mirror images."""
     from scipy.spatial import Voronoi
 
-    from cvtimg.placement import PixelMoments, PolygonMoments
-    from cvtimg.regions import Box, ConstantDensity
+    from cvtimg.placement import Box, ConstantDensity, PixelMoments, PolygonMoments
 
     rows = []
     for n in (1000,) if quick else (1000, 10_000):
@@ -159,8 +158,7 @@ def draws(quick: bool) -> list[Row]:
     What else runs on the machine changes the wall time, so that several rounds are run, and the load is printed.
     """
     from cvtimg.engine import Probabilistic
-    from cvtimg.placement import place_by_draws
-    from cvtimg.regions import Box
+    from cvtimg.placement import Box, place_by_draws
 
     box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if quick else 20))
     places: dict[str, Any] = {"this process": _alone, "1 process": partial(_in_pool, 1)}

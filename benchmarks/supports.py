@@ -24,7 +24,7 @@ COVERS = (1, 3)
 
 def regions() -> dict[str, Any]:
     """Make the square and the disk, a polygon of 256 sides."""
-    from cvtimg.regions import Box, PolygonRegion
+    from cvtimg.placement import Box, PolygonRegion
 
     angles = np.arange(256) * np.pi / 128
     return {

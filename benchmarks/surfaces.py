@@ -58,7 +58,7 @@ def blob(n_cubes: int = 90) -> Mesh:
 
 def samples(mesh: Mesh, n: int) -> Points:
     """Spread samples evenly over triangles, in their order."""
-    from cvtimg.regions import low_discrepancy
+    from cvtimg.placement.regions import low_discrepancy
 
     a, b, c = (mesh[0][mesh[1][:, k]] for k in range(3))
     ends = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg import place_generators
 from cvtimg.engine import WeightedSamples
-from cvtimg.placement import Circles, FigureMoments, Placement, SampleMoments, Segments
-from cvtimg.regions import Box, PolygonRegion, as_gauge
+from cvtimg.placement import Box, Circles, FigureMoments, Placement, PolygonRegion, SampleMoments, Segments, as_gauge
 
 INK, PAPER = "#1b2a41", "#e0c9a6"
 SIDE = 400

@@ -16,8 +16,16 @@ from drawing import draw_cells, panels, save
 from numpy.typing import NDArray
 
 from cvtimg.engine.methods import Stopping
-from cvtimg.placement import DESCENTS, Descent, Placement, PolygonMoments, Terms, voronoi_cells
-from cvtimg.regions import ConstantDensity, PolygonRegion
+from cvtimg.placement import (
+    DESCENTS,
+    ConstantDensity,
+    Descent,
+    Placement,
+    PolygonMoments,
+    PolygonRegion,
+    Terms,
+    voronoi_cells,
+)
 
 N_DIVISIONS = 5
 

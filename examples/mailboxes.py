@@ -16,8 +16,7 @@ from drawing import draw_cells, panels, save
 from numpy.typing import NDArray
 
 from cvtimg import place_generators
-from cvtimg.placement import SampleMoments
-from cvtimg.regions import PolygonRegion, as_gauge
+from cvtimg.placement import PolygonRegion, SampleMoments, as_gauge
 
 #: A town by a lake, in kilometers.
 TOWN = PolygonRegion(

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from cvtimg import place_generators, support_radii
-from cvtimg.regions import Box
+from cvtimg.placement import Box
 from cvtimg.supports import Supports
 
 Points = NDArray[np.float64]

@@ -16,8 +16,7 @@ from pathlib import Path
 from drawing import draw_cells, panels, save
 
 from cvtimg import place_generators
-from cvtimg.placement import CellMeasures, Placement
-from cvtimg.regions import Box
+from cvtimg.placement import Box, CellMeasures, Placement
 
 POND = Box([0, 0], [1.3, 1])
 N_FISH = 60

@@ -14,7 +14,7 @@ from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.painting import Painted, paint
-from cvtimg.artwork.polygons import Polygons, cell_polygons, triangle_polygons
+from cvtimg.artwork.polygons import Polygons, triangle_polygons
 from cvtimg.artwork.starts import detail_density, place_corners
 from cvtimg.artwork.tilings import DelaunayTiling, Tiling, VoronoiTiling, descend_error
 from cvtimg.colors.spaces import from_space, to_space
@@ -22,6 +22,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image
 from cvtimg.placement import place_in_picture
+from cvtimg.placement.cells import power_cells
 
 #: Steps of the descent.
 _STEPS = {"fast": 25, "balanced": 80, "best": 480}
@@ -87,7 +88,7 @@ class Mosaic:
         """
         if self.triangles is not None:
             return triangle_polygons(self.points, self.triangles)
-        return cell_polygons(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
+        return power_cells(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
 
     def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
         """Draw the mosaic with smooth edges.

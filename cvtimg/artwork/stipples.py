@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg.artwork.dots import draw_dots
-from cvtimg.artwork.polygons import Polygons, cell_polygons
+from cvtimg.artwork.polygons import Polygons
 from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, suffixes, write_cells, write_svg, write_table
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, encode_image, write_image
+from cvtimg.placement.cells import power_cells
 
 #: Pixels between dots in a drawing by default, and the most pixels of one.
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
@@ -88,7 +89,7 @@ class Stipples:
         for layer in range(len(self.colors)):
             own = np.flatnonzero(self.layers == layer)
             if len(own):
-                for dot, cell in zip(own, cell_polygons(self.points[own], self.weights[own], self.size), strict=True):
+                for dot, cell in zip(own, power_cells(self.points[own], self.weights[own], self.size), strict=True):
                     cells[dot] = cell
         return tuple(cells)
 

@@ -14,7 +14,7 @@ from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import MeshValues
 from cvtimg.meshes.trees import Cells, divide
-from cvtimg.regions import as_region
+from cvtimg.placement import as_region
 
 Points = NDArray[np.float64]
 #: From (M, 2) points to (M, 2, 2) symmetric matrices.
@@ -106,7 +106,7 @@ class HuangMetric:
     hessian : callable
         From (M, 2) points to (M, 2, 2) Hessians, such as a `RecoveredHessian`.
     region : Region, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.regions.as_region` takes.
+        What `cvtimg.placement.as_region` takes.
 
     References
     ----------
@@ -118,7 +118,7 @@ class HuangMetric:
     >>> import numpy as np
     >>> from cvtimg import mesh_region
     >>> from cvtimg.meshes import HuangMetric
-    >>> from cvtimg.regions import Box
+    >>> from cvtimg.placement import Box
     >>> def hessian(points):
     ...     layer = 100 * np.exp(-20 * points[:, 0])
     ...     return layer[:, None, None] * np.diag([1.0, 0.0])

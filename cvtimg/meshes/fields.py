@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes import _meshes
-from cvtimg.placement.starts import along_hilbert_curve
+from cvtimg.placement.pictures import along_hilbert_curve
 
 Points = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles
 from cvtimg._shared.extras import optional
 from cvtimg.halfedges import TriangleMeasures, boundary_edges, measure_triangles
-from cvtimg.placement.measures import measure_cells
-from cvtimg.regions import PolygonRegion
+from cvtimg.placement import PolygonRegion
+from cvtimg.placement.cells import measure_cells
 
 __all__ = ["MeshMeasures", "TriangleMeasures", "boundary_faces", "measure_mesh", "measure_triangles"]
 

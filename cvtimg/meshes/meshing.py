@@ -28,7 +28,7 @@ from cvtimg.meshes.relaxation import Relaxed, relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
-from cvtimg.regions import as_region
+from cvtimg.placement import as_region
 
 Points = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ def mesh_region(
     Parameters
     ----------
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.regions.as_region` takes. Corners of polygons, where the boundary turns by more than 30 degrees,
+        What `cvtimg.placement.as_region` takes. Corners of polygons, where the boundary turns by more than 30 degrees,
         or by 10 between long sides, become vertices. The contour of a mask is smoothed by up to 0.7 pixels, and keeps
         its area.
     n : int, optional

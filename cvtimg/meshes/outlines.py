@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_in_range, check_that, refuse_type
+from cvtimg._shared.checks import check_in_range, check_that
 from cvtimg._shared.extras import optional
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
-from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region
+from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
 
@@ -29,8 +29,6 @@ _CONTOUR_CORNER, _REACH = 55.0, 4
 _PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
 #: A fixed point this near to a line, by the diameter of all, is on it.
 _ON_LINE = 1e-9
-#: Cells along each axis by which the boundary of an implicit region is found.
-_IMPLICIT_CELLS = 512
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,15 +78,9 @@ def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
     check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
         return label_outline(region.mask.astype(np.int32), None, tolerance)
-    if isinstance(region, Box):
-        check_that(repr(region), not any(region.periodic), "not be periodic: a mesh needs a boundary")
-        (left, low), (right, high) = region.bounds
-        return _polygon_outline(PolygonRegion([[left, low], [right, low], [right, high], [left, high]]), 0)
-    if isinstance(region, ImplicitRegion):
-        return _polygon_outline(_traced(region), min_size)
-    if not isinstance(region, PolygonRegion):
-        refuse_type("region", type(region).__name__, "a box, polygons, a picture or an implicit region")
-    return _polygon_outline(region, min_size)
+    if isinstance(region, Box) and any(region.periodic):
+        raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
+    return _polygon_outline(PolygonRegion(region.outline()), 0 if isinstance(region, Box) else min_size)
 
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
@@ -138,30 +130,6 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
     lines = [line for ring in rings for line in _split(ring, _polygon_corners(ring, rings))]
     sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
     return Outline(tuple(lines), sides, np.array(geometry.bounds).reshape(2, 2), None, region.contains)
-
-
-def _traced(region: ImplicitRegion) -> PolygonRegion:
-    """Trace the boundary of an implicit region on a grid, and move it to where the function is 0."""
-    shapely = optional("shapely", "mesh")
-    from skimage.measure import find_contours as trace
-
-    low, sides = region.bounds[0], region.box.sides
-    at = (np.arange(_IMPLICIT_CELLS + 1) / _IMPLICIT_CELLS)[:, None] * sides + low
-    x, y = np.meshgrid(*at.T)
-    values = np.asarray(region.function(np.stack([x.ravel(), y.ravel()], axis=1)), np.float64).reshape(x.shape)
-    outside = max(float(np.abs(values).max()), 1e-300)
-    rings = []
-    for ring in trace(np.pad(values, 1, constant_values=outside), 0.0):  # type: ignore[no-untyped-call]
-        places = region.box.project((ring[:-1, ::-1] - 1) / _IMPLICIT_CELLS * sides + low)
-        inner = ((places > region.bounds[0]) & (places < region.bounds[1])).all(axis=1)
-        if inner.any():
-            places[inner] = region.to_boundary(places[inner])
-        if len(places) > 2:
-            rings.append(shapely.Polygon(places))
-    whole = shapely.Polygon()
-    for ring in sorted(rings, key=lambda one: -one.area):
-        whole = shapely.symmetric_difference(whole, shapely.make_valid(ring))
-    return PolygonRegion(whole)
 
 
 def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:

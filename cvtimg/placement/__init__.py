@@ -1,4 +1,4 @@
-"""Placement: generators in regions of space, so that each is the center of mass of its own cell."""
+"""Regions of space, densities on them, and generators placed in them at the centers of mass of their own cells."""
 
 import lazy_loader
 

@@ -1,34 +1,48 @@
-from .cells import PolygonMoments, voronoi_cells
-from .descent import DESCENTS, Descend, Descent, Projection, Terms
+from .cells import CellMeasures, PolygonMoments, measure_cells, voronoi_cells
+from .densities import ConstantDensity, PictureDensity, as_density
+from .descent import DESCENTS, Descent, Terms
 from .draws import MACQUEEN, place_by_draws
 from .figures import Circles, FigureMoments, Figures, Segments
-from .measures import CellMeasures, measure_cells
+from .implicit import ImplicitRegion
+from .metrics import GAUGES, Gauge, LpGauge, PolygonGauge, as_gauge
 from .moments import CellMoments, Moments, PixelMoments, pixel_labels, pixel_moments
-from .pictures import EFFORTS, Effort, place_in_picture
+from .pictures import place_in_picture
 from .place import place_generators
+from .polygons import PictureRegion, PolygonRegion, as_region
+from .regions import Box, Region
 from .result import Placement
 from .samples import SampleMoments
 
 __all__ = [
     "DESCENTS",
-    "EFFORTS",
+    "GAUGES",
     "MACQUEEN",
+    "Box",
     "CellMeasures",
     "CellMoments",
     "Circles",
-    "Descend",
+    "ConstantDensity",
     "Descent",
-    "Effort",
     "FigureMoments",
     "Figures",
+    "Gauge",
+    "ImplicitRegion",
+    "LpGauge",
     "Moments",
+    "PictureDensity",
+    "PictureRegion",
     "PixelMoments",
     "Placement",
+    "PolygonGauge",
     "PolygonMoments",
-    "Projection",
+    "PolygonRegion",
+    "Region",
     "SampleMoments",
     "Segments",
     "Terms",
+    "as_density",
+    "as_gauge",
+    "as_region",
     "measure_cells",
     "pixel_labels",
     "pixel_moments",

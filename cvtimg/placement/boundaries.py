@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_in_range, check_needs, check_places
+from cvtimg._shared.checks import check_in_range, check_needs, check_places, check_that
 from cvtimg._shared.extras import optional
-from cvtimg.regions import Box, Density, ImplicitRegion, PictureRegion, PolygonRegion, Region
-
-Points = NDArray[np.float64]
+from cvtimg.placement.densities import Density, Points
+from cvtimg.placement.implicit import ImplicitRegion
+from cvtimg.placement.regions import Box, Region
 
 #: Number of points along the boundary, for each side of a cell.
 _PER_CELL = 8
@@ -21,8 +21,6 @@ _PER_CELL = 8
 _NEAR = 1e-6
 #: Pixels by which the outline of a mask may be simplified before points are spread along it.
 _SIMPLER = 0.75
-#: Cells along the longer side of the grid on which the boundary of an implicit region is traced.
-_TRACED = 512
 
 
 class ToBoundary:
@@ -76,7 +74,10 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
     """
     shapely = optional("shapely", "regions")
 
-    lines = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(_outline(region)))]
+    if isinstance(region, Box):
+        check_that(repr(region), not any(region.periodic), "not be periodic, for on_boundary as a number")
+    outline = region.outline(_SIMPLER)
+    lines = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(outline))]
     spacing = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines) / (32 * n_points)
     found, lengths = [], []
     for line in lines:
@@ -99,36 +100,10 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
     return region.to_boundary(points) if isinstance(region, ImplicitRegion) else points
 
 
-def _outline(region: Region) -> object:
-    shapely = optional("shapely", "regions")
-
-    if isinstance(region, PolygonRegion):
-        return region.geometry
-    if isinstance(region, PictureRegion):
-        return region.polygons(tolerance=_SIMPLER).geometry
-    if isinstance(region, ImplicitRegion) and region.n_dims == 2:
-        return _traced(region)
-    whole = isinstance(region, Box) and not any(region.periodic) and region.n_dims == 2
-    check_in_range("region", region, whole, "in the plane and have a boundary, for on_boundary as a number")
-    return shapely.box(*region.bounds.ravel())
-
-
-def _traced(region: ImplicitRegion) -> object:
-    """Trace the boundary on a grid, and move it to where the function is 0."""
-    shapely = optional("shapely", "regions")
-
-    (low, high), cell = region.bounds, float(region.box.sides.max()) / _TRACED
-    columns, rows = np.maximum(1, np.round((high - low) / cell)).astype(int)
-    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-    inside = region.contains(low + cell * np.stack([x.ravel(), y.ravel()], axis=1))
-    outline = PictureRegion(inside.reshape(rows, columns)).polygons(tolerance=_SIMPLER).geometry
-    return shapely.transform(shapely.segmentize(outline, 1.0), lambda places: region.to_boundary(low + cell * places))
-
-
 def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:
     """Divide n by lengths, the largest remainders rounded up."""
     exact = lengths / lengths.sum() * n
-    shares: NDArray[np.intp] = np.floor(exact).astype(np.intp)
+    shares = np.floor(exact).astype(np.intp)
     shares[np.argsort(shares - exact, kind="stable")[: n - shares.sum()]] += 1
     return shares
 

@@ -1,7 +1,8 @@
-"""Voronoi cells as polygons, and their exact moments."""
+"""Voronoi and power cells as polygons, their exact moments, and how regular they are."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,11 +11,13 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import optional
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg.placement.densities import ConstantDensity, Density, Points
+from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import Moments
-from cvtimg.regions import Box, ConstantDensity, Density, PictureRegion, PolygonRegion, Region
-from cvtimg.regions.polygons import triangle_areas, triangulate
+from cvtimg.placement.polygons import triangle_areas, triangulate
+from cvtimg.placement.regions import Box, Region
+from cvtimg.placement.samples import SampleMoments
 
-Points = NDArray[np.float64]
 #: (K,) shapely polygons.
 Polygons: TypeAlias = NDArray[Any]
 
@@ -26,6 +29,12 @@ _POINTS = np.array(
     [[1 / 3] * 3] + [np.roll([1 - 2 * at, at, at], turn).tolist() for at in (_NEAR, _FAR) for turn in range(3)]
 )
 _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 1200] * 3)
+#: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
+_SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
+#: How far the frame of points is that closes all power cells, in sides of the picture.
+_FAR_AWAY = 8.0
+#: Corners of power cells nearer to each other than this, in pixels, are one.
+_APART = 1e-7
 
 
 def voronoi_cells(points: Points, region: Region) -> Polygons:
@@ -37,13 +46,15 @@ def voronoi_cells(points: Points, region: Region) -> Polygons:
     shapely = optional("shapely", "regions")
 
     check_in_range("region", region, region.n_dims == 2, "in the plane: cells are polygons there")
-    periodic = isinstance(region, Box) and any(region.periodic)
-    sites, own, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    if periodic:
-        assert isinstance(region, Box)
+    if not region.is_polygonal:
+        refuse_type("region", type(region).__name__, "a box, polygons or an image, in which cells are polygons")
+    sites, own = np.unique(points, axis=0, return_index=True)
+    outline = region.outline()
+    if isinstance(region, Box) and any(region.periodic):
         sites = _with_copies(sites, region)
-    outline = _outline(region, grown=periodic)
+        # Over the periodic sides, as far as a cell may reach.
+        over = np.where(region.periodic, region.sides, 0.0)
+        outline = shapely.box(*(region.bounds[0] - over), *(region.bounds[1] + over))
     if len(sites) == 1:
         cells = np.array([outline])
     else:
@@ -62,20 +73,6 @@ def _with_copies(sites: Points, box: Box) -> Points:
     """Append copies of points on the other sides of a periodic box."""
     turns = [(0, -1, 1) if around else (0,) for around in box.periodic]
     return np.concatenate([sites + np.array([x, y]) * box.sides for x in turns[0] for y in turns[1]])
-
-
-def _outline(region: Region, grown: bool = False) -> Any:
-    shapely = optional("shapely", "regions")
-
-    if isinstance(region, PolygonRegion):
-        return region.geometry
-    if isinstance(region, PictureRegion):
-        return shapely.box(*region.bounds.ravel()) if region.mask.all() else region.polygons().geometry
-    if not isinstance(region, Box):
-        refuse_type("region", type(region).__name__, "a box, polygons or an image, in which cells are polygons")
-    # Over the periodic sides, as far as a cell may reach.
-    over = np.where(region.periodic, region.sides, 0.0) if grown else np.zeros(2)
-    return shapely.box(*(region.bounds[0] - over), *(region.bounds[1] + over))
 
 
 class PolygonMoments:
@@ -149,3 +146,232 @@ def cell_rings(cells: Polygons) -> tuple[list[Points], NDArray[np.intp]]:
 
     rings, own = _oriented_rings(cells)
     return [shapely.get_coordinates(ring) for ring in rings], own
+
+
+@dataclass(frozen=True, slots=True)
+class CellMeasures:
+    """Measures of the Voronoi cells of points, clipped to their region. Smaller is more regular.
+
+    They are exact where cells are polygons, in boxes, polygons and images of the plane. In other regions and numbers of
+    dimensions they are estimates by some thousand samples of each cell: h is then a little too small.
+
+    Write h_i for the greatest distance from generator i to a point of its cell, and gamma_i for that to the nearest
+    other generator.
+
+    Attributes
+    ----------
+    h : float
+        The largest h_i: no place of the region is farther from all generators.
+    chi : float
+        The largest 2 h_i / gamma_i; 2 / 3^(1/2) = 1.155 for regular hexagons.
+    h_ratio : float
+        The largest h_i by the smallest; 1 for equal cells.
+    gap_ratio : float
+        The largest gamma_i by the smallest; 1 for equal gaps.
+    gap_variation : float
+        Standard deviation of gamma_i by their mean; 0 for equal gaps.
+    area_ratio : float
+        The largest area (in D dimensions, volume) of a cell by the smallest; 1 for equal cells.
+    tau : float
+        The largest deviation of the trace of the second moments of a cell about its generator, by its area, from the
+        mean of all; 0 for equal cells.
+    d : float
+        The largest determinant of the deviatoric part of these second moments; 0 for round cells.
+
+    References
+    ----------
+    V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Comparison of pure and Latinized centroidal Voronoi
+    tessellation against various other statistical sampling methods, Reliability Engineering and System Safety 91
+    (2006) 1266-1280, doi 10.1016/j.ress.2005.11.023.
+    """
+
+    h: float
+    chi: float
+    h_ratio: float
+    gap_ratio: float
+    gap_variation: float
+    area_ratio: float
+    tau: float
+    d: float
+
+
+def measure_cells(points: Points, region: Region) -> CellMeasures:
+    """Measure the Voronoi cells of (K, D) points in a region: as polygons where they are, else by samples."""
+    heights, areas, second = (_polygon_cells if region.is_polygonal else _sampled_cells)(points, region)
+    gaps = _gaps(points, region)
+    return CellMeasures(
+        **regularity(heights, gaps, second),
+        h_ratio=_ratio(heights),
+        gap_ratio=_ratio(gaps) if len(gaps) > 1 else 1.0,
+        gap_variation=float(gaps.std() / gaps.mean()) if len(gaps) > 1 else 0.0,
+        area_ratio=_ratio(areas),
+    )
+
+
+def regularity(
+    heights: NDArray[np.float64], gaps: NDArray[np.float64], second: NDArray[np.float64]
+) -> dict[str, float]:
+    """Compute h, chi, tau and d of `CellMeasures` from h_i, gamma_i and the (K, D, D) second moments by area."""
+    n_dims = second.shape[1]
+    traces = np.trace(second, axis1=1, axis2=2)
+    deviatoric = second - traces[:, None, None] / n_dims * np.eye(n_dims)
+    return {
+        "h": float(heights.max()),
+        "chi": float((2 * heights / gaps).max()) if gaps.min() > 0 else np.inf,
+        "tau": float(np.abs(traces - traces.mean()).max()),
+        "d": float(np.abs(np.linalg.det(deviatoric)).max()),
+    }
+
+
+def _ratio(values: NDArray[np.float64]) -> float:
+    return float(values.max() / values.min()) if values.min() > 0 else np.inf
+
+
+def _gaps(points: Points, region: Region) -> NDArray[np.float64]:
+    """Distance of each point to the nearest other one, around a periodic box too."""
+    from scipy.spatial import cKDTree
+
+    if len(points) == 1:
+        return np.full(1, np.inf)
+    sites = points
+    if isinstance(region, Box):
+        for axis in np.flatnonzero(region.periodic):
+            turn = np.eye(region.n_dims)[axis] * region.sides
+            sites = np.concatenate([sites, sites - turn, sites + turn])
+    return cKDTree(sites).query(points, 2)[0][:, 1]
+
+
+def _polygon_cells(points: Points, region: Region) -> tuple[Points, Points, Points]:
+    """Heights, areas and second moments by area of cells that are polygons."""
+    cells = voronoi_cells(points, region)
+    rings, own = cell_rings(cells)
+    heights = np.zeros(len(points))
+    for ring, cell in zip(rings, own, strict=True):
+        farthest = np.linalg.norm(ring - points[cell], axis=1).max()
+        heights[cell] = max(heights[cell], farthest)
+    return heights, *_second_moments(*triangulate(cells), points)
+
+
+def _sampled_cells(points: Points, region: Region) -> tuple[Points, Points, Points]:
+    """Heights, volumes and second moments by volume of cells, estimated by samples of the region."""
+    n_points, n_dims = points.shape
+    samples = region.sample(int(np.clip(_SAMPLES * n_points, *_SAMPLE_RANGE)))
+    moments = SampleMoments(samples, LpGauge(2), region)
+    labels = moments.labels(points)
+    steps = moments.wrapped(samples.rows - points[labels])
+    heights = np.zeros(n_points)
+    np.maximum.at(heights, labels, np.linalg.norm(steps, axis=1))
+    volumes = sum_by_label(labels, samples.density, n_points)
+    products = np.einsum("m,md,me->mde", samples.density, steps, steps).reshape(-1, n_dims**2)
+    second = per_mass(sum_by_label(labels, products, n_points), volumes)
+    return heights, volumes, second.reshape(-1, n_dims, n_dims)
+
+
+def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) -> tuple[Points, Points]:
+    """Areas (K,), and second moments (K, 2, 2) by area about the points."""
+    steps = triangles - points[own][:, None]
+    areas = triangle_areas(triangles)
+    total = steps.sum(axis=1)
+    # Over a triangle: the outer products of its corners and of their sum, by 12.
+    products = np.einsum("tid,tie->tde", steps, steps) + total[:, :, None] * total[:, None, :]
+    cells = sum_by_label(own, areas, len(points))
+    sums = sum_by_label(own, areas[:, None] * products.reshape(-1, 4) / 12, len(points))
+    return cells, (sums / cells[:, None]).reshape(-1, 2, 2)
+
+
+def power_cells(points: Points, weights: Points | None, shape: tuple[int, int]) -> tuple[Points, ...]:
+    """Compute Voronoi or power cells, cut off at the sides of a picture.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+        Generators (x, y) in pixels, inside the picture.
+    weights : (N,) array, optional
+        In squared pixels: place p belongs to the generator with the least abs(p - z)**2 - w. None for Voronoi cells.
+    shape : (int, int)
+        Height and width of the picture.
+
+    Returns
+    -------
+    tuple of (M, 2) float64 arrays
+        The corners of each cell in order, clockwise as seen on a screen, with y down. A generator without a cell, as
+        one of two in the same place, has an empty polygon.
+
+    Notes
+    -----
+    A power diagram is the lower hull of its generators, lifted by their squared length less their weight
+    (F. Aurenhammer, SIAM J. Computing 16 (1987) 78-96, doi 10.1137/0216006).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> left, right = power_cells(np.array([[1.0, 1.0], [3.0, 1.0]]), None, (2, 4))
+    >>> left.round(9).tolist()
+    [[2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]
+    """
+    size = np.array(shape[::-1], np.float64)
+    loads = np.zeros(len(points)) if weights is None else weights - weights.max()
+    owners, corners = _corners(points, loads, size)
+    outside = np.unique(owners[((corners < 0) | (corners > size)).any(axis=1)])
+    cells = list(_in_order(owners, corners, len(points)))
+    for cell in outside:
+        cells[cell] = _cut_off(cells[cell], size)
+    return tuple(cells)
+
+
+def _cut_off(polygon: Points, size: Points) -> Points:
+    """Cut a convex polygon off at the sides of a picture, one after the other."""
+    for axis in (0, 1):
+        for sign, side in ((1, 0.0), (-1, size[axis])):
+            if len(polygon) == 0:
+                return polygon
+            depth = sign * (polygon[:, axis] - side)
+            after = np.roll(depth, -1)
+            crossing = (depth < 0) != (after < 0)
+            part = np.divide(depth, depth - after, out=np.zeros_like(depth), where=crossing)
+            cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
+            cuts[:, axis] = side
+            places = np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
+            polygon = _distinct(places)
+    return polygon
+
+
+def _distinct(places: Points) -> Points:
+    """Leave out corners that coincide, and polygons without an area."""
+    apart = np.hypot(*(np.roll(places, -1, axis=0) - places).T) > _APART
+    return places[apart] if apart.sum() > 2 else np.empty((0, 2))
+
+
+def _corners(points: Points, weights: Points, size: Points) -> tuple[NDArray[np.int32], Points]:
+    """List the corners of all cells, in any order: whose they are, and where."""
+    from scipy.spatial import ConvexHull
+
+    middle, reach = size / 2, _FAR_AWAY * size.max()
+    frame = reach * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    places = np.concatenate([points - middle, frame])
+    heights = (places**2).sum(axis=1) - np.append(weights, np.zeros(4))
+    hull = ConvexHull(np.column_stack([places, heights]) / [reach, reach, reach**2])
+    below = hull.equations[:, 2] < -1e-12
+    normals = hull.equations[below, :3]
+    corners = -0.5 * reach * normals[:, :2] / normals[:, 2:] + middle
+    owners = hull.simplices[below]
+    real = (owners < len(points)).ravel()
+    return owners.ravel()[real], np.repeat(corners, 3, axis=0)[real]
+
+
+def _in_order(owners: NDArray[np.int32], corners: Points, n_cells: int) -> tuple[Points, ...]:
+    """Put the corners of each cell in order around their middle, without those that coincide."""
+    counts = np.bincount(owners, minlength=n_cells)
+    sums = np.stack([np.bincount(owners, corners[:, axis], n_cells) for axis in (0, 1)], axis=1)
+    middles = sums / np.maximum(counts, 1)[:, np.newaxis]
+    steps = corners - middles[owners]
+    order = np.lexsort([np.arctan2(steps[:, 1], steps[:, 0]), owners])
+    owners, corners = owners[order], corners[order]
+    last = np.append(owners[1:] != owners[:-1], True)
+    starts = np.append(0, np.cumsum(counts))
+    following = np.arange(1, len(owners) + 1)
+    following[last] = starts[owners[last]]
+    distinct = np.hypot(*(corners[following] - corners).T) > _APART
+    ends = np.cumsum(np.bincount(owners[distinct], minlength=n_cells))[:-1]
+    polygons = np.split(corners[distinct], ends)
+    return tuple(polygon if len(polygon) > 2 else np.empty((0, 2)) for polygon in polygons)

@@ -13,14 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.engine.methods import Stopping, Watch
+from cvtimg._shared.iteration import Stopping, Watch, iterate
+from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
 from cvtimg.placement.quasi_newton import StepMemory, dot
 
-_Points = NDArray[np.float64]
-
 #: Where generators (K, D) that have moved may be, given where they came from.
-Projection = Callable[[_Points, _Points], _Points]
+Projection = Callable[[Points, Points], Points]
 
 #: Steps that are remembered: in the plane energies hardly change from 4 to 12, and 3 need more moves.
 _MEMORY = 4
@@ -45,7 +44,7 @@ class Descent:
         Whether the energy came to rest.
     """
 
-    generators: _Points
+    generators: Points
     moments: Moments
     energies: tuple[float, ...]
     converged: bool
@@ -75,39 +74,36 @@ class Terms:
     may_rise: bool = False
     watch: Watch = field(default_factory=Watch)
 
-    def moved(self, generators: _Points, step: _Points) -> _Points:
-        """Make a step with the generators that may, and bring them back to where they may be."""
+    def moved(self, generators: Points, step: Points) -> Points:
+        """Move the free generators, then project them to the allowed set."""
         there = generators + step
         if self.project is not None:
             there = self.project(there, generators)
         return there if self.free is None else np.where(self.free[:, None], there, generators)
 
-    def ended(self, energies: list[float]) -> bool:
-        """Whether to stop before the next move."""
-        return self.watch(energies[-1]) or self.rested(energies) or len(energies) > self.stopping.max_iterations
 
-    def rested(self, energies: list[float]) -> bool:
-        """Whether the energy has come to rest, or goes up and down by next to nothing."""
-        if self.may_rise and len(energies) > 1 and energies[-1] > energies[-2]:
-            return False
-        return self.stopping.converged(energies)
+class _MayRise(Stopping):
+    """A rise is no rest: the next move may lower the energy."""
+
+    def converged(self, energies: list[float]) -> bool:
+        return not (len(energies) > 1 and energies[-1] > energies[-2]) and Stopping.converged(self, energies)
 
 
 #: From the moments of cells, initial generators (K, D) and the terms to the end.
-Descend = Callable[[CellMoments, _Points, Terms], Descent]
+Descend = Callable[[CellMoments, Points, Terms], Descent]
 
 
-def lloyd(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+def lloyd(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
     """Move each generator to the center of mass of its cell: sure, and slow near the end."""
     return _follow(moments, generators, terms, _Relaxed(moments, terms, 1.0))
 
 
-def over_relaxed(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+def over_relaxed(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
     """Move each generator beyond the center of mass of its cell: about half as many moves as Lloyd's."""
     return _follow(moments, generators, terms, _Relaxed(moments, terms, _RELAXATION))
 
 
-def l_bfgs(moments: CellMoments, generators: _Points, terms: Terms) -> Descent:
+def l_bfgs(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
     """Limited-memory BFGS that starts from Lloyd's step: a third of Lloyd's moves, and lower energies.
 
     Y. Liu, W. Wang, B. Levy, F. Sun, D.-M. Yan, L. Lu, C. Yang, On centroidal Voronoi tessellation: energy smoothness
@@ -124,7 +120,7 @@ DESCENTS: dict[str, Descend] = {"l-bfgs": l_bfgs, "lloyd": lloyd, "over-relaxed"
 class _State:
     """Generators and the moments of their cells."""
 
-    generators: _Points
+    generators: Points
     moments: Moments
 
     @property
@@ -132,22 +128,27 @@ class _State:
         return self.moments.energy
 
     @property
-    def to_centroids(self) -> _Points:
+    def to_centroids(self) -> Points:
         return self.moments.centroids - self.generators
 
 
-def _follow(moments: CellMoments, generators: _Points, terms: Terms, move: Callable[[_State], _State]) -> Descent:
+def _follow(moments: CellMoments, generators: Points, terms: Terms, move: Callable[[_State], _State]) -> Descent:
     """Move until the energy rests. Cells without mass are refilled first: no gradient leads out of them."""
     at = _State(generators, moments(generators))
-    energies = [at.energy]
-    rested = False
-    while not (rested or terms.ended(energies)):
+    stopping = terms.stopping
+    if terms.may_rise:
+        stopping = _MayRise(stopping.tolerance, stopping.max_iterations)
+
+    def step() -> float | None:
+        nonlocal at
         there = _refilled(moments, at, terms) or move(at)
-        rested = there.energy >= at.energy and not terms.may_rise
-        if not rested:
-            at = there
-            energies.append(at.energy)
-    return Descent(at.generators, at.moments, tuple(energies), rested or terms.rested(energies))
+        if there.energy >= at.energy and not terms.may_rise:
+            return None
+        at = there
+        return at.energy
+
+    history = iterate(at.energy, step, stopping, terms.watch)
+    return Descent(at.generators, at.moments, tuple(history.energies), history.converged)
 
 
 class _Relaxed:
@@ -172,7 +173,7 @@ class _QuasiNewton:
         self._moments = moments
         self._terms = terms
         self._memory = StepMemory(_MEMORY)
-        self._last: tuple[_State, _Points] | None = None
+        self._last: tuple[_State, Points] | None = None
         self._next: _State | None = None
 
     def __call__(self, at: _State) -> _State:
@@ -184,7 +185,7 @@ class _QuasiNewton:
         self._next = self._search(at, gradient)
         return self._next
 
-    def _learn(self, at: _State, gradient: _Points) -> None:
+    def _learn(self, at: _State, gradient: Points) -> None:
         """Remember the last move and how it changed the gradient; forget all when others have moved generators."""
         if self._last is None or at is not self._next:
             self._memory.clear()
@@ -192,7 +193,7 @@ class _QuasiNewton:
         before, old = self._last
         self._memory.learn(at.generators - before.generators, gradient - old)
 
-    def _search(self, at: _State, gradient: _Points) -> _State:
+    def _search(self, at: _State, gradient: Points) -> _State:
         directions = [self._step(gradient, at.moments.masses)] if self._memory else []
         for direction in (*directions, at.to_centroids):
             length = 1.0
@@ -205,13 +206,13 @@ class _QuasiNewton:
             self._memory.clear()
         return _moved(self._moments, at, at.to_centroids, self._terms)
 
-    def _step(self, gradient: _Points, masses: NDArray[np.float64]) -> _Points:
+    def _step(self, gradient: Points, masses: NDArray[np.float64]) -> Points:
         """Multiply the gradient by the inverse Hessian, which starts from Lloyd's steps."""
         to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
         return -self._memory.times(gradient, lambda vectors: to_lloyd * vectors)
 
 
-def _moved(moments: CellMoments, at: _State, step: _Points, terms: Terms) -> _State:
+def _moved(moments: CellMoments, at: _State, step: Points, terms: Terms) -> _State:
     generators = terms.moved(at.generators, step)
     return _State(generators, moments(generators))
 

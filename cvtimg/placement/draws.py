@@ -14,20 +14,20 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count
 from cvtimg._shared.sums import per_mass
 from cvtimg.engine.methods import Probabilistic
+from cvtimg.placement.densities import Density, DensityLike, Points, as_density
 from cvtimg.placement.descent import Descent
+from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import Moments
 from cvtimg.placement.pictures import MOST_GENERATORS
 from cvtimg.placement.place import draw_start
+from cvtimg.placement.polygons import as_region
+from cvtimg.placement.regions import Region
 from cvtimg.placement.result import Placement
 from cvtimg.placement.samples import SampleMoments
-from cvtimg.regions import Density, DensityLike, LpGauge, Region, as_density, as_region
-
-Points = NDArray[np.float64]
 
 #: Parts of a move, for as many processes; they are fixed, so that no bit depends on processes.
 _PARTS = 8
@@ -54,11 +54,11 @@ def place_by_draws(
     Parameters
     ----------
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.regions.as_region` takes.
+        What `cvtimg.placement.as_region` takes.
     n_generators : int
         Number of generators K.
     density : None, float, (H, W) array or callable
-        What `cvtimg.regions.as_density` takes; for processes a function must be picklable.
+        What `cvtimg.placement.as_density` takes; for processes a function must be picklable.
     rule : cvtimg.engine.Probabilistic, optional
         How many points a move draws, and how far it goes; `MACQUEEN` for the method of MacQueen. By default 64 points
         for each generator.
@@ -84,7 +84,7 @@ def place_by_draws(
     Examples
     --------
     >>> from cvtimg.placement import place_by_draws
-    >>> from cvtimg.regions import Box
+    >>> from cvtimg.placement import Box
     >>> sorted(place_by_draws(Box([0, 0], [2, 1]), 2).points.round(1).tolist())
     [[0.5, 0.5], [1.5, 0.5]]
     """

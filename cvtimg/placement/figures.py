@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range, check_one_of, check_shape
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.samples import WeightedSamples
+from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import Moments
-
-Points = NDArray[np.float64]
 
 #: Distances that are computed at a time.
 _AT_ONCE = 1 << 20

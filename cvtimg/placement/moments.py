@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_picture_density, check_places, check_shape
 from cvtimg._shared.threads import in_parts
-from cvtimg.placement import _moments
+from cvtimg.placement import _placement
 
 #: Generators in a bucket on average, and the side of a bucket in pixels: larger ones hold more sums of rows in memory,
 #: smaller ones have too little to do.
 _IN_A_BUCKET, _SIDES = 3.0, (4, 128)
 #: Parts of a pass, each with sums of its own. They are fixed, so that no bit depends on threads.
 _PARTS = 16
-#: Owners of boxes inside of boxes, of all levels together, for each generator, and at least.
-_ROOM_PER_GENERATOR, _ROOM = 3, 1 << 13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,15 +129,11 @@ class PixelMoments:
         touched = np.empty((n_parts, 2), np.int32)
 
         def sum_parts(start: int, stop: int) -> None:
-            running = np.empty((buckets.side, width + 1, 2))
-            _moments.sum_cells(
-                self.density, buckets.first, buckets.places, buckets.side, buckets.columns, buckets.heaviest,
-                bands, start, stop, *buckets.scratch(), running, sums, touched,
-            )  # fmt: skip
+            _placement.sum_cells(self.density, *buckets.grid, bands, start, stop, sums, touched)
 
         in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
         total = np.empty((n, 3))
-        _moments.add_parts(sums, touched, buckets.order, total)
+        _placement.add_parts(sums, touched, buckets.order, total)
         return total
 
 
@@ -207,10 +201,7 @@ def _labels(buckets: _Buckets) -> NDArray[np.int32]:
     labels = np.empty(buckets.shape, np.int32)
 
     def label(start: int, stop: int) -> None:
-        _moments.label_pixels(
-            labels, buckets.first, buckets.order, buckets.places, buckets.side, buckets.columns, buckets.heaviest,
-            start, stop, *buckets.scratch(),
-        )  # fmt: skip
+        _placement.label_pixels(labels, buckets.order, *buckets.grid, start, stop)
 
     in_parts(label, buckets.rows, work=2 * labels.size + 500 * buckets.n_generators)
     return labels
@@ -232,7 +223,7 @@ class _Buckets:
         self.first = np.empty(self.columns * self.rows + 2, np.int32)
         self.order, self.places = np.empty(n, np.int32), np.empty((n, 3))
         self.heaviest = 0.0 if weights is None else float(weights.max())
-        _moments.sort_into_buckets(
+        _placement.sort_into_buckets(
             np.ascontiguousarray(generators), weights, self.side, self.columns, self.first, self.order, self.places
         )
 
@@ -240,7 +231,7 @@ class _Buckets:
     def n_generators(self) -> int:
         return len(self.order)
 
-    def scratch(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Make room for the owners of boxes; what is not needed is never touched."""
-        room = _ROOM_PER_GENERATOR * self.n_generators + _ROOM
-        return np.empty((3, room)), np.empty(room, np.int32)
+    @property
+    def grid(self) -> tuple[NDArray[np.int32], NDArray[np.float64], int, int, float]:
+        """What kernels ask for."""
+        return self.first, self.places, self.side, self.columns, self.heaviest

@@ -9,44 +9,60 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_picture_density, check_places
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.methods import Callback, Stopping, Watch
+from cvtimg._shared.iteration import Callback, Stopping, Watch
+from cvtimg.placement import _placement
 from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
+from cvtimg.placement.polygons import NearestPixel, PictureRegion
 from cvtimg.placement.result import Placement
-from cvtimg.placement.starts import along_hilbert_curve, split_generators
-from cvtimg.regions import PictureRegion
-from cvtimg.regions.pictures import NearestPixel
 
 #: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 #: A coarser level is worth its time from so many generators on.
 _WORTH_A_LEVEL = 1000
+#: Children of a generator: offsets from it, as parts of the distance to its nearest neighbor.
+_CHILDREN = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class PlacementEffort:
     """How long to descend.
 
     Attributes
     ----------
     coarse : tuple of Stopping
-        When to stop at each coarser level, the coarsest first; each has a quarter of the pixels and of the generators
-        of the next.
-    stopping : Stopping
+        When to stop at each coarser level of a picture, the coarsest first; each has a quarter of the pixels and of
+        the generators of the next. Moves of the coarsest cost next to nothing, and save some of the last.
+    in_picture : Stopping
         When to stop in the picture itself.
+    elsewhere : Stopping
+        When to stop in other regions.
+    samples, most_samples : int
+        For each generator, and at most, where cells are not integrated exactly.
+    n_starts : int
+        Starts in other regions, of which the best is kept.
     """
 
-    coarse: tuple[Stopping, ...]
-    stopping: Stopping
+    coarse: tuple[Stopping, Stopping]
+    in_picture: Stopping
+    elsewhere: Stopping
+    samples: int
+    most_samples: int
+    n_starts: int = 1
 
 
-#: The registry: names for `effort`. Moves of the coarsest level cost next to nothing, and save some of the last.
-EFFORTS: dict[str, Effort] = {
-    "fast": Effort((Stopping(1e-3, 12), Stopping(1e-3, 12)), Stopping(1e-3, 8)),
-    "balanced": Effort((Stopping(1e-5, 40), Stopping(1e-4, 20)), Stopping(9e-5, 36)),
-    "best": Effort((Stopping(1e-5, 40), Stopping(1e-5, 40)), Stopping(1e-6, 400)),
+#: The registry: names for `effort`.
+EFFORTS = {
+    "fast": PlacementEffort(
+        (Stopping(1e-3, 12), Stopping(1e-3, 12)), Stopping(1e-3, 8), Stopping(1e-3, 15), 100, 1 << 17
+    ),
+    "balanced": PlacementEffort(
+        (Stopping(1e-5, 40), Stopping(1e-4, 20)), Stopping(9e-5, 36), Stopping(1e-6, 100), 400, 1 << 19
+    ),
+    "best": PlacementEffort(
+        (Stopping(1e-5, 40), Stopping(1e-5, 40)), Stopping(1e-6, 400), Stopping(1e-10, 1000), 1000, 1 << 21, n_starts=8
+    ),
 }
-
 
 #: More generators than this need more memory than a machine has.
 MOST_GENERATORS = 1 << 28
@@ -149,7 +165,7 @@ def place_by_levels(
     *,
     fixed: NDArray[np.float64],
     method: str,
-    effort: Effort,
+    effort: PlacementEffort,
     rng: np.random.Generator,
     watch: Watch,
 ) -> Descent:
@@ -157,7 +173,7 @@ def place_by_levels(
     n_free = n_generators - len(fixed)
     start = _start(moments, n_free, effort.coarse, fixed, method, rng, watch)
     project = WhereMassIs(moments)
-    return _descend(moments, project(start, start), fixed, method, effort.stopping, watch, project)
+    return _descend(moments, project(start, start), fixed, method, effort.in_picture, watch, project)
 
 
 class WhereMassIs:
@@ -223,3 +239,28 @@ def _descend(
     generators = np.concatenate([fixed, free])
     movable = np.arange(len(generators)) >= len(fixed) if len(fixed) else None
     return DESCENTS[method](moments, generators, Terms(stopping, movable, project, watch=watch))
+
+
+def along_hilbert_curve(
+    density: NDArray[np.float32], n_generators: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Draw (K, 2) places, in pixels, in the order of a Hilbert curve; each in one of K parts of equal rho^(1/2).
+
+    In the plane a centroidal Voronoi tessellation of many generators has about rho^(1/2) of them in an area (Gersho's
+    conjecture). A start by rho itself would leave light parts to few, and a uniform one cells without mass.
+    """
+    weights = np.sqrt(density)
+    places = np.empty((n_generators, 2))
+    total = weights.sum(dtype=np.float64)
+    found = _placement.place_along_curve(weights, total / n_generators, places)
+    places[found:] = places[found - 1]  # but for rounding, all are found
+    return places + rng.random(places.shape)
+
+
+def split_generators(generators: NDArray[np.float64], n_generators: int) -> NDArray[np.float64]:
+    """Split each of (K, 2) generators into four that stand around it; leave out the last ones over `n_generators`."""
+    from scipy.spatial import cKDTree
+
+    gaps = cKDTree(generators).query(generators, 2)[0][:, 1]
+    children = generators[:, None] + gaps[:, None, None] * _CHILDREN
+    return children.reshape(-1, 2)[:n_generators]

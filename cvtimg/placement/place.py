@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,33 +18,20 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.choices import EffortName
-from cvtimg.engine.methods import Callback, Stopping, Watch
+from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
+from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
 from cvtimg.placement.figures import FigureMoments, Figures
+from cvtimg.placement.metrics import Gauge, LpGauge, MetricLike, as_gauge
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, picture_moments, place_by_levels
+from cvtimg.placement.polygons import PictureRegion, as_region
+from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.result import Placement
 from cvtimg.placement.samples import SampleMoments
-from cvtimg.regions import (
-    Box,
-    Density,
-    DensityLike,
-    Gauge,
-    LpGauge,
-    MetricLike,
-    PictureDensity,
-    PictureRegion,
-    PolygonRegion,
-    Region,
-    as_density,
-    as_gauge,
-    as_region,
-)
-
-Points = NDArray[np.float64]
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
@@ -52,22 +39,7 @@ _CANDIDATES = 32
 _NOT_0 = "not be 0 everywhere in the region"
 
 
-@dataclass(frozen=True, slots=True)
-class _Effort:
-    """Samples for each generator, and at most, where cells are not integrated exactly; when to stop; and starts."""
-
-    samples: int
-    most_samples: int
-    stopping: Stopping
-    n_starts: int = 1
-
-
-#: As `pictures.EFFORTS`, for regions that are no pictures.
-_EFFORTS: dict[str, _Effort] = {
-    "fast": _Effort(100, 1 << 17, Stopping(1e-3, 15)),
-    "balanced": _Effort(400, 1 << 19, Stopping(1e-6, 100)),
-    "best": _Effort(1000, 1 << 21, Stopping(1e-10, 1000), n_starts=8),
-}
+#: Samples where cells are not integrated exactly, at least.
 _FEWEST_SAMPLES = 1 << 14
 
 
@@ -90,11 +62,11 @@ def place_generators(
     Parameters
     ----------
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.regions.as_region` takes.
+        What `cvtimg.placement.as_region` takes.
     n_generators : int
         Number of generators K, those that are fixed or on the boundary among them.
     density : None, float, (H, W) array or callable
-        What `cvtimg.regions.as_density` takes: 1 everywhere, a number, a picture, or a function of (N, D) points.
+        What `cvtimg.placement.as_density` takes: 1 everywhere, a number, a picture, or a function of (N, D) points.
     fixed : (L, D) array, optional
         Generators that stay in place: the first L of the K.
     on_boundary : (B, D) array, int or "auto", optional
@@ -136,7 +108,7 @@ def place_generators(
     Examples
     --------
     >>> from cvtimg import place_generators
-    >>> from cvtimg.regions import Box
+    >>> from cvtimg.placement import Box
     >>> placement = place_generators(Box([0, 0], [2, 1]), 2)
     >>> sorted(placement.points.round(3).tolist())
     [[0.5, 0.5], [1.5, 0.5]]
@@ -157,8 +129,9 @@ def place_generators(
         check_in_range("generators", generators, plain, allowed)
         return _place_figures(where, weight, n_generators, generators, name, effort, random, Watch(callback))
     still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
+    settings = EFFORTS[effort]
     terms = Terms(
-        _EFFORTS[effort].stopping,
+        settings.elsewhere,
         free=np.arange(n_generators) >= len(still) if len(still) else None,
         project=_projection(where, n_generators if auto else None),
         may_rise=auto,
@@ -166,16 +139,15 @@ def place_generators(
     )
     if isinstance(where, PictureRegion) and where.n_dims == 2 and gauge == LpGauge(2):
         moments = picture_moments(_on_pixels(where, weight), n_generators)
-        settings = EFFORTS[effort]
         end = place_by_levels(
             moments, n_generators, fixed=still, method=name, effort=settings, rng=random, watch=terms.watch
         )
         if auto:
-            end = DESCENTS[name](moments, end.generators, replace(terms, stopping=settings.stopping))
+            end = DESCENTS[name](moments, end.generators, replace(terms, stopping=settings.in_picture))
         return Placement.of(end, where)
     cells = _moments(where, weight, gauge, n_generators, effort, random)
     ends = []
-    for _ in range(_EFFORTS[effort].n_starts):
+    for _ in range(settings.n_starts):
         start = np.concatenate([still, draw_start(where, weight, n_generators - len(still), random)])
         ends.append(DESCENTS[name](cells, start, terms))
         if terms.watch.stopped:
@@ -224,13 +196,13 @@ def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
 def _moments(
     region: Region, density: Density, gauge: Gauge, n_generators: int, effort: EffortName, rng: np.random.Generator
 ) -> CellMoments:
-    if region.n_dims == 2 and isinstance(region, (Box, PolygonRegion)) and gauge == LpGauge(2):
+    if region.is_polygonal and gauge == LpGauge(2):
         return PolygonMoments(region, density)
     return SampleMoments(_samples(region, density, n_generators, effort, rng), gauge, region)
 
 
 def _samples(region: Region, density: Density, n_generators: int, effort: EffortName, rng: np.random.Generator) -> Any:
-    settings = _EFFORTS[effort]
+    settings = EFFORTS[effort]
     n = int(np.clip(settings.samples * n_generators, _FEWEST_SAMPLES, settings.most_samples))
     samples = region.sample(max(n, 4 * n_generators), density=density, rng=rng)
     check_that("density", samples.density.any(), _NOT_0)
@@ -238,7 +210,7 @@ def _samples(region: Region, density: Density, n_generators: int, effort: Effort
 
 
 def draw_start(region: Region, density: Density, n_generators: int, rng: np.random.Generator) -> Points:
-    """Take K of many points, as dense as rho^(D / (D + 2)), in the order of a curve in few dimensions."""
+    """Draw K starting points with density rho^(D / (D + 2)), sorted along a curve in few dimensions."""
     n_dims = region.n_dims
     points = region.draw(max(_CANDIDATES * n_generators, 1024), rng)
     if n_dims <= MAX_ORDERED_DIMS:
@@ -246,8 +218,7 @@ def draw_start(region: Region, density: Density, n_generators: int, rng: np.rand
     weights = np.cumsum(density(points) ** (n_dims / (n_dims + 2)))
     check_that("density", weights[-1] > 0, _NOT_0)
     own = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
-    starts: Points = points[np.minimum(own, len(points) - 1)]
-    return starts
+    return points[np.minimum(own, len(points) - 1)]
 
 
 def _place_figures(
@@ -265,9 +236,9 @@ def _place_figures(
     apart = DESCENTS[method](
         SampleMoments(samples, LpGauge(2)),
         draw_start(region, density, n_generators, rng),
-        Terms(_EFFORTS["fast"].stopping),
+        Terms(EFFORTS["fast"].elsewhere),
     )
     start = kind.start(apart.generators, (region.measure / n_generators) ** 0.5, rng)
-    terms = Terms(_EFFORTS[effort].stopping, project=kind.project, watch=watch)
+    terms = Terms(EFFORTS[effort].elsewhere, project=kind.project, watch=watch)
     end = DESCENTS[method](FigureMoments(samples, kind), start, terms)
     return Placement.of(end, region, kind)

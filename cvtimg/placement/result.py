@@ -11,11 +11,11 @@ from cvtimg._shared.checks import check_that
 from cvtimg._shared.drawings import draw_dots
 from cvtimg._shared.extras import optional
 from cvtimg.labels.contours import Polygon
-from cvtimg.placement.cells import cell_rings, voronoi_cells
+from cvtimg.placement.cells import CellMeasures, cell_rings, measure_cells, voronoi_cells
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.figures import Figures
-from cvtimg.placement.measures import CellMeasures, measure_cells
-from cvtimg.regions import Box, PictureRegion, Region
+from cvtimg.placement.polygons import PictureRegion
+from cvtimg.placement.regions import Box, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -89,7 +89,7 @@ class Placement:
         Examples
         --------
         >>> from cvtimg import place_generators
-        >>> from cvtimg.regions import Box
+        >>> from cvtimg.placement import Box
         >>> [cell.area for cell in place_generators(Box([0, 0], [2, 2]), 1).cells()]
         [4.0]
         """

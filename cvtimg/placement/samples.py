@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.samples import WeightedSamples
+from cvtimg.placement.densities import Points
+from cvtimg.placement.metrics import Gauge, LpGauge
 from cvtimg.placement.moments import Moments
-from cvtimg.regions import Box, Gauge, LpGauge, Region
-
-Points = NDArray[np.float64]
+from cvtimg.placement.regions import Box, Region
 
 #: Nearest generators in the Euclidean metric, of which one is nearest in another for most samples.
 _CANDIDATES = 12

@@ -16,7 +16,7 @@ from cvtimg._shared.checks import (
     check_shape,
     check_that,
 )
-from cvtimg.regions.densities import FunctionDensity, PictureDensity
+from cvtimg.placement.densities import FunctionDensity, PictureDensity
 from cvtimg.sphere._sphere import limit_growth
 
 Points = NDArray[np.float64]

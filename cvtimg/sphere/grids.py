@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, check_fewer, check_in_range, check_shape
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg.regions.densities import ConstantDensity
+from cvtimg.placement.densities import ConstantDensity
 from cvtimg.sphere.cell_sums import Cells, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
 from cvtimg.sphere.descent import descend, polish_angles

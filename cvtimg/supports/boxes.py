@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_returned, refuse
-from cvtimg.regions import Region
+from cvtimg.placement import Region
 from cvtimg.supports import _covering
 from cvtimg.supports.rows import as_rows
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape, check_that
 from cvtimg.files.whole import StrPath, write_whole
-from cvtimg.regions import Box, ImplicitRegion, Region, as_region
+from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
 from cvtimg.supports.rows import overlaps
@@ -82,7 +82,7 @@ class Supports:
         Examples
         --------
         >>> import numpy as np
-        >>> from cvtimg.regions import Box
+        >>> from cvtimg.placement import Box
         >>> supports = support_radii([[0.25, 0.5], [0.75, 0.5]], Box([0, 0], [1, 1]))
         >>> np.round(supports.distances([[0.25, 0.5], [0.5, 0.5]]).toarray(), 2).tolist()
         [[0.0, 0.89], [0.45, 0.45]]
@@ -144,7 +144,7 @@ def support_radii(
     points : (n, d) array
         Centers, in the region; no two may be equal.
     region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.regions.as_region` takes. It may have holes and need not be convex.
+        What `cvtimg.placement.as_region` takes. It may have holes and need not be convex.
     cover : int
         How many supports hold each place p, at most n: as many as a meshless method of its order needs.
     tighten : bool
@@ -182,7 +182,7 @@ def support_radii(
     Examples
     --------
     >>> from cvtimg import place_generators, support_radii
-    >>> from cvtimg.regions import Box
+    >>> from cvtimg.placement import Box
     >>> square = Box([0, 0], [1, 1])
     >>> support_radii(place_generators(square, 9).points, square)
     <9 supports in 2 dimensions, 1-fold cover proved, overlap 53.09%>

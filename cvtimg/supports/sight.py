@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
 from cvtimg._shared.extras import optional
-from cvtimg.regions import Box, PictureRegion, PolygonRegion, Region
+from cvtimg.placement import Box, PolygonRegion, Region
+from cvtimg.placement.regions import Geometry
 from cvtimg.supports import _plane
 from cvtimg.supports.rows import Rows, as_rows, empty_rows
 
@@ -94,16 +95,12 @@ def outline_of(region: Region, slits: ArrayLike | None) -> Outline | None:
 
     Its boundary and the slits, (S, 2, 2) ends of segments, block sight if `slits` is not None.
     """
-    if region.n_dims != 2 or not isinstance(region, (Box, PolygonRegion, PictureRegion)):
+    if not region.is_polygonal:
         return None
-    if isinstance(region, Box):
-        (left, top), (right, bottom) = region.bounds
-        rings = [np.array([[left, top], [right, top], [right, bottom], [left, bottom]])]
-        reflex = np.zeros((0, 2))
-    else:
-        region = region.polygons() if isinstance(region, PictureRegion) else region
-        rings = _rings(region)
-        reflex = np.concatenate([ring[_turns(ring) < 0] for ring in rings])
+    if not isinstance(region, Box):
+        region = PolygonRegion(region.outline())
+    rings = _rings(region.outline())
+    reflex = np.concatenate([ring[_turns(ring) < 0] for ring in rings])
     boundary = np.concatenate([np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
     cuts = np.empty((0, 4)) if slits is None else _checked_slits(slits)
     barriers = np.ascontiguousarray(np.concatenate([boundary, cuts]))
@@ -122,12 +119,12 @@ def _checked_slits(slits: ArrayLike) -> _Floats:
     return array.reshape(-1, 4)
 
 
-def _rings(region: PolygonRegion) -> list[_Floats]:
+def _rings(outline: Geometry) -> list[_Floats]:
     """Corners of the rings of polygons, the region to the left of each."""
     shapely = optional("shapely", "regions")
 
     rings = []
-    for part in shapely.get_parts(region.geometry):
+    for part in shapely.get_parts(outline):
         for number, ring in enumerate([part.exterior, *part.interiors]):
             corners = shapely.get_coordinates(ring)[:-1]
             corners = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]
@@ -138,8 +135,7 @@ def _rings(region: PolygonRegion) -> list[_Floats]:
 def _turns(ring: _Floats) -> NDArray[np.float64]:
     """How a ring turns at each corner: > 0 to the left, < 0 to the right."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    turns: _Floats = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return turns
+    return before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
 
 
 def _distances(points: _Floats, segments: _Floats) -> _Floats:

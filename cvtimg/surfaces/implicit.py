@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_finite, check_places, check_positive, check_returned, check_shape, check_that
-from cvtimg.regions import Box
+from cvtimg._shared.checks import check_finite, check_places, check_positive, check_shape, check_that
+from cvtimg.placement import Box
+from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divide_fans, unit
 
-#: Steps to the surface at most; each brings about twice as many digits.
-_STEPS = 20
 #: By default, the longest side of the bounds has so many cubes.
 _CUBES = 64
 #: More cubes than this would fill the memory.
@@ -53,9 +52,8 @@ class ImplicitSurface(Surface):
     (True, 2)
     """
 
-    function: Callable[[Points], Any]
+    function: ImplicitFunction
     box: Box
-    gradient: Callable[[Points], Any] | None
     _triangulation: SurfaceTriangulation
 
     def __init__(
@@ -67,10 +65,9 @@ class ImplicitSurface(Surface):
         gradient: Callable[[Points], Any] | None = None,
         spacing: float | None = None,
     ) -> None:
-        object.__setattr__(self, "function", function)
         object.__setattr__(self, "box", Box(lower, upper))
         check_shape("lower", self.box.bounds[0].shape, self.box.n_dims == 3, "(3,)")
-        object.__setattr__(self, "gradient", gradient)
+        object.__setattr__(self, "function", ImplicitFunction(function, self.box, gradient))
         step = float(self.box.sides.max()) / _CUBES if spacing is None else check_positive("spacing", spacing)
         object.__setattr__(self, "_triangulation", self._triangulate(step))
 
@@ -84,28 +81,12 @@ class ImplicitSurface(Surface):
 
     def on_surface(self, places: Points) -> Points:
         """Move places to the surface, along the slope of the function."""
-        moved = check_places("places", places, 3).copy()
-        size = float(np.linalg.norm(self.box.sides))
-        for _ in range(_STEPS):
-            values, slopes = self._values(moved), self._slopes(moved, self._step)
-            steep = np.einsum("ij,ij->i", slopes, slopes)
-            step = np.where(steep > 0, values / np.maximum(steep, 1e-300), 0)[:, None] * slopes
-            # No farther than a part of the box at a time: a slope may be next to nothing.
-            length = np.linalg.norm(step, axis=1, keepdims=True)
-            moved = self.box.project(moved - step * np.minimum(1, 0.1 * size / np.maximum(length, 1e-300)))
-            if length.max(initial=0) < 1e-12 * size:
-                break
-        return moved
+        return self.function.to_zero(check_places("places", places, 3), slide=True)
 
     def nearest(self, places: Points, faces: Triangles, fine: SurfaceTriangulation) -> tuple[Points, Points, Triangles]:
         """Move places to the surface; which triangles of `fine` are near does not matter."""
         found = self.on_surface(places)
-        return found, unit(self._slopes(found, self._step)), faces
-
-    @property
-    def _step(self) -> float:
-        """For differences."""
-        return 1e-6 * float(np.linalg.norm(self.box.sides))
+        return found, unit(self.function.slopes(found)), faces
 
     def _triangulate(self, spacing: float) -> SurfaceTriangulation:
         from skimage.measure import marching_cubes
@@ -115,7 +96,8 @@ class ImplicitSurface(Surface):
         check_that(f"spacing={spacing:g}", np.prod(counts + 1.0) < _MOST_CUBES, f"give fewer than {_MOST_CUBES} cubes")
         axes = [low + np.linspace(0, side, n + 1) for low, side, n in zip(lower, sides, counts, strict=True)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        values = self._values(nodes).reshape(counts + 1)
+        values = self.function(nodes).reshape(counts + 1)
+        check_finite("function", values)
         crosses = values.min() < 0 < values.max()
         check_that("function", crosses, "be negative and positive within lower and upper: it has one sign")
         options: dict[str, Any] = {"spacing": tuple(sides / counts), "allow_degenerate": False}
@@ -123,22 +105,3 @@ class ImplicitSurface(Surface):
         vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
         faces = np.ascontiguousarray(found[1], np.int32)
         return SurfaceTriangulation(*divide_fans(vertices, faces))
-
-    def _values(self, points: Points) -> Points:
-        values = np.asarray(self.function(points), np.float64)
-        check_returned("function", values, len(points))
-        check_finite("function", values)
-        return values
-
-    def _slopes(self, points: Points, step: float) -> Points:
-        if self.gradient is not None:
-            slopes = np.asarray(self.gradient(points), np.float64)
-            check_shape("gradient", slopes.shape, slopes.shape == points.shape, f"{points.shape}, as the points")
-            check_finite("gradient", slopes)
-            return slopes
-        slopes = np.empty_like(points)
-        for axis in range(3):
-            aside = np.zeros(3)
-            aside[axis] = step
-            slopes[:, axis] = (self._values(points + aside) - self._values(points - aside)) / (2 * step)
-        return slopes

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that, refuse_type
 from cvtimg._shared.choices import EffortName
-from cvtimg.regions import ConstantDensity, as_density
-from cvtimg.regions.densities import Density
+from cvtimg.placement import ConstantDensity, as_density
+from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints

@@ -13,7 +13,7 @@ from PIL import Image
 
 import cvtimg
 from cvtimg._shared.drawings import MOST_SHAPES, draw_dots, draw_lines, draw_solid, edges_of, seen_from
-from cvtimg.regions import PictureRegion
+from cvtimg.placement import PictureRegion
 from cvtimg.surfaces import torus
 
 CORNERS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])

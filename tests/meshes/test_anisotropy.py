@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from cvtimg import mesh_region
 from cvtimg.meshes import HuangMetric, Mesh, RecoveredHessian
-from cvtimg.regions import Box
+from cvtimg.placement import Box
 
 SQUARE = Box([0, 0], [1, 1])
 

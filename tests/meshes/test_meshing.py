@@ -12,7 +12,7 @@ from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
 from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.sizes import _centers_inside
 from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
-from cvtimg.regions import Box, ImplicitRegion, PolygonRegion
+from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvtimg.placement import PixelMoments, pixel_labels, place_in_picture
-from cvtimg.placement.pictures import enlarge
-from cvtimg.placement.starts import along_hilbert_curve, split_generators
+from cvtimg.placement.pictures import along_hilbert_curve, enlarge, split_generators
 
 
 @pytest.fixture(scope="module")

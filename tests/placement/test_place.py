@@ -13,17 +13,22 @@ from cvtimg import place_generators
 from cvtimg.engine.methods import Probabilistic
 from cvtimg.placement import (
     MACQUEEN,
+    Box,
     Circles,
+    ConstantDensity,
     FigureMoments,
+    ImplicitRegion,
     PixelMoments,
     PolygonMoments,
+    PolygonRegion,
     SampleMoments,
     Segments,
+    as_density,
+    as_gauge,
     measure_cells,
     place_by_draws,
     voronoi_cells,
 )
-from cvtimg.regions import Box, ConstantDensity, ImplicitRegion, PolygonRegion, as_density, as_gauge
 
 SQUARE = Box([0, 0], [1, 1])
 FRAME = PolygonRegion([[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]])

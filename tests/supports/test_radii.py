@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import place_generators, support_radii
-from cvtimg.regions import Box, ImplicitRegion, PolygonRegion, Region
+from cvtimg.placement import Box, ImplicitRegion, PolygonRegion, Region
 from cvtimg.supports.proof import find_gaps
 from cvtimg.supports.reach import find_reaches
 from cvtimg.supports.sight import outline_of

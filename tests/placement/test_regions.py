@@ -10,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from cvtimg import tessellate
-from cvtimg.regions import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region, as_density, as_region
+from cvtimg.placement import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region, as_density, as_region
 
 STAR = [
     [(1 + 0.3 * np.cos(5 * a)) * np.cos(a), (1 + 0.3 * np.cos(5 * a)) * np.sin(a)]

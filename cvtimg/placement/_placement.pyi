@@ -20,9 +20,6 @@ def sum_cells(
     bands: NDArray[np.int32],
     start: int,
     stop: int,
-    scratch: NDArray[np.float64],
-    indices: NDArray[np.int32],
-    running: NDArray[np.float64],
     sums: NDArray[np.float64],
     touched: NDArray[np.int32],
 ) -> None: ...
@@ -34,15 +31,13 @@ def add_parts(
 ) -> None: ...
 def label_pixels(
     labels: NDArray[np.int32],
-    first: NDArray[np.int32],
     order: NDArray[np.int32],
+    first: NDArray[np.int32],
     places: NDArray[np.float64],
     side: int,
     columns: int,
     heaviest: float,
     start: int,
     stop: int,
-    scratch: NDArray[np.float64],
-    indices: NDArray[np.int32],
 ) -> None: ...
 def place_along_curve(weights: NDArray[np.float32], each: float, places: NDArray[np.float64]) -> int: ...

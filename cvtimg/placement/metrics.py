@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that
-
-Points = NDArray[np.float64]
+from cvtimg.placement.densities import Points
 
 
 class Gauge(ABC):
@@ -133,7 +132,7 @@ def as_gauge(metric: MetricLike) -> Gauge:
     Examples
     --------
     >>> import numpy as np
-    >>> from cvtimg.regions import as_gauge
+    >>> from cvtimg.placement import as_gauge
     >>> [as_gauge(p).lengths(np.array([[3.0, -4.0]])).item() for p in (1, 2, np.inf)]
     [7.0, 5.0, 4.0]
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
-from cvtimg.regions import Gauge, as_gauge
+from cvtimg.placement import Gauge, as_gauge
 
 HEXAGON = [[np.cos(a), np.sin(a)] for a in np.arange(6) * np.pi / 3]
 ODD = [[2, 0], [0, 1], [-1, 0], [0, -3]]

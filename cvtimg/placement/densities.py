@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_returned
+from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse
 
 Points = NDArray[np.float64]
 #: From (N, D) points to their (N,) densities.
@@ -42,16 +42,10 @@ class PictureDensity:
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return the density at (N, 2) points (x, y) in pixels."""
-        low, part = [], []
-        for axis, n in ((0, self.picture.shape[1]), (1, self.picture.shape[0])):
-            at = np.clip(points[:, axis] - 0.5, 0, n - 1)
-            low.append(np.minimum(at.astype(np.intp), max(n - 2, 0)))
-            part.append(at - low[-1])
-        (x, y), (right, down) = low, part
-        next_x, next_y = (np.minimum(at + 1, n - 1) for at, n in zip((x, y), self.picture.shape[::-1], strict=True))
-        above = self.picture[y, x] * (1 - right) + self.picture[y, next_x] * right
-        below = self.picture[next_y, x] * (1 - right) + self.picture[next_y, next_x] * right
-        return np.asarray(above * (1 - down) + below * down, np.float64)
+        from scipy.ndimage import map_coordinates
+
+        at = points.T[::-1] - 0.5
+        return map_coordinates(self.picture, at, np.float64, order=1, mode="nearest")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,8 +60,7 @@ class FunctionDensity:
         check_returned("density", values, len(points))
         wrong = ~((values >= 0) & (values < np.inf))
         if wrong.any():
-            place = points[wrong][0].tolist()
-            check_in_range(f"density at {place}", float(values[wrong][0]), False, "finite and >= 0")
+            refuse(f"density at {points[wrong][0].tolist()}", float(values[wrong][0]), "finite and >= 0")
         return values
 
 
@@ -93,7 +86,7 @@ def as_density(density: DensityLike) -> Density:
     Examples
     --------
     >>> import numpy as np
-    >>> from cvtimg.regions import as_density
+    >>> from cvtimg.placement import as_density
     >>> as_density([[0, 1], [0, 1]])(np.array([[1.0, 1.0], [2.0, 0.0]])).tolist()
     [0.5, 1.0]
     """

@@ -1,10 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled passes over pictures as densities: moments of cells, and labels.
 
-Nothing here allocates, checks its arguments or decides. Each argument is marked IN, OUT or INOUT. B is the number of
-buckets, K that of generators; generators are sorted by buckets, and sums are in that order.
+Nothing here checks its arguments or decides. Each argument is marked IN, OUT or INOUT. B is the number of buckets, K
+that of generators; generators are sorted by buckets, and sums are in that order.
 """
+import numpy as np
 from libc.stdint cimport int32_t
+
+#: Owners of boxes inside of boxes, of all levels together, for each generator, and at least.
+cdef Py_ssize_t ROOM_PER_GENERATOR = 3, ROOM = 1 << 13
 
 cdef extern from "moments.h" nogil:
     struct c_buckets "buckets":
@@ -85,14 +89,21 @@ cdef c_buckets as_buckets(
     return buckets
 
 
-cdef c_owners as_scratch(double[:, ::1] scratch, int32_t[::1] indices) noexcept:
+cdef class Scratch:
+    """Room for the owners of boxes; what is not needed is never touched."""
+    cdef double[:, ::1] places
+    cdef int32_t[::1] indices
     cdef c_owners owners
-    owners.x = &scratch[0, 0]
-    owners.y = &scratch[1, 0]
-    owners.c = &scratch[2, 0]
-    owners.index = &indices[0]
-    owners.n = scratch.shape[1]
-    return owners
+
+    def __cinit__(self, Py_ssize_t n_generators):
+        cdef Py_ssize_t room = ROOM_PER_GENERATOR * n_generators + ROOM
+        self.places = np.empty((3, room))
+        self.indices = np.empty(room, np.int32)
+        self.owners.x = &self.places[0, 0]
+        self.owners.y = &self.places[1, 0]
+        self.owners.c = &self.places[2, 0]
+        self.owners.index = &self.indices[0]
+        self.owners.n = room
 
 
 def sum_cells(
@@ -105,21 +116,19 @@ def sum_cells(
     const int32_t[::1] bands,      # IN (P + 1,): rows of buckets that begin each part
     Py_ssize_t start,              # IN: parts start..stop - 1 are summed
     Py_ssize_t stop,               # IN
-    double[:, ::1] scratch,        # scratch (3, R), R >= K
-    int32_t[::1] indices,          # scratch (R,)
-    double[:, :, ::1] running,     # scratch (side, W + 1, 2)
     double[:, :, ::1] sums,        # OUT (P, K, 3): mass, and it times x and y, of each cell, sorted as places
     int32_t[:, ::1] touched,       # OUT (P, 2): sums are written from the first to before the last of these
 ):
     """Sum the density, and x and y times it, over each cell, in parts that do not share a sum."""
     cdef c_buckets buckets = as_buckets(first, places, side, columns, heaviest)
-    cdef c_owners owners = as_scratch(scratch, indices)
+    cdef Scratch scratch = Scratch(places.shape[0])
+    cdef double[:, :, ::1] running = np.empty((side, density.shape[1] + 1, 2))
     cdef Py_ssize_t part
     with nogil:
         for part in range(start, stop):
             sum_bands(
                 &density[0, 0], <int>density.shape[1], <int>density.shape[0], buckets, bands[part], bands[part + 1],
-                owners, <c_running *>&running[0, 0, 0], <c_sums *>&sums[part, 0, 0], &touched[part, 0],
+                scratch.owners, <c_running *>&running[0, 0, 0], <c_sums *>&sums[part, 0, 0], &touched[part, 0],
                 &touched[part, 1],
             )
 
@@ -142,24 +151,22 @@ def add_parts(
 
 def label_pixels(
     int32_t[:, ::1] labels,        # OUT (H, W): the generator nearest to the center of each pixel
-    const int32_t[::1] first,      # IN (B + 2,)
     const int32_t[::1] order,      # IN (K,)
+    const int32_t[::1] first,      # IN (B + 2,)
     const double[:, ::1] places,   # IN (K, 3)
     int side,                      # IN
     int columns,                   # IN
     double heaviest,               # IN
     Py_ssize_t start,              # IN: rows of buckets start..stop - 1
     Py_ssize_t stop,               # IN
-    double[:, ::1] scratch,        # scratch (3, R), R >= K
-    int32_t[::1] indices,          # scratch (R,)
 ):
     """Label pixels by the cell in which their center lies."""
     cdef c_buckets buckets = as_buckets(first, places, side, columns, heaviest)
-    cdef c_owners owners = as_scratch(scratch, indices)
+    cdef Scratch scratch = Scratch(places.shape[0])
     with nogil:
         label_bands(
             &labels[0, 0], <int>labels.shape[1], <int>labels.shape[0], buckets, &order[0], <int>start, <int>stop,
-            owners,
+            scratch.owners,
         )
 
 

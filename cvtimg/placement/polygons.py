@@ -1,0 +1,405 @@
+"""Regions that are polygons with holes, by shapely, or pixels and voxels; and what can be taken for a region."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that, refuse_type
+from cvtimg._shared.extras import optional
+from cvtimg.labels.contours import find_contours
+from cvtimg.placement.densities import Points
+from cvtimg.placement.regions import Geometry, Region
+
+#: Where a boundary turns by less, in degrees, it has no corner.
+_SMOOTH = 30.0
+#: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
+_ONE = 1e-13
+#: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
+_TO_SIDE = 0.5 - 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
+class PolygonRegion(Region):
+    """One or more polygons, with holes or without.
+
+    Parameters
+    ----------
+    shape : (N, 2) array, sequence of (N, 2) arrays, GeoJSON or shapely geometry
+        Coordinates of a ring; of an outer ring and its holes; a GeoJSON mapping, its geometries taken together; or a
+        shapely Polygon or MultiPolygon.
+
+    Notes
+    -----
+    Needs shapely: ``pip install 'cvtimg[regions]'``.
+
+    Examples
+    --------
+    >>> from cvtimg.placement import PolygonRegion
+    >>> frame = PolygonRegion([[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]])
+    >>> frame.measure, frame.contains([[2, 2], [0.5, 2]]).tolist(), len(frame.corners)
+    (12.0, [False, True], 8)
+    """
+
+    geometry: Geometry
+
+    def __init__(self, shape: Any) -> None:
+        shapely = _shapely()
+        geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
+        has_area = shapely.get_dimensions(geometry) == 2 and (geometry.area > 0 or not _is_flat(geometry))
+        check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
+        if not shapely.is_valid(geometry):
+            _refuse_invalid(shapely.is_valid_reason(geometry))
+        shapely.prepare(geometry)
+        object.__setattr__(self, "geometry", geometry)
+
+    @classmethod
+    def from_labels(cls, labels: ArrayLike, label: int | None = None, *, tolerance: float = 0) -> PolygonRegion:
+        """Make it of the contours of a mask or of a segment.
+
+        Parameters
+        ----------
+        labels : (H, W) array
+            A mask, or segments of a picture.
+        label : int, optional
+            The segment; by default all that are not 0.
+        tolerance : float
+            How far contours may be moved to make them simpler, in pixels.
+        """
+        segments = np.asarray(labels)
+        inside = segments == label if label is not None else segments != 0
+        check_in_range("label", label, inside.any(), "that of a pixel: the region is empty")
+        found = find_contours(inside.astype(np.int32), tolerance=tolerance)
+        shapely = _shapely()
+        return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in found.polygons]))
+
+    def __repr__(self) -> str:
+        n = len(_shapely().get_parts(self.geometry))
+        return f"<PolygonRegion of {n} polygon{'s' if n > 1 else ''}, area {self.measure:g}>"
+
+    @property
+    def bounds(self) -> Points:
+        """The least and the greatest coordinates, (2, 2)."""
+        return np.array(self.geometry.bounds).reshape(2, 2)
+
+    @property
+    def measure(self) -> float:
+        """Area."""
+        return float(self.geometry.area)
+
+    @property
+    def corners(self) -> Points:
+        """Points where the boundary turns by more than 30 degrees."""
+        shapely = _shapely()
+        found = []
+        for ring in shapely.get_rings(shapely.get_parts(self.geometry)):
+            places = shapely.get_coordinates(ring)[:-1]
+            before, after = places - np.roll(places, 1, axis=0), np.roll(places, -1, axis=0) - places
+            turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
+            found.append(places[np.abs(turn) > np.radians(_SMOOTH)])
+        return np.concatenate(found)
+
+    @property
+    def is_polygonal(self) -> bool:
+        """Yes."""
+        return True
+
+    def outline(self, tolerance: float = 0) -> Geometry:
+        """Return its geometry."""
+        return self.geometry
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 2) points lie in it or on its boundary."""
+        places = self._checked(points)
+        return _shapely().intersects_xy(self.geometry, *places.T)
+
+    def to_boundary(self, points: ArrayLike) -> Points:
+        """Move points to the nearest point of the boundary."""
+        shapely = _shapely()
+        lines = shapely.shortest_line(shapely.boundary(self.geometry), shapely.points(self._checked(points)))
+        return shapely.get_coordinates(lines)[::2]
+
+    def boundary_points(self, spacing: float) -> Points:
+        """Cover the boundary with points, all corners among them."""
+        shapely = _shapely()
+        dense = shapely.segmentize(shapely.boundary(self.geometry), spacing)
+        return np.unique(shapely.get_coordinates(dense), axis=0)
+
+    def draw(self, n: int, rng: int | np.random.Generator = 0) -> Points:
+        """Draw (n, 2) points, from triangles by their areas."""
+        random = np.random.default_rng(rng)
+        triangles = triangulate(np.array([self.geometry]))[0]
+        areas = np.cumsum(triangle_areas(triangles))
+        # Evenly spaced along the areas, so that each triangle has its share.
+        own = np.searchsorted(areas, (np.arange(n) + random.random()) / n * areas[-1])
+        first, second, third = triangles[np.minimum(own, len(areas) - 1)].transpose(1, 0, 2)
+        u, v = random.random((2, n, 1))
+        over = u + v > 1
+        u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+        return first + u * (second - first) + v * (third - first)
+
+
+def triangulate(polygons: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
+    shapely = _shapely()
+    try:
+        cut = shapely.constrained_delaunay_triangles(polygons)
+    except shapely.GEOSException:  # corners that are apart by rounding only
+        extent = float(np.nanmax(np.abs(shapely.bounds(polygons))))
+        cut = shapely.constrained_delaunay_triangles(shapely.remove_repeated_points(polygons, _ONE * extent))
+    parts, own = shapely.get_parts(cut, return_index=True)
+    return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], own
+
+
+def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the areas (T,) of (T, 3, 2) triangles."""
+    (x1, y1), (x2, y2) = ((triangles[:, i] - triangles[:, 0]).T for i in (1, 2))
+    return 0.5 * np.abs(x1 * y2 - x2 * y1)
+
+
+def _as_geometry(shape: Any) -> Geometry:
+    shapely = _shapely()
+    if isinstance(shape, Mapping):
+        return shapely.union_all(_geojson(shape))
+    rings = [shape] if np.ndim(shape[0]) == 1 else list(shape)
+    arrays = [np.asarray(ring, np.float64) for ring in rings]
+    for ring in arrays:
+        is_ring = ring.ndim == 2 and ring.shape[1] == 2 and len(ring) >= 3
+        check_shape("a ring", ring.shape, is_ring, "(N, 2) coordinates, N >= 3")
+        check_finite("a ring", ring)
+    return shapely.Polygon(arrays[0], arrays[1:])
+
+
+def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
+    """Read all polygons of a GeoJSON object."""
+    from shapely.geometry import shape as read
+
+    kind = shape.get("type")
+    if kind == "FeatureCollection":
+        return [each for feature in shape["features"] for each in _geojson(feature)]
+    if kind == "Feature":
+        return _geojson(shape["geometry"])
+    if kind == "GeometryCollection":
+        return [each for geometry in shape["geometries"] for each in _geojson(geometry)]
+    allowed = "Polygon, MultiPolygon, Feature or FeatureCollection"
+    check_in_range("GeoJSON type", kind, kind in ("Polygon", "MultiPolygon"), allowed)
+    return [read(shape)]
+
+
+def _is_flat(geometry: Geometry) -> bool:
+    """Tell whether all points are on one line: a ring that crosses itself may have no area, too."""
+    return bool(_shapely().get_dimensions(geometry.convex_hull) < 2)
+
+
+def _refuse_invalid(reason: str) -> None:
+    """Say what is wrong with polygons, from what GEOS says: a reason and a place in brackets."""
+    what, _, place = reason.rstrip("]").partition("[")
+    at = f"({', '.join(place.split())})"
+    if what in ("Hole lies outside shell", "Nested holes", "Holes are nested"):
+        raise ValueError(f"a hole at {at} must lie inside of its polygon, and not in another hole")
+    if "elf-intersection" in what:
+        raise ValueError(f"polygons must not cross themselves or each other, as they do at {at}")
+    raise ValueError(f"polygons must be valid: {what} at {at}")
+
+
+def _shapely() -> Any:
+    return optional("shapely", "regions")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
+class PictureRegion(Region):
+    """The pixels of a mask, or the voxels of one in three dimensions.
+
+    Parameters
+    ----------
+    mask : (H, W) or (L, H, W) bool array
+        True inside. Points are (x, y) or (x, y, z), in pixels; the first pixel covers [0, 1] along each axis.
+
+    Examples
+    --------
+    >>> from cvtimg.placement import PictureRegion
+    >>> region = PictureRegion([[True, True, False]])
+    >>> region.measure, region.project([[2.7, 0.5]]).round(6).tolist()
+    (2.0, [[2.0, 0.5]])
+    """
+
+    mask: NDArray[np.bool_]
+
+    def __init__(self, mask: ArrayLike) -> None:
+        array = np.asarray(mask)
+        if array.dtype != np.bool_:
+            refuse_type("mask", array.dtype, "bool")
+        check_shape("mask", array.shape, array.ndim in (2, 3) and array.size > 0, "(H, W) or (L, H, W)")
+        check_that("mask", array.any(), "be True somewhere: the region is empty")
+        object.__setattr__(self, "mask", array)
+
+    def __repr__(self) -> str:
+        kind = "pixels" if self.mask.ndim == 2 else "voxels"
+        return f"<PictureRegion of {int(self.measure)} {kind} in {' x '.join(map(str, self.mask.shape))}>"
+
+    @property
+    def bounds(self) -> Points:
+        """The least and the greatest coordinates of the picture, (2, D)."""
+        size = np.array(self.mask.shape[::-1], np.float64)
+        return np.stack([np.zeros_like(size), size])
+
+    @property
+    def measure(self) -> float:
+        """How many pixels."""
+        return float(np.count_nonzero(self.mask))
+
+    @property
+    def corners(self) -> Points:
+        """The corners of the picture that it holds: those along pixels are none."""
+        ends = np.array(list(np.ndindex(*(2,) * self.n_dims)))
+        own = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
+        return self.bounds[ends, np.arange(self.n_dims)][own]
+
+    @property
+    def is_polygonal(self) -> bool:
+        """Whether it is of pixels, and not of voxels."""
+        return self.mask.ndim == 2
+
+    def outline(self, tolerance: float = 0) -> Geometry:
+        """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
+        if self.mask.all() and self.mask.ndim == 2:
+            return _shapely().box(*self.bounds.ravel())
+        return self.polygons(tolerance).geometry
+
+    def polygons(self, tolerance: float = 0) -> PolygonRegion:
+        """Return the same region as polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
+        check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
+        return PolygonRegion.from_labels(self.mask, tolerance=tolerance)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, D) points lie in a pixel of the mask."""
+        places = self._checked(points)
+        size = np.array(self.mask.shape[::-1])
+        at = np.clip(places.astype(np.intp), 0, size - 1)
+        inside = ((places >= 0) & (places <= size)).all(axis=1)
+        return inside & self.mask[tuple(at[:, ::-1].T)]
+
+    def project(self, points: ArrayLike) -> Points:
+        """Move points outside to the nearest point of a pixel of the mask."""
+        places = self._checked(points).copy()
+        outside = ~self.contains(places)
+        if outside.any():
+            places[outside] = NearestPixel(self.mask)(places[outside])
+        return places
+
+    def to_boundary(self, points: ArrayLike) -> Points:
+        """Move points to the nearest side between a pixel of the mask and another."""
+        from scipy.spatial import cKDTree
+
+        places = self._checked(points)
+        sides, axes = self._sides()
+        near = cKDTree(sides).query(places, min(8, len(sides)))[1].reshape(len(places), -1)
+        # The nearest point of each of the nearest sides: a side has no extent along its own axis.
+        half = np.where(np.arange(self.n_dims) == axes[near][..., None], 0, 0.5)
+        ends = np.clip(places[:, None], sides[near] - half, sides[near] + half)
+        best = ((ends - places[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+        return ends[np.arange(len(places)), best]
+
+    def boundary_points(self, spacing: float) -> Points:
+        """Return the middles of the sides between pixels of the mask and others, thinned to `spacing`."""
+        sides = self._sides()[0]
+        if spacing <= 1:
+            return sides
+        blocks = np.floor(sides / spacing)
+        return sides[np.unique(blocks, axis=0, return_index=True)[1]]
+
+    def draw(self, n: int, rng: int | np.random.Generator = 0) -> Points:
+        """Draw (n, D) points, equally many in each pixel, to within one."""
+        random = np.random.default_rng(rng)
+        inside = np.flatnonzero(self.mask)
+        own = inside[((np.arange(n) + random.random()) / n * len(inside)).astype(np.intp)]
+        corners = np.stack(np.unravel_index(own, self.mask.shape)[::-1], axis=1)
+        return corners + random.random((n, self.n_dims))
+
+    def _sides(self) -> tuple[Points, NDArray[np.intp]]:
+        """Middles (S, D) of the sides between inside and outside, and the axis (S,) that each stands across."""
+        middles, axes = [], []
+        padded = np.pad(self.mask, 1)
+        for axis in range(self.mask.ndim):
+            places = np.argwhere(np.diff(padded, axis=axis)) - 0.5
+            places[:, axis] += 0.5
+            middles.append(places[:, ::-1])
+            axes.append(np.full(len(places), self.mask.ndim - 1 - axis))
+        return np.concatenate(middles), np.concatenate(axes)
+
+
+class NearestPixel:
+    """Finds the nearest point of the pixels of a mask, for points outside of it, any number of times.
+
+    Parameters
+    ----------
+    mask : (H, W) or (L, H, W) bool array
+    """
+
+    def __init__(self, mask: NDArray[np.bool_]) -> None:
+        from scipy.spatial import cKDTree
+
+        self._centers = _border(mask)
+        self._tree = cKDTree(self._centers)
+
+    def __call__(self, points: Points) -> Points:
+        """Move (N, D) points."""
+        n = min(8, len(self._centers))
+        near = self._tree.query(points, n)[1].reshape(len(points), n)
+        ends = np.clip(points[:, None], self._centers[near] - _TO_SIDE, self._centers[near] + _TO_SIDE)
+        best = ((ends - points[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+        return ends[np.arange(len(points)), best]
+
+
+def _border(mask: NDArray[np.bool_]) -> Points:
+    """Centers of the pixels of a mask that have a neighbor outside."""
+    padded = np.pad(mask, 1)
+    inner = np.ones_like(mask)
+    middle = tuple(slice(1, -1) for _ in range(mask.ndim))
+    for axis in range(mask.ndim):
+        for step in (-1, 1):
+            inner &= np.roll(padded, step, axis)[middle]
+    return np.argwhere(mask & ~inner)[:, ::-1].astype(np.float64) + 0.5
+
+
+def as_region(region: Any) -> Region:
+    """Make a region of what stands for one.
+
+    Parameters
+    ----------
+    region : Region, bool array, coordinates, GeoJSON or shapely geometry
+        A Region as it is; a bool array (H, W) or (L, H, W) for the pixels of a mask; (N, 2) coordinates of a polygon,
+        or a sequence of such rings, the outer one first; a GeoJSON mapping; a shapely Polygon or MultiPolygon.
+
+    Returns
+    -------
+    Region
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is none of these, or is empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.placement import as_region
+    >>> as_region(np.ones((2, 3), bool))
+    <PictureRegion of 6 pixels in 2 x 3>
+    >>> as_region([[0, 0], [2, 0], [0, 2]])
+    <PolygonRegion of 1 polygon, area 2>
+    """
+    if isinstance(region, Region):
+        return region
+    if isinstance(region, Mapping) or hasattr(region, "geom_type"):
+        return PolygonRegion(region)
+    if isinstance(region, np.ndarray) and region.dtype == np.bool_:
+        return PictureRegion(region)
+    if not isinstance(region, (list, tuple, np.ndarray)) or not len(region):
+        allowed = "a Region, a bool array, polygon coordinates, GeoJSON or a shapely geometry"
+        refuse_type("region", type(region).__name__, allowed)
+    return PolygonRegion(region)
