@@ -196,13 +196,6 @@ def _plot(found: Mesh, path: Path, over: Path | None, *, y_down: bool, overwrite
     write_whole(path, drawn, overwrite=overwrite)
 
 
-def _refuse_flat(given: Mapping[str, bool]) -> None:
-    """Refuse options that are for triangles only."""
-    names = [name for name, is_given in given.items() if is_given]
-    if names:
-        raise ValueError(f"has voxels, for which there is no {' and no '.join(names)}")
-
-
 def _fill(
     task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, making: Mapping[str, Any], *, overwrite: bool
 ) -> Row:

@@ -146,8 +146,7 @@ class HuangMetric:
         return _as_matrices(regular * _determinants(regular)[:, None] ** (-1 / 6))
 
     def _regular(self, absolute: Points) -> Points:
-        regular: Points = absolute / self._alpha + np.array([1.0, 0.0, 1.0])
-        return regular
+        return absolute / self._alpha + np.array([1.0, 0.0, 1.0])
 
     def _absolute(self, points: Points) -> Points:
         """Hessians (M, 3) with positive eigenvalues."""
@@ -233,13 +232,11 @@ class _CheckedMetric:
 
 
 def _determinants(values: Points) -> NDArray[np.float64]:
-    determinants: NDArray[np.float64] = values[:, 0] * values[:, 2] - values[:, 1] ** 2
-    return determinants
+    return values[:, 0] * values[:, 2] - values[:, 1] ** 2
 
 
 def _as_matrices(values: Points) -> NDArray[np.float64]:
-    matrices: NDArray[np.float64] = values[:, [[0, 1], [1, 2]]]
-    return matrices
+    return values[:, [[0, 1], [1, 2]]]
 
 
 def _grid(outline: Outline) -> Points:

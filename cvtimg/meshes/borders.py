@@ -137,13 +137,11 @@ def _outwards(points: Points, swept: NDArray[np.float64]) -> Points:
     chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-300)
     shifts = np.clip((missing + np.roll(missing, 1)) / lengths, -_MOST_OUTWARDS, _MOST_OUTWARDS)
-    steps: Points = shifts[:, None] * np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths[:, None]
-    return steps
+    return shifts[:, None] * np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths[:, None]
 
 
 def _cross(a: Points, b: Points) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return product
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:

@@ -54,8 +54,7 @@ def metric_of(sizes: NDArray[np.float64]) -> Points:
 def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
     """Return the lengths (N,) of steps (N, 2) in metrics (N, 3)."""
     (xx, xy, yy), (x, y) = metric.T, steps.T
-    lengths: NDArray[np.float64] = np.sqrt(xx * x * x + 2 * xy * x * y + yy * y * y)
-    return lengths
+    return np.sqrt(xx * x * x + 2 * xy * x * y + yy * y * y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Mesh files: VTU, Gmsh's MSH, OBJ, PLY and STL are written here, others by meshio."""
+"""Mesh files: VTU, OBJ with groups and PLY are written here, others by meshio."""
 
 from __future__ import annotations
 
@@ -12,86 +12,75 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
-from cvtimg.files.vtu import TRIANGLE, vtu_content
+from cvtimg.files.vtu import TETRAHEDRON, TRIANGLE, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, write_whole
 
-#: What meshio is asked for, beside the formats below.
-MESHIO_SUFFIXES = (".bdf", ".inp", ".med", ".mesh", ".off", ".vtk", ".xdmf")
+#: What meshio is asked for, beside the formats below, and how.
+_MESHIO: dict[str, dict[str, Any]] = {
+    ".msh": {"file_format": "gmsh22", "binary": False},
+    ".stl": {"binary": True},
+    ".bdf": {},
+    ".inp": {},
+    ".med": {},
+    ".mesh": {},
+    ".off": {},
+    ".vtk": {},
+    ".xdmf": {"data_format": "XML"},
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshContent:
-    """What files hold of a mesh: the arrays of `Mesh`, with points of the plane or of space, and qualities (T,)."""
+    """What files hold of a mesh of triangles or tetrahedra.
+
+    Attributes
+    ----------
+    points : (N, 2) or (N, 3) float64 array
+    cells : (T, 3) or (T, 4) int32 array
+    tags : (T,) int32 array
+    sides : (E, 2) or (E, 3) int32 array
+        Edges on borders, or triangles of the surface.
+    qualities : (T,) float64 array or None
+    """
 
     points: NDArray[np.float64]
-    triangles: NDArray[np.int32]
+    cells: NDArray[np.int32]
     tags: NDArray[np.int32]
-    edges: NDArray[np.int32]
-    qualities: NDArray[np.float64]
+    sides: NDArray[np.int32]
+    qualities: NDArray[np.float64] | None = None
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """Points (N, 3), where those of the plane have z = 0."""
+        return np.pad(self.points, ((0, 0), (0, 3 - self.points.shape[1])))
 
 
 def suffixes() -> tuple[str, ...]:
-    """Return the suffixes of files that meshes are written to."""
-    return (*MESH_FORMATS, *MESHIO_SUFFIXES)
+    """Return the suffixes of files that meshes of triangles are written to."""
+    return (*MESH_FORMATS, *_MESHIO)
 
 
-def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool) -> None:
+def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple[str, ...] | None = None) -> None:
     """Write a mesh in the format that the suffix picks."""
-    suffix = Path(path).suffix.lower()
-    check_choice("suffix", suffix, suffixes())
+    suffix = check_choice("suffix", Path(path).suffix.lower(), allowed or suffixes())
     content = MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)
     write_whole(path, content, overwrite=overwrite)
 
 
 def _vtu(mesh: MeshContent) -> bytes:
     """VTK's format of unstructured grids."""
-    ends = 3 * np.arange(1, len(mesh.triangles) + 1)
-    values: dict[str, NDArray[Any]] = {"tag": mesh.tags, "quality": mesh.qualities}
-    return vtu_content(_in_space(mesh.points), mesh.triangles, ends, TRIANGLE, values)
-
-
-def _msh(mesh: MeshContent) -> bytes:
-    """Gmsh's format 2.2, which most readers know: border edges, then triangles; the physical group is the tag.
-
-    Border edges are in one group of dimension 1; its number is 1.
-    """
-    n, n_edges, n_triangles = len(mesh.points), len(mesh.edges), len(mesh.triangles)
-    tags = np.unique(mesh.tags)
-    names = ['1 1 "border"', *(f'2 {tag} "{tag}"' for tag in tags)]
-    edges = np.column_stack([np.arange(1, n_edges + 1), np.tile([1, 2, 1, 1], (n_edges, 1)), mesh.edges + 1])
-    kinds = np.column_stack([np.full(n_triangles, 2), np.full(n_triangles, 2), mesh.tags, mesh.tags])
-    numbers = np.arange(n_edges + 1, n_edges + n_triangles + 1)
-    triangles = np.column_stack([numbers, kinds, mesh.triangles + 1])
-    parts = [
-        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n",
-        f"$PhysicalNames\n{len(names)}\n" + "\n".join(names) + "\n$EndPhysicalNames\n",
-        f"$Nodes\n{n}\n",
-        rows_of("%d %.17g %.17g %g\n", np.column_stack([np.arange(1, n + 1), _in_space(mesh.points)])),
-        f"$EndNodes\n$Elements\n{n_edges + n_triangles}\n",
-        rows_of("%d %d %d %d %d %d %d\n", edges),
-        rows_of("%d %d %d %d %d %d %d %d\n", triangles),
-        "$EndElements\n",
-    ]
-    return "".join(parts).encode()
+    n_corners = mesh.cells.shape[1]
+    values: dict[str, NDArray[Any]] = {} if mesh.qualities is None else {"tag": mesh.tags, "quality": mesh.qualities}
+    ends = n_corners * np.arange(1, len(mesh.cells) + 1)
+    return vtu_content(mesh.places, mesh.cells, ends, TRIANGLE if n_corners == 3 else TETRAHEDRON, values)
 
 
 def _obj(mesh: MeshContent) -> bytes:
     """Wavefront's format: a group for each tag."""
-    parts = [rows_of("v %.17g %.17g %g\n", _in_space(mesh.points))]
+    parts = [rows_of("v %.17g %.17g %g\n", mesh.places)]
     for tag in np.unique(mesh.tags):
-        parts.append(f"g {tag}\n" + rows_of("f %d %d %d\n", mesh.triangles[mesh.tags == tag] + 1))
+        parts.append(f"g {tag}\n" + rows_of("f %d %d %d\n", mesh.cells[mesh.tags == tag] + 1))
     return "".join(parts).encode()
-
-
-def _stl(mesh: MeshContent) -> bytes:
-    """Triangles with single precision."""
-    corners = _in_space(mesh.points)[mesh.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    facets = np.zeros(len(mesh.triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-    facets["normal"] = normals / np.where(lengths > 0, lengths, 1)
-    facets["corners"] = corners
-    return b"cvtimg".ljust(80) + np.array(len(facets), "<u4").tobytes() + facets.tobytes()
 
 
 def _ply(mesh: MeshContent) -> bytes:
@@ -100,22 +89,16 @@ def _ply(mesh: MeshContent) -> bytes:
         "ply\nformat binary_little_endian 1.0\ncomment cvtimg",
         f"element vertex {len(mesh.points)}",
         *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(mesh.triangles)}",
+        f"element face {len(mesh.cells)}",
         "property list uchar int vertex_indices\nend_header\n",
     ]
-    faces = np.empty(len(mesh.triangles), [("n", "u1"), ("corners", "<i4", 3)])
-    faces["n"], faces["corners"] = 3, mesh.triangles
-    return "\n".join(head).encode() + _in_space(mesh.points).astype("<f8").tobytes() + faces.tobytes()
+    faces = np.empty(len(mesh.cells), [("n", "u1"), ("corners", "<i4", 3)])
+    faces["n"], faces["corners"] = 3, mesh.cells
+    return "\n".join(head).encode() + mesh.places.astype("<f8").tobytes() + faces.tobytes()
 
 
 #: The registry of formats: suffix to the function that makes the content.
-MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {
-    ".vtu": _vtu,
-    ".msh": _msh,
-    ".obj": _obj,
-    ".ply": _ply,
-    ".stl": _stl,
-}
+MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj": _obj, ".ply": _ply}
 
 
 def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
@@ -123,17 +106,21 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         import meshio
     except ImportError as error:
         raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
+    cells, data, names = [("triangle" if mesh.cells.shape[1] == 3 else "tetra", mesh.cells)], {"tag": [mesh.tags]}, {}
+    if suffix == ".msh" and len(
+        mesh.sides
+    ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
+        kind, name, inside = ("line", "border", None) if mesh.cells.shape[1] == 3 else ("triangle", "surface", "inside")
+        cells = [(kind, mesh.sides), *cells]
+        tags = [np.ones(len(mesh.sides), np.int32), mesh.tags]
+        data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        dimension = mesh.sides.shape[1] - 1
+        names = {inside or str(tag): np.array([tag, dimension + 1]) for tag in np.unique(mesh.tags)}
+        names = {name: np.array([1, dimension]), **names}
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
-        points = _in_space(mesh.points)
-        options = {"data_format": "XML"} if suffix == ".xdmf" else {}
-        meshio.Mesh(points, [("triangle", mesh.triangles)], cell_data={"tag": [mesh.tags]}).write(part, **options)
+        meshio.Mesh(mesh.places, cells, cell_data=data, field_data=names).write(part, **_MESHIO[suffix])
         return part.read_bytes()
-
-
-def _in_space(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) points, where those of the plane have z = 0."""
-    return points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])
 
 
 def rows_of(form: str, rows: NDArray[np.generic]) -> str:

@@ -44,8 +44,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         _, shares = frame.locate(points, used[near])
         points = points[shares.min(axis=1) > 1e-9]
         if len(points) >= n:
-            chosen: Points = points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
-            return chosen
+            return points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
         if wanted > 4 * n:
             part *= _LESS
         wanted = min(wanted * _MORE * n / max(len(points), 1), 8.0 * n) + 1
@@ -79,5 +78,4 @@ class _Edges:
         places = shapely.points(points)
         nearest = self._tree.query_nearest(places, all_matches=False)[1]
         lines = shapely.shortest_line(self._edges[nearest], places)
-        ends: Points = shapely.get_coordinates(lines)[::2]
-        return ends
+        return shapely.get_coordinates(lines)[::2]

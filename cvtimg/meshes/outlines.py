@@ -100,8 +100,7 @@ def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Ou
 
     def contains(points: Points) -> NDArray[np.bool_]:
         at = np.clip(points.astype(np.intp), 0, np.array(mask.shape[::-1]) - 1)
-        inside: NDArray[np.bool_] = mask[at[:, 1], at[:, 0]]
-        return inside
+        return mask[at[:, 1], at[:, 0]]
 
     bounds = np.array([[0.0, 0.0], [mask.shape[1], mask.shape[0]]])
     kept = areas.cut(np.array(own), areas.still) if tolerance else None
@@ -170,8 +169,7 @@ def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
     """Angles (N,), in degrees, by which the way over three points turns."""
     come, go = at - before, after - at
     turns = np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1))
-    degrees: NDArray[np.float64] = np.abs(np.degrees(turns))
-    return degrees
+    return np.abs(np.degrees(turns))
 
 
 def _densified(line: Points) -> Points:
@@ -199,8 +197,7 @@ def _smoothed(line: Points, tolerance: float) -> Points:
             smooth[1:-1] += part * ((smooth[:-2] + smooth[2:]) / 2 - smooth[1:-1])
     moved = smooth - line
     lengths = np.linalg.norm(moved, axis=1, keepdims=True)
-    kept: Points = line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
-    return kept
+    return line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
 
 
 def _split(line: Points, cuts: NDArray[np.intp]) -> list[Points]:

@@ -50,8 +50,7 @@ def _centers(points: Points, samples: Points, weights: NDArray[np.float64]) -> P
     own = cKDTree(points).query(samples)[1]
     masses = np.bincount(own, weights, len(points))
     sums = np.stack([np.bincount(own, weights * samples[:, axis], len(points)) for axis in (0, 1)], axis=1)
-    centers: Points = np.where(masses[:, None] > 0, sums / np.maximum(masses, 1e-300)[:, None], points)
-    return centers
+    return np.where(masses[:, None] > 0, sums / np.maximum(masses, 1e-300)[:, None], points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -115,10 +115,8 @@ def _longest_edges(values: Points) -> NDArray[np.float64]:
 def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:
     """Shorten steps that are longer than vertices may move at once."""
     longest = _LONGEST * sizes
-    capped: Points = steps * (longest / np.maximum(_lengths(steps), longest))[:, None]
-    return capped
+    return steps * (longest / np.maximum(_lengths(steps), longest))[:, None]
 
 
 def _lengths(steps: Points) -> NDArray[np.float64]:
-    lengths: NDArray[np.float64] = np.sqrt(np.einsum("nk,nk->n", steps, steps))
-    return lengths
+    return np.sqrt(np.einsum("nk,nk->n", steps, steps))

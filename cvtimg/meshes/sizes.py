@@ -142,25 +142,9 @@ def _pixels_inside(outline: Outline, values: NDArray[Any]) -> NDArray[np.bool_]:
     low, high = outline.bounds
     fits = (low >= -1).all() and (high <= [width + 1, height + 1]).all()
     check_that(f"the region from {low.tolist()} to {high.tolist()}", fits, f"lie in the {width} x {height} size image")
-    inside = _centers_inside(outline.lines, height, width)
+    y, x = np.mgrid[:height, :width] + 0.5
+    inside = outline.contains(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width)
     check_that("the region", inside.any(), "hold the center of a pixel of the size image")
-    return inside
-
-
-def _centers_inside(lines: tuple[Points, ...], height: int, width: int) -> NDArray[np.bool_]:
-    """Find the pixels whose centers have an odd number of crossings with closed lines to their left."""
-    starts = np.concatenate([line[:-1] for line in lines])
-    ends = np.concatenate([line[1:] for line in lines])
-    rows = np.clip(np.ceil(np.stack([starts[:, 1], ends[:, 1]]) - 0.5).astype(np.intp), 0, height)
-    first, n_rows = rows.min(axis=0), np.ptp(rows, axis=0)
-    own = np.repeat(np.arange(len(starts)), n_rows)
-    row = np.arange(len(own)) - np.repeat(np.cumsum(n_rows) - n_rows, n_rows) + first[own]
-    (x, y), (along, up) = starts[own].T, (ends - starts)[own].T
-    crossings = x + (row + 0.5 - y) / up * along
-    column = np.clip(np.ceil(crossings - 0.5), 0, width).astype(np.intp)
-    is_odd = np.zeros((height, width + 1), np.uint8)
-    np.add.at(is_odd, (row, column), 1)
-    inside: NDArray[np.bool_] = np.add.accumulate(is_odd, axis=1, dtype=np.uint8)[:, :-1] % 2 == 1
     return inside
 
 

@@ -59,8 +59,7 @@ class Tracks:
         at = np.searchsorted(self.lengths, self._on_line(self.along), side="right")
         at = np.clip(at, 1, len(self.lengths) - 1)
         steps = self.places[at] - self.places[at - 1]
-        directions: Points = steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
-        return directions
+        return steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
 
     def moved(self, by: NDArray[np.float64]) -> Tracks:
         """Return the tracks with vertices moved by lengths (S,), as far as they may."""
@@ -87,5 +86,4 @@ class Tracks:
         """Go around closed lines."""
         periods = np.where(self.periods > 0, self.periods, np.inf)
         since = along - self.starts
-        on_line: NDArray[np.float64] = along - np.floor(since / periods) * self.periods
-        return on_line
+        return along - np.floor(since / periods) * self.periods

@@ -162,8 +162,7 @@ def _oriented(points: Points, cells: Cells) -> Cells:
 def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
     """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise ."""
     a, b, c, d = (points[cells[..., k]] for k in range(4))
-    found: NDArray[np.float64] = (np.cross(b - a, c - a) * (d - a)).sum(axis=-1) / 6
-    return found
+    return (np.cross(b - a, c - a) * (d - a)).sum(axis=-1) / 6
 
 
 def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
@@ -174,5 +173,4 @@ def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
     axis = b - a
     u, v = np.cross(axis, c - a), np.cross(axis, d - a)
     sine = np.linalg.norm(np.cross(u, v), axis=-1)
-    angles: Points = np.degrees(np.arctan2(sine, (u * v).sum(axis=-1)))
-    return angles
+    return np.degrees(np.arctan2(sine, (u * v).sum(axis=-1)))

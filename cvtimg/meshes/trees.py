@@ -58,8 +58,7 @@ class Cells:
         order = along_curve(self.centers)
         ends = np.cumsum(masses[order])
         own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
-        points: Points = self.centers[own] + (rng.random((n, 2)) - 0.5) * self.sides[own, None]
-        return points
+        return self.centers[own] + (rng.random((n, 2)) - 0.5) * self.sides[own, None]
 
 
 @dataclass(slots=True, eq=False)
@@ -146,8 +145,7 @@ class TreeField:
         self._near = self.mesh.triangles[found, shares.argmax(axis=1)]  # for the next time, when they have moved
         shares = np.maximum(shares, 0)
         shares /= shares.sum(axis=1, keepdims=True)
-        values: NDArray[np.float64] = (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
-        return values
+        return (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
 
 
 def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
@@ -186,8 +184,7 @@ def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.floa
     """Return the least size (C,) at the corners and the centers of cells."""
     offsets = side * np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.5]])
     values = sizes((corners[:, None] + offsets).reshape(-1, 2))
-    least: NDArray[np.float64] = values.reshape(-1, len(offsets)).min(axis=1)
-    return least
+    return values.reshape(-1, len(offsets)).min(axis=1)
 
 
 def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[PlaneTriangulation, NDArray[np.float64]]:

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_positive, check_shape, check_that
 from cvtimg.files.whole import StrPath
+from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.measures import boundary_faces
 from cvtimg.meshes.tetrahedra import dihedral_angles, stuff, volumes
-from cvtimg.meshes.volume_files import write_volume
 
 Points = NDArray[np.float64]
 
@@ -79,7 +79,8 @@ class VolumeMesh:
         overwrite : bool
             Replace an existing file.
         """
-        write_volume(path, self.points, self.tetrahedra, self.surface, overwrite)
+        tags = np.ones(len(self.tetrahedra), np.int32)
+        write_mesh(path, MeshContent(self.points, self.tetrahedra, tags, self.surface), overwrite, (".vtu", ".msh"))
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"
@@ -187,8 +188,7 @@ class _Level:
         from scipy.ndimage import map_coordinates
 
         at = points[:, ::-1].T + (self._margin - 0.5)
-        found: NDArray[np.float64] = map_coordinates(self._values, at, order=1, mode="nearest") - self.offset
-        return found
+        return map_coordinates(self._values, at, order=1, mode="nearest") - self.offset
 
 
 def _with_volume(level: _Level, spacing: float, n: int | None) -> VolumeMesh:

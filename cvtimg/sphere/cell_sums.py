@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,12 +63,8 @@ class Cells:
         return Cells(self.masses[own], pulls, self.areas[own], self.energies[own], self.constant)
 
 
-class SumCells(Protocol):
-    """Integrates over the cells of a triangulation."""
-
-    def __call__(self, mesh: SphereTriangulation, /) -> Cells:
-        """Sum cells."""
-        ...
+#: Integrates over the cells of a triangulation.
+SumCells = Callable[[SphereTriangulation], Cells]
 
 
 def uniform_cells(mesh: SphereTriangulation) -> Cells:

@@ -204,8 +204,7 @@ class Coast:
 
     def is_land(self, points: Points) -> NDArray[np.bool_]:
         """Tell which of (N, 3) points are on land."""
-        land: NDArray[np.bool_] = self.height(points) > 0.5
-        return land
+        return self.height(points) > 0.5
 
     def nearest(self, points: Points) -> Points:
         """Return the nearest point of the coast to each of (N, 3) points."""
@@ -223,8 +222,7 @@ class Coast:
         n_land, n_corners = np.bincount(vertices, corners, n), np.bincount(vertices, minlength=n)
         own = self.is_land(mesh.points)
         n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + own, n_corners + 1))
-        crossed: NDArray[np.bool_] = (n_land > 0) & (n_land < n_corners)
-        return crossed
+        return (n_land > 0) & (n_land < n_corners)
 
     def claimed(self, points: Points, on_coast: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
         """Tell which of those (N,) points go to the coast: of two that would meet there, the nearer one does."""
@@ -250,8 +248,7 @@ class Coast:
         least = shares.copy()
         for k in range(3):  # one end of each edge sees the other here, and in the triangle beyond the other way around
             np.minimum.at(least, mesh.triangles[:, k], shares[mesh.triangles[:, k - 1]])
-        few: NDArray[np.bool_] = (shares < _CROWDED) & (shares <= least)
-        return few
+        return (shares < _CROWDED) & (shares <= least)
 
     def _on_arcs(self, points: Points, arcs: NDArray[np.intp]) -> Points:
         start, way = self.starts[arcs], self.ends[arcs] - self.starts[arcs]
@@ -276,5 +273,4 @@ def _smoothed(land: NDArray[Any], size: float) -> NDArray[np.float32]:
         small[np.unique(parts[:, [0, -1]])] = False  # on the date line, beyond which they may go on
         small[0] = False
         smooth[small[parts]] = 0.5 - _FLAT if is_land else 0.5 + _FLAT
-    found: NDArray[np.float32] = smooth.astype(np.float32)
-    return found
+    return smooth.astype(np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,14 +31,8 @@ _GROWTH, _ROUNDS = 0.15, 6
 _PROBES = 1 << 15
 
 
-class SphereDensity(Protocol):
-    """A density on the unit sphere: from (N, 3) unit vectors to (N,) values."""
-
-    def __call__(self, points: Points, /) -> NDArray[np.float64]:
-        """Return the density at points."""
-        ...
-
-
+#: A density on the unit sphere: from (N, 3) unit vectors to (N,) values.
+SphereDensity = Callable[[Points], NDArray[np.float64]]
 #: What `sphere_grid` takes as a density.
 SphereDensityLike: TypeAlias = "Callable[[Points], Any] | ArrayLike | Refinement | Sequence[Refinement] | None"
 
@@ -97,8 +91,7 @@ class Refinement:
         width = np.radians(0.6 * self.radius if self.width is None else self.width)
         inside = (1 + np.tanh((np.radians(self.radius) - distance) / (width / 2))) / 2
         least = self.ratio**-4
-        density: NDArray[np.float64] = least + (1 - least) * inside
-        return density
+        return least + (1 - least) * inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +102,7 @@ class Refined:
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return the largest density at (N, 3) points."""
-        density: NDArray[np.float64] = np.max([part(points) for part in self.parts], axis=0)
-        return density
+        return np.max([part(points) for part in self.parts], axis=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,8 +200,7 @@ def by_spacing(brightness: ArrayLike, ratio: float) -> NDArray[np.float32]:
     values = check_globe("brightness", check_picture_density("brightness", brightness))
     check_in_range("ratio", ratio, 1 <= ratio <= 100, "in 1..100")
     finest = values / values.max()
-    density: NDArray[np.float32] = np.power(float(ratio), -4 * (1 - finest.astype(np.float64))).astype(np.float32)
-    return density
+    return np.power(float(ratio), -4 * (1 - finest.astype(np.float64))).astype(np.float32)
 
 
 class Scaled:
@@ -244,8 +235,7 @@ def _row_weights(height: int) -> NDArray[np.float64]:
 def from_degrees(lon: ArrayLike, lat: ArrayLike) -> Points:
     """Return unit vectors (N, 3) of longitudes and latitudes in degrees."""
     east, north = np.radians(np.atleast_1d(lon)), np.radians(np.atleast_1d(lat))
-    points: Points = np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=1)
-    return points
+    return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=1)
 
 
 def to_radians(points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -71,14 +71,12 @@ class Cap:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which of (N, 3) points are inside."""
-        inside: NDArray[np.bool_] = self.depth(np.asarray(points, np.float64)) > 0
-        return inside
+        return self.depth(np.asarray(points, np.float64)) > 0
 
     def depth(self, points: Points) -> NDArray[np.float64]:
         """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
         center = from_degrees(self.lon, self.lat)[0]
-        depths: NDArray[np.float64] = np.radians(self.radius) - np.arccos(np.clip(points @ center, -1, 1))
-        return depths
+        return np.radians(self.radius) - np.arccos(np.clip(points @ center, -1, 1))
 
 
 #: A part of the sphere: from (N, 3) points to whether they are inside.
@@ -211,8 +209,7 @@ class _Transition:
         """Return the points of a grid by which about n are in the part, fewer and fewer outside."""
 
         def fading(points: Points) -> NDArray[np.float64]:
-            faded: NDArray[np.float64] = wanted(points) / self._sizes(-self.depth(points), np.inf) ** 4
-            return faded
+            return wanted(points) / self._sizes(-self.depth(points), np.inf) ** 4
 
         counts = self.areas * np.sqrt(fading(self.points))
         n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
@@ -222,8 +219,7 @@ class _Transition:
         """Return sizes at depths that go from that at the border to `factor` times that, as fast as they may."""
         way = growth * np.maximum(depths, 0) / self.size
         factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
-        sizes: NDArray[np.float64] = self.size * factors
-        return sizes
+        return self.size * factors
 
 
 def _depths(points: Points, inside: NDArray[np.bool_]) -> Callable[[Points], NDArray[np.float64]]:
@@ -313,8 +309,7 @@ class Kept:
         places = places[self.gone[self.parent_tree.query(places)[1]]]
         places = self.project(np.concatenate([self.points, places]), self.points)[len(self.points) :]
         distances, nearest = self.kept_tree.query(places)
-        apart: Points = places[distances > _APART * self.sizes[nearest]]
-        return apart
+        return places[distances > _APART * self.sizes[nearest]]
 
 
 def _at_distance(points: Points, centers: Points, angles: NDArray[np.float64]) -> Points:

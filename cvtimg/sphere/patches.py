@@ -182,8 +182,7 @@ class _Patch:
 
     def border(self, number: int) -> Points:
         """Return where points may move to that another patch must know of."""
-        places: Points = self._there[self._sends[number]]
-        return places
+        return self._there[self._sends[number]]
 
     async def border_meanwhile(self, number: int) -> Points:
         """Return the same while this patch is at work, which asks others at that time."""
@@ -211,8 +210,7 @@ class _Patch:
         self._stretch.mesh.replace(self._proposed)
 
     def _is_own(self, triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
-        is_own: NDArray[np.bool_] = ((triangles >= self._own.start) & (triangles < self._own.stop)).any(axis=1)
-        return is_own
+        return ((triangles >= self._own.start) & (triangles < self._own.stop)).any(axis=1)
 
     def _check(self) -> None:
         """Refuse what may bring points that the patch is not told of into caps of its triangles."""

@@ -52,14 +52,12 @@ class SphereGrid:
     @property
     def lon(self) -> NDArray[np.float64]:
         """Longitudes (N,) of the points in degrees, -180..180."""
-        longitudes: NDArray[np.float64] = np.degrees(np.arctan2(self.points[:, 1], self.points[:, 0]))
-        return longitudes
+        return np.degrees(np.arctan2(self.points[:, 1], self.points[:, 0]))
 
     @property
     def lat(self) -> NDArray[np.float64]:
         """Latitudes (N,) of the points in degrees."""
-        latitudes: NDArray[np.float64] = np.degrees(np.arcsin(np.clip(self.points[:, 2], -1, 1)))
-        return latitudes
+        return np.degrees(np.arcsin(np.clip(self.points[:, 2], -1, 1)))
 
     def cells(self) -> SphereCells:
         """Return the Voronoi cells of the points."""

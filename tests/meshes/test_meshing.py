@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
 from cvtimg.meshes.fields import PictureField
-from cvtimg.meshes.sizes import _centers_inside
 from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
@@ -186,14 +185,6 @@ def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
     assert mesh.area == pytest.approx(1500, rel=0.01)
     assert ((mesh.points[:, 0] < 30).mean()) > 0.75
     assert_is_a_triangulation(mesh)
-
-
-def test_pixels_of_a_size_image_count_if_their_centers_are_in_the_polygon() -> None:
-    hole = np.add(ring(7.0, 31), [20.3, 14.1])
-    polygon = shapely.Polygon(ring(14.0, 97) * [1.4, 1] + [20, 15], [hole])
-    found = _centers_inside((np.array(polygon.exterior.coords), np.array(polygon.interiors[0].coords)), 30, 41)
-    x, y = np.meshgrid(np.arange(41) + 0.5, np.arange(30) + 0.5)
-    assert (found == shapely.contains_xy(polygon, x, y)).all()
 
 
 def test_vertices_move_as_far_as_triangles_keep_area() -> None:
