@@ -116,6 +116,26 @@ def test_lengths_and_areas_are_in_units_of_the_radius(folder: Path, mpas: dict[s
             assert np.allclose(file.variables[name][:], mpas[name], rtol=1e-12)
 
 
+def test_numbers_have_the_types_that_other_programs_read(folder: Path, tmp_path: Path) -> None:
+    write_grid(tmp_path / "a.nc", content(spiral(50), 6371220.123))
+    write_grid(tmp_path / "a.ugrid.nc", content(spiral(50), 6371220.123))
+    for path in (tmp_path / "a.nc", tmp_path / "a.ugrid.nc", folder / "grid.scrip.nc"):
+        with netcdf_file(path, mmap=False) as file:
+            described = [file, *file.variables.values()]
+            values = [*(variable.data for variable in described[1:])]
+            values += [value for one in described for value in one._attributes.values()]
+            for value in values:
+                kind = np.asarray(value).dtype
+                assert kind.kind in "SU" or kind.newbyteorder("=") in (np.float64, np.int32)
+            if "scrip" not in path.name:
+                assert file.sphere_radius == 6371220.123
+
+
+def test_the_greatest_mesh_density_is_1(mpas: dict[str, NDArray[Any]]) -> None:
+    assert mpas["meshDensity"].max() == 1
+    assert np.allclose(mpas["meshDensity"], np.linspace(0.5, 1, N))
+
+
 def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> None:
     for cell in range(N):
         degree = mpas["nEdgesOnCell"][cell]
@@ -134,7 +154,7 @@ def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> Non
         assert np.linalg.det(mpas["Cell"][cells]) > 0
         for k in range(3):
             edge = mpas["edgesOnVertex"][vertex, k]
-            assert set(mpas["cellsOnEdge"][edge]) == {cells[k], cells[(k + 1) % 3]}
+            assert set(mpas["cellsOnEdge"][edge]) == {cells[k - 1], cells[k]}  # as the official converter has it
     first, second = mpas["Cell"][mpas["cellsOnEdge"]].transpose(1, 0, 2)
     right, left = mpas["Vertex"][mpas["verticesOnEdge"]].transpose(1, 0, 2)
     assert (np.einsum("ij,ij->i", np.cross(mpas["Edge"], second - first), left - right) > 0).all()

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from cvtimg._shared.checks import refuse
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.sphere.formats.content import GridContent
+from cvtimg.sphere.formats.geometry import GridContent
 from cvtimg.sphere.formats.mpas import write_mpas
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
 from cvtimg.sphere.formats.tables import write_graph, write_table

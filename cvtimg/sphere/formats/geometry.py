@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.halfedges.half_edges import turn_left
-from cvtimg.sphere.formats.connectivity import Connectivity, Indices
+from cvtimg.sphere.formats.connectivity import Connectivity, Indices, connect
 
 Values = NDArray[np.float64]
 
@@ -147,3 +148,35 @@ def _angles_with_east(places: Values, directions: Values) -> Values:
     north = np.cross(places, east)
     northward, eastward = (np.einsum("ij,ij->i", directions, axis) for axis in (north, east))
     return np.asarray(np.arctan2(northward, eastward))
+
+
+@dataclass(frozen=True, eq=False)
+class GridContent:
+    """A grid of the sphere, as it goes into a file.
+
+    Attributes
+    ----------
+    points : (N, 3) float64 array
+        Generators, unit vectors.
+    triangles : (T, 3) int32 array
+        Indices of points, counterclockwise as seen from outside.
+    density : (N,) float64 array
+        At the generators.
+    radius : float
+        Of the sphere in the file; lengths and areas are in its unit.
+    """
+
+    points: Values
+    triangles: Indices
+    density: Values
+    radius: float
+
+    @cached_property
+    def around(self) -> Connectivity:
+        """What touches what."""
+        return connect(self.triangles, len(self.points))
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Measures on the unit sphere."""
+        return measure(self.points, self.around)

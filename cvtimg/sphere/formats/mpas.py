@@ -9,16 +9,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from cvtimg.sphere.formats.connectivity import connect
-from cvtimg.sphere.formats.content import GridContent
-from cvtimg.sphere.formats.geometry import latitudes_longitudes, measure, tangential_weights
+from cvtimg.sphere.formats.geometry import GridContent, latitudes_longitudes, tangential_weights
 from cvtimg.sphere.formats.netcdf import Variable, write_netcdf
 
 
 def write_mpas(file: BinaryIO, grid: GridContent) -> None:
     """Write all dimensions, variables and attributes of the specification."""
-    around = connect(grid.triangles, len(grid.points))
-    geometry = measure(grid.points, around)
+    around, geometry = grid.around, grid.geometry
     edges_on_edge, weights = tangential_weights(around, geometry)
     most = around.outgoing.shape[1]
     dimensions = {
@@ -55,14 +52,15 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
         "edgesOnEdge": Variable(edge_table, edges_on_edge + 1),
         "weightsOnEdge": Variable(edge_table, weights),
         "cellsOnVertex": Variable(vertex_table, around.cells_on_vertex + 1),
-        "edgesOnVertex": Variable(vertex_table, around.edges_on_vertex + 1),
+        # Entry k is the edge between cells k - 1 and k, as the official converter has it.
+        "edgesOnVertex": Variable(vertex_table, np.roll(around.edges_on_vertex, 1, axis=1) + 1),
         "kiteAreasOnVertex": Variable(vertex_table, geometry.kites * area),
         "areaCell": Variable(cells, geometry.cell_areas * area),
         "areaTriangle": Variable(vertices, geometry.triangle_areas * area),
         "dcEdge": Variable(edges, geometry.cell_distances * grid.radius),
         "dvEdge": Variable(edges, geometry.edge_lengths * grid.radius),
         "angleEdge": Variable(edges, geometry.angles),
-        "meshDensity": Variable(cells, grid.density),
+        "meshDensity": Variable(cells, grid.density / grid.density.max()),
     }
     attributes = {
         "on_a_sphere": "YES",

@@ -38,7 +38,11 @@ def write_netcdf(
             values: NDArray[Any] = np.asarray(variable.values)
             created = content.createVariable(name, _TYPES[values.dtype.kind], variable.dimensions)
             created.data[...] = values
-            for key, value in variable.attributes.items():
-                setattr(created, key, value)
-        for key, value in attributes.items():
-            setattr(content, key, value)
+            _describe(created, variable.attributes)
+        _describe(content, attributes)
+
+
+def _describe(described: Any, attributes: Mapping[str, Any]) -> None:
+    """Set attributes; floating point numbers in double precision, as other programs read them."""
+    for key, value in attributes.items():
+        setattr(described, key, np.float64(value) if isinstance(value, float) else value)

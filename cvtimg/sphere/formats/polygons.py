@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.geojson import collection, feature
 from cvtimg.files.vtu import POLYGON, vtu_content
-from cvtimg.sphere.formats.connectivity import Indices, connect
-from cvtimg.sphere.formats.content import GridContent
-from cvtimg.sphere.formats.geometry import Values, latitudes_longitudes, measure
+from cvtimg.sphere.formats.connectivity import Indices
+from cvtimg.sphere.formats.geometry import GridContent, Values, latitudes_longitudes
 
 #: Decimals of degrees: about a centimeter on the earth.
 _DECIMALS = 7
@@ -25,8 +24,7 @@ Ring: TypeAlias = list[list[float]]
 
 def write_geojson(file: BinaryIO, grid: GridContent) -> None:
     """Write each cell as a feature in degrees, cut where it crosses the antimeridian (RFC 7946)."""
-    around = connect(grid.triangles, len(grid.points))
-    geometry = measure(grid.points, around)
+    around, geometry = grid.around, grid.geometry
     areas = (geometry.cell_areas * grid.radius**2).tolist()
     corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
     offsets = np.concatenate([[0], np.cumsum(around.degrees)]).astype(np.int32)
@@ -43,8 +41,7 @@ def write_geojson(file: BinaryIO, grid: GridContent) -> None:
 
 def write_vtu(file: BinaryIO, grid: GridContent) -> None:
     """Write cells as polygons in space with their areas, numbers of neighbors and densities."""
-    around = connect(grid.triangles, len(grid.points))
-    geometry = measure(grid.points, around)
+    around, geometry = grid.around, grid.geometry
     corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
     areas = geometry.cell_areas * grid.radius**2
     values: dict[str, NDArray[Any]] = {"area": areas, "neighbors": around.degrees, "density": grid.density}

@@ -7,22 +7,19 @@ from typing import BinaryIO
 import numpy as np
 
 from cvtimg.files.text_tables import csv_text
-from cvtimg.sphere.formats.connectivity import connect
-from cvtimg.sphere.formats.content import GridContent
-from cvtimg.sphere.formats.geometry import latitudes_longitudes, measure
+from cvtimg.sphere.formats.geometry import GridContent, latitudes_longitudes
 
 
 def write_table(file: BinaryIO, grid: GridContent) -> None:
     """Write a row for each generator: longitude in -180..180 and latitude, place, area, neighbors and density."""
-    around = connect(grid.triangles, len(grid.points))
-    areas = measure(grid.points, around).cell_areas * grid.radius**2
+    areas = grid.geometry.cell_areas * grid.radius**2
     latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(grid.points))
     columns = {
         "lon": (longitudes + 180) % 360 - 180,
         "lat": latitudes,
         **dict(zip("xyz", grid.points.T * grid.radius, strict=True)),
         "area": areas,
-        "neighbors": around.degrees,
+        "neighbors": grid.around.degrees,
         "density": grid.density,
     }
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
@@ -31,7 +28,7 @@ def write_table(file: BinaryIO, grid: GridContent) -> None:
 
 def write_graph(file: BinaryIO, grid: GridContent) -> None:
     """Write the graph of cells for METIS, which divides it among processes: neighbors of each, numbered from 1."""
-    around = connect(grid.triangles, len(grid.points))
+    around = grid.around
     lines = [f"{len(grid.points)} {len(around.halves)}"]
     for row, degree in zip((around.cells_on_cell + 1).tolist(), around.degrees.tolist(), strict=True):
         lines.append(" ".join(map(str, row[:degree])))

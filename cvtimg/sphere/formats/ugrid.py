@@ -6,18 +6,14 @@ from typing import BinaryIO
 
 import numpy as np
 
-from cvtimg.sphere.formats.connectivity import Indices, connect
-from cvtimg.sphere.formats.content import GridContent
-from cvtimg.sphere.formats.geometry import Values, latitudes_longitudes, measure
+from cvtimg.sphere.formats.connectivity import Indices
+from cvtimg.sphere.formats.geometry import GridContent, Values, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import Variable, write_netcdf
-
-_NONE = np.int32(-1)
 
 
 def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
     """Write the UGRID conventions, version 1.0: coordinates in degrees, indices from 0."""
-    around = connect(grid.triangles, len(grid.points))
-    geometry = measure(grid.points, around)
+    around, geometry = grid.around, grid.geometry
     dimensions = {
         "n_face": len(grid.points),
         "n_node": len(grid.triangles),
@@ -25,58 +21,40 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
         "n_max_face_nodes": around.outgoing.shape[1],
         "two": 2,
     }
-    face_table = ("n_face", "n_max_face_nodes")
-    indices = {"start_index": np.int32(0), "_FillValue": _NONE}
+    # The edge and the face after node j, as the conventions have it.
+    tables: dict[str, tuple[tuple[str, ...], Indices]] = {
+        "face_nodes": (("n_face", "n_max_face_nodes"), around.vertices_on_cell),
+        "face_edges": (("n_face", "n_max_face_nodes"), _moved_by_one(around.edges_on_cell, around.degrees)),
+        "face_faces": (("n_face", "n_max_face_nodes"), _moved_by_one(around.cells_on_cell, around.degrees)),
+        "edge_nodes": (("n_edge", "two"), around.vertices_on_edge),
+        "edge_faces": (("n_edge", "two"), around.cells_on_edge),
+    }
+    roles = {name: f"{name.removesuffix('s')}_connectivity" for name in tables}
+    mesh = {
+        "cf_role": "mesh_topology",
+        "long_name": "Voronoi cells of the generators",
+        "topology_dimension": np.int32(2),
+        **{f"{place}_coordinates": f"{place}_lon {place}_lat" for place in ("node", "face", "edge")},
+        **{role: name for name, role in roles.items()},
+        "face_dimension": "n_face",
+        "edge_dimension": "n_edge",
+    }
     variables = {
-        "mesh": Variable(
-            (),
-            np.int32(0),
-            {
-                "cf_role": "mesh_topology",
-                "long_name": "Voronoi cells of the generators",
-                "topology_dimension": np.int32(2),
-                "node_coordinates": "node_lon node_lat",
-                "face_coordinates": "face_lon face_lat",
-                "edge_coordinates": "edge_lon edge_lat",
-                "face_node_connectivity": "face_nodes",
-                "edge_node_connectivity": "edge_nodes",
-                "face_edge_connectivity": "face_edges",
-                "edge_face_connectivity": "edge_faces",
-                "face_face_connectivity": "face_faces",
-                "face_dimension": "n_face",
-                "edge_dimension": "n_edge",
-            },
-        ),
+        "mesh": Variable((), np.int32(0), mesh),
         **_coordinates("node", geometry.vertices),
         **_coordinates("face", grid.points),
         **_coordinates("edge", geometry.edges),
-        "face_nodes": Variable(face_table, around.vertices_on_cell, {"cf_role": "face_node_connectivity", **indices}),
-        "face_edges": Variable(
-            face_table,
-            # The edge after node j, as the conventions have it.
-            _moved_by_one(around.edges_on_cell, around.degrees),
-            {"cf_role": "face_edge_connectivity", **indices},
-        ),
-        "face_faces": Variable(
-            face_table,
-            _moved_by_one(around.cells_on_cell, around.degrees),
-            {"cf_role": "face_face_connectivity", **indices},
-        ),
-        "edge_nodes": Variable(
-            ("n_edge", "two"), around.vertices_on_edge, {"cf_role": "edge_node_connectivity", **indices}
-        ),
-        "edge_faces": Variable(
-            ("n_edge", "two"), around.cells_on_edge, {"cf_role": "edge_face_connectivity", **indices}
-        ),
-        "face_area": Variable(
-            ("n_face",),
-            geometry.cell_areas * grid.radius**2,
-            {"long_name": "area of cells", "mesh": "mesh", "location": "face"},
-        ),
-        "density": Variable(
-            ("n_face",), grid.density, {"long_name": "density at generators", "mesh": "mesh", "location": "face"}
-        ),
     }
+    for name, (along, table) in tables.items():
+        variables[name] = Variable(
+            along, table, {"cf_role": roles[name], "start_index": np.int32(0), "_FillValue": np.int32(-1)}
+        )
+    areas = geometry.cell_areas * grid.radius**2
+    for name, values, text in (
+        ("face_area", areas, "area of cells"),
+        ("density", grid.density, "density at generators"),
+    ):
+        variables[name] = Variable(("n_face",), values, {"long_name": text, "mesh": "mesh", "location": "face"})
     attributes = {"Conventions": "CF-1.8 UGRID-1.0", "source": "cvtimg", "sphere_radius": float(grid.radius)}
     write_netcdf(file, dimensions, variables, attributes)
 
@@ -86,8 +64,7 @@ def write_scrip(file: BinaryIO, grid: GridContent) -> None:
 
     Cells with fewer corners than others repeat their last one.
     """
-    around = connect(grid.triangles, len(grid.points))
-    geometry = measure(grid.points, around)
+    around, geometry = grid.around, grid.geometry
     last = around.vertices_on_cell[np.arange(len(grid.points)), around.degrees - 1]
     corners = np.where(around.vertices_on_cell < 0, last[:, None], around.vertices_on_cell)
     latitudes, longitudes = latitudes_longitudes(geometry.vertices)
