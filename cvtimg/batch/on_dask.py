@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from time import time
 from typing import Any, TypeAlias
@@ -14,8 +14,6 @@ from typing import Any, TypeAlias
 from cvtimg._shared.extras import needs
 from cvtimg.batch.report import reason
 from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
-
-__all__ = ["LOCAL", "on_cluster_of_task", "on_dask", "sum_on_dask"]
 
 # Dask is not typed.
 Client: TypeAlias = Any
@@ -53,15 +51,18 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
         Number of processes of a local cluster, each with one thread.
     """
     with _client(address, n_workers) as client:
+        from distributed import as_completed, wait
+
         n_each = _tasks_at_a_time(len(tasks), sum(client.nthreads().values()))
         whole = range(len(tasks))
         groups = [list(whole[first : first + n_each]) for first in range(0, len(tasks), n_each)]
         started = time()
-        futures = {
-            client.submit(_several, attempt, _pick(tasks, group), started, pure=False): group for group in groups
-        }
+        futures = {}
+        for group in groups:
+            some = [tasks[place] for place in group]
+            futures[client.submit(_several, attempt, some, started, pure=False)] = group
         suspects: list[int] = []
-        for future in _library().as_completed(list(futures)):
+        for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]
             group = futures[future]
             if future.status == "finished":
                 yield from zip(group, future.result(), strict=True)
@@ -73,7 +74,7 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
         # One of them ends its workers, or cannot be sent back. One after the other, the others are done without it.
         for place in suspects:
             alone = client.submit(_several, attempt, [tasks[place]], started, pure=False)
-            _library().wait(alone)
+            wait(alone)  # type: ignore[no-untyped-call]
             yield place, alone.result()[0] if alone.status == "finished" else _outcome(alone, tasks[place])
 
 
@@ -86,15 +87,17 @@ def sum_on_dask(
 ) -> tuple[Any, dict[int, str]]:
     """Add the results of tasks in pairs on the workers; return the sum (None if there is none) and the failures."""
     with _client(address, n_workers) as client:
-        places = _submitted(client, attempt, tasks)
+        from distributed import as_completed
+
+        places = {client.submit(_alone, attempt, task, pure=False): place for place, task in enumerate(tasks)}
         why: dict[int, str] = {}
-        for future in _library().as_completed(list(places)):
+        for future in as_completed(list(places)):  # type: ignore[no-untyped-call]
             # Only the reason is transferred; results stay on the workers.
-            failed = client.submit(_why, future).result() if future.status == "finished" else ""
+            failed = client.submit(attrgetter("why"), future).result() if future.status == "finished" else ""
             if failed or future.status != "finished":
                 why[places[future]] = failed or _outcome(future, tasks[places[future]]).why
         sums = [future for future, place in places.items() if place not in why]
-        sums = [client.submit(_result, future) for future in sums]
+        sums = [client.submit(attrgetter("result"), future) for future in sums]
         while len(sums) > 1:
             pairs = [client.submit(add, *sums[n : n + 2]) for n in range(0, len(sums) - 1, 2)]
             sums = pairs + sums[2 * len(pairs) :]
@@ -107,19 +110,15 @@ def on_cluster_of_task() -> Iterator[None]:
     if "distributed" not in sys.modules:
         yield
         return
-    library = _library()
+    from distributed import get_worker, worker_client
+
     try:
-        library.get_worker()
+        get_worker()
     except ValueError:
         yield
         return
-    with library.worker_client():
+    with worker_client():
         yield
-
-
-def _submitted(client: Client, attempt: Attempt, tasks: Sequence[Task]) -> dict[Future, int]:
-    alone = partial(_alone, attempt=attempt)
-    return {client.submit(alone, task, pure=False): place for place, task in enumerate(tasks)}
 
 
 def _tasks_at_a_time(n_tasks: int, n_threads: int) -> int:
@@ -127,21 +126,16 @@ def _tasks_at_a_time(n_tasks: int, n_threads: int) -> int:
     return min(_MOST_AT_A_TIME, max(1, n_tasks // (_GROUPS_PER_THREAD * max(1, n_threads))))
 
 
-def _pick(tasks: Sequence[Task], places: Sequence[int]) -> list[Task]:
-    return [tasks[place] for place in places]
-
-
 def _several(attempt: Attempt, tasks: Sequence[Task], started: float) -> list[Outcome]:
     """Do some tasks; rows tell which worker did them."""
     from distributed import get_worker
 
-    library: Any = get_worker
-    name = str(library().name)
+    name = str(get_worker().name)
     outcomes = []
     for task in tasks:
         for path in task.outputs.values():
             _remove_own(path, started)
-        outcome = _alone(task, attempt=attempt)
+        outcome = _alone(attempt, task)
         if isinstance(outcome.result, dict):
             outcome = replace(outcome, result={**outcome.result, "worker": name})
         outcomes.append(outcome)
@@ -155,28 +149,13 @@ def _remove_own(path: Path, started: float) -> None:
             path.unlink()
 
 
-def _alone(task: Task, *, attempt: Attempt) -> Outcome:
+def _alone(attempt: Attempt, task: Task) -> Outcome:
     """Do a task with one thread, because the cluster runs a task on each of its own threads."""
     from cvtimg._shared.threads import limit_threads, n_threads
 
     if n_threads() != 1:
         limit_threads(1)
     return attempt(task)
-
-
-def _why(outcome: Outcome) -> str:
-    return outcome.why
-
-
-def _result(outcome: Outcome) -> Any:
-    return outcome.result
-
-
-def _library() -> Any:
-    """Import distributed, which is not typed."""
-    import distributed
-
-    return distributed
 
 
 def _outcome(future: Future, task: Task) -> Outcome:

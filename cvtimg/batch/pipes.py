@@ -13,8 +13,6 @@ from typing import Any
 
 from cvtimg.batch.tasks import Task, WrongUsageError
 
-__all__ = ["STANDARD", "as_files", "deliver", "is_pipe", "is_standard", "read_all", "stem_of"]
-
 #: Name of standard input and output. As an output it carries the suffix of its format, as in ``-.png``.
 STANDARD = "-"
 _NPY = b"\x93NUMPY"

@@ -17,8 +17,6 @@ from cvtimg.batch.tasks import Missing, Task, WrongUsageError
 from cvtimg.files.finding import image_suffixes
 from cvtimg.files.remote import find_remote, is_remote, url_as_stored, url_of
 
-__all__ = ["Outputs", "Plan", "check_no_clash", "check_suffix", "find", "plan_each", "plan_one"]
-
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
 #: suffix, or a function that returns the pattern for an input.
 Pattern: TypeAlias = str | Callable[[Path], str]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 from cvtimg.batch.tasks import Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy, url_of
-
-__all__ = ["FILE_SUFFIXES", "Report", "complain", "reason"]
 
 #: Left-aligned columns.
 TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
@@ -204,3 +204,38 @@ def reason(path: str | Path, error: Exception) -> str:
 def complain(text: str) -> None:
     """Print an error to stderr in one line."""
     print(f"cvtimg: {' '.join(text.splitlines())}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress(n_tasks: int, report: Report) -> Iterator[Callable[[Row | None], None]]:
+    """Show a progress bar on stderr, if that is a terminal that does not also show JSON.
+
+    Yields a function to call with the row of each completed input, or None for one that failed.
+    """
+    if n_tasks < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
+        yield lambda row: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = BarColumn(), TaskProgressColumn(), MofNCompleteColumn(), TextColumn("{task.fields[speed]}")
+    start, n_pixels = perf_counter(), 0
+    # Rich would redirect printed text to its own console, but JSON must go to stdout.
+    console = Console(stderr=True)
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True, redirect_stdout=False) as bar:
+        shown = bar.add_task("cvtimg", total=n_tasks, speed="")
+
+        def step(row: Row | None) -> None:
+            nonlocal n_pixels
+            n_pixels += row.get("width", 0) * row.get("height", 0) if row else 0
+            speed = f"{n_pixels / 1e6 / (perf_counter() - start):.1f} MP/s" if n_pixels else ""
+            bar.update(shown, advance=1, speed=speed)
+
+        yield step

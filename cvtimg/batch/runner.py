@@ -9,17 +9,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import time
 from typing import Any
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
-from cvtimg.batch.progress import Step, progress
-from cvtimg.batch.report import FILE_SUFFIXES, Report, reason
+from cvtimg.batch.report import FILE_SUFFIXES, Report, progress, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
 from cvtimg.files.remote import check_is_new, exists, fetch, is_remote, send, url_of
-
-__all__ = ["Running", "check_plan", "fold", "run"]
+from cvtimg.files.whole import check_can_be_written, remove_leftovers, scratch_folder, whole_file
 
 #: Exit status of an interrupted run.
 INTERRUPTED = 130
@@ -27,6 +26,10 @@ INTERRUPTED = 130
 _WORTH_WORKERS = 8 << 20
 #: Fixed cost of an input, in the same bytes.
 _LEAST_BYTES = 1 << 17
+
+
+#: Times of files may lag behind the clock by so many seconds.
+_COARSE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,31 +99,67 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     with _folders(todo, plan.out_dir), _rows_written(report, running), as_files(todo) as todo:
         for text, error in plan.missing:
             report.failed(text, reason(text, error))
-        attempt = partial(_attempt, work=work, running=running)
+        given = iter(todo)
+        told = _InOrder(report, [task if skip else next(given) for task, skip in zip(plan.tasks, skips, strict=True)])
+        for place, skip in enumerate(skips):
+            if skip:
+                told.add(place, Outcome({**plan.tasks[place].facts, "skipped": True}))
+        places = [place for place, skip in enumerate(skips) if not skip]
+        started = time() - _COARSE
         try:
-            with progress(len(todo), report) as step:
-                outcomes = zip(todo, _in_order(_perform(attempt, todo, running), step), strict=True)
-                for task, skip in zip(plan.tasks, skips, strict=True):
-                    if skip:
-                        report.skipped(task.facts)
-                    else:
-                        _tell(report, *next(outcomes))
+            attempt = partial(_attempt, work=work, running=running)
+            with progress(len(todo), report) as step, closing(_perform(attempt, todo, running)) as results:
+                for number, outcome in results:
+                    step(outcome.result)
+                    told.add(places[number], outcome)
         except KeyboardInterrupt:
+            told.end(started)
             report.interrupted(len(plan.tasks) + len(plan.missing))
             return INTERRUPTED
     return report.close()
 
 
-def _tell(report: Report, task: Task, outcome: Outcome) -> None:
-    """Report a task that was tried, and copy its output to standard output if it belongs there."""
-    for name, why in outcome.failures:
-        report.failed(name, why)
-    if not outcome.failures:
+class _InOrder:
+    """Reports outcomes in the order of the tasks, in whatever order they become known."""
+
+    def __init__(self, report: Report, tasks: Sequence[Task]) -> None:
+        self._report, self._tasks = report, tasks
+        self._known: dict[int, Outcome] = {}
+        self._next = 0
+
+    def add(self, place: int, outcome: Outcome) -> None:
+        """Take the outcome of a task, and report all before which none is missing."""
+        self._known[place] = outcome
+        while self._next in self._known:
+            self._tell(self._next)
+            self._next += 1
+
+    def end(self, started: float) -> None:
+        """Report what is done though earlier tasks are not, and outputs that are whole though no outcome tells of them.
+
+        These were written since `started` by a task that was interrupted before it could say so.
+        """
+        for place in range(self._next, len(self._tasks)):
+            task = self._tasks[place]
+            if place not in self._known and task.outputs and not task.shown:
+                with suppress(OSError):  # no such file, or elsewhere
+                    if all(path.stat().st_mtime > started for path in task.outputs.values()):
+                        self._known[place] = Outcome(task.facts)
+            if place in self._known:
+                self._tell(place)
+
+    def _tell(self, place: int) -> None:
+        """Report a task, and copy its output to standard output if it belongs there."""
+        task, outcome = self._tasks[place], self._known[place]
+        for name, why in outcome.failures:
+            self._report.failed(name, why)
+        if outcome.failures:
+            return
         deliver(task)
         if outcome.result.get("skipped"):
-            report.skipped(outcome.result)
+            self._report.skipped(outcome.result)
         else:
-            report.done(outcome.result)
+            self._report.done(outcome.result)
 
 
 def check_plan(plan: Plan, running: Running) -> None:
@@ -128,7 +167,7 @@ def check_plan(plan: Plan, running: Running) -> None:
     check_suffix("--report", running.report_file, FILE_SUFFIXES)
     check_no_clash(plan, running.report_file, in_place=running.in_place)
     for path in plan.joint.values():
-        check_can_be_written(path, running.overwrite or running.skip_existing)
+        check_can_be_written(path, overwrite=running.overwrite or running.skip_existing)
 
 
 def fold(
@@ -153,7 +192,7 @@ def fold(
     total, dict of Path to str
         The sum over all inputs that did not fail, or None, and the reasons why the others failed.
     """
-    attempt = partial(_call, work=partial(_on_copies, work=work))
+    attempt = partial(_count, work=work)
     if running.dask:
         from cvtimg.batch.on_dask import sum_on_dask
 
@@ -172,15 +211,42 @@ def fold(
     return pairwise_sum(results(), add), failed
 
 
-def _call(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
-    """Do one task and catch all errors, because a bad input must not stop the others."""
+def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
+    """Do one task and return its row; catch all errors, because a bad input must not stop the others."""
+    here = task
     try:
-        return Outcome(work(task))
-    except InputsFailedError as error:
-        failed = ((task.wording(name), task.wording(reason(name, why))) for name, why in error.failed)
-        return Outcome(None, tuple(failed))
+        with _copies(task, running) as here:
+            for path in here.outputs.values():
+                if running.skip_existing and not running.overwrite:
+                    _remove(path)  # an earlier run stopped between the outputs of this task
+                check_can_be_written(path, overwrite=running.overwrite or running.in_place)
+            stopwatch, before = Stopwatch(), _n_bytes("input_bytes", here.sources)
+            if here.outputs and (running.skip_if_larger or running.in_place):
+                row = {**here.facts, **_worked_aside(here, work, stopwatch, running), **before}
+            else:
+                row = {**here.facts, **work(here, stopwatch), **before}
+            if not row.get("skipped"):
+                row |= _n_bytes("output_bytes", tuple(here.outputs.values()))
+        return Outcome({**row, "seconds": stopwatch.laps} if stopwatch.laps else row)
     except Exception as error:
-        return Outcome.failed(task, task.wording(reason(task.source if task.sources else task.name, error)))
+        return _failed(here, error)
+
+
+def _count(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
+    """Do work without outputs, and return its result."""
+    here = replace(task, outputs={})
+    try:
+        with _copies(here, Running()) as here:
+            return Outcome(work(here))
+    except Exception as error:
+        return _failed(here, error)
+
+
+def _failed(task: Task, error: Exception) -> Outcome:
+    if isinstance(error, InputsFailedError):
+        failed = [(task.wording(name), task.wording(reason(name, why))) for name, why in error.failed]
+        return Outcome(None, tuple(failed))
+    return Outcome.failed(task, task.wording(reason(task.source if task.sources else task.name, error)))
 
 
 def _n_bytes(column: str, files: Sequence[Path]) -> Row:
@@ -192,80 +258,34 @@ def _is_done(task: Task) -> bool:
     return bool(task.outputs) and all(map(exists, task.outputs.values()))
 
 
-def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
-    """Do one task with outputs and return its row."""
-
-    def checked(task: Task) -> Row:
-        for path in task.outputs.values():
-            if running.skip_existing and not running.overwrite:
-                _remove(path)  # an earlier run stopped between the outputs of this task
-            check_can_be_written(path, running.overwrite or running.in_place)
-        stopwatch = Stopwatch()
-        before = _n_bytes("input_bytes", task.sources)
-        row = {**task.facts, **_worked(task, work, stopwatch, running), **before}
-        if not row.get("skipped"):
-            row |= _n_bytes("output_bytes", tuple(task.outputs.values()))
-        return {**row, "seconds": stopwatch.laps} if stopwatch.laps else row
-
-    if any(map(is_remote, (*task.sources, *task.outputs.values()))):
-        return _attempt_elsewhere(task, checked, running)
-    return _call(task, work=checked)
-
-
-def _attempt_elsewhere(task: Task, work: Callable[[Task], Row], running: Running) -> Outcome:
-    """Do the work on copies of files that are elsewhere, where the work is, and send the outputs once all is done."""
+@contextmanager
+def _copies(task: Task, running: Running) -> Iterator[Task]:
+    """Give a task with files here for those elsewhere: copies of inputs, and outputs, sent when the block succeeds."""
+    read = [path for path in task.sources if path.suffix.lower() not in running.by_url]
+    remote = list(filter(is_remote, (*read, *task.outputs.values())))
+    if not remote:
+        yield task
+        return
     overwrite = running.overwrite or running.in_place
     with TemporaryDirectory(prefix="cvtimg-") as folder:
-        fetching = partial(_fetched, folder=Path(folder), overwrite=overwrite, by_url=running.by_url)
-        fetched = _call(task, work=fetching)
-        if fetched.why:
-            return fetched
-        outcome = _call(fetched.result, work=work)
-        if outcome.why:
-            return outcome
-        sent = _call(task, work=partial(_send, copies=fetched.result, overwrite=overwrite))
-        return sent if sent.why else outcome
+        copies = {path: Path(folder, str(number), path.name) for number, path in enumerate(remote)}
+        for path, copy in copies.items():
+            copy.parent.mkdir()
+            if path in task.outputs.values() and not overwrite:
+                check_is_new(path)
+        for path in task.sources:
+            if path in copies:
+                fetch(path, copies[path])
+        shown = {**task.shown, **{copy: url_of(path) for path, copy in copies.items()}}
+        sources = tuple(copies.get(path, path) for path in task.sources)
+        yield Task(sources, {option: copies.get(path, path) for option, path in task.outputs.items()}, shown)
+        for path in task.outputs.values():
+            if path in copies and copies[path].exists():
+                send(copies[path], path, overwrite=overwrite)
 
 
-def _on_copies(task: Task, *, work: Callable[[Task], Any]) -> Any:
-    """Do work without outputs, on copies of inputs that are elsewhere."""
-    if not any(map(is_remote, task.sources)):
-        return work(task)
-    with TemporaryDirectory(prefix="cvtimg-") as folder:
-        inputs = Task(task.sources, {}, task.shown)
-        return work(_fetched(inputs, folder=Path(folder), overwrite=False, by_url=()))
-
-
-def _fetched(task: Task, *, folder: Path, overwrite: bool, by_url: tuple[str, ...]) -> Task:
-    """Return the task with copies of its inputs, and with files here for its outputs."""
-    copies: dict[Path, Path] = {}
-    read = [path for path in task.sources if path.suffix.lower() not in by_url]
-    for number, path in enumerate(filter(is_remote, (*read, *task.outputs.values()))):
-        copies[path] = folder / str(number) / path.name
-        copies[path].parent.mkdir()
-    for path in task.outputs.values():
-        if path in copies and not overwrite:
-            check_is_new(path)
-    for path in task.sources:
-        if path in copies:
-            fetch(path, copies[path])
-    shown = {**task.shown, **{copy: url_of(path) for path, copy in copies.items()}}
-    sources = tuple(copies.get(path, path) for path in task.sources)
-    return Task(sources, {option: copies.get(path, path) for option, path in task.outputs.items()}, shown)
-
-
-def _send(task: Task, *, copies: Task, overwrite: bool) -> None:
-    for option, path in task.outputs.items():
-        if is_remote(path) and copies.outputs[option].exists():
-            send(copies.outputs[option], path, overwrite=overwrite)
-
-
-def _worked(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
-    """Do the work, in a scratch folder first if the main output may be discarded or replaces its input."""
-    if not (running.skip_if_larger or running.in_place) or not task.outputs:
-        return work(task, stopwatch)
-    from cvtimg.files.whole import scratch_folder, whole_file
-
+def _worked_aside(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
+    """Do the work in a scratch folder, because the main output may be discarded or replaces its input."""
     with scratch_folder(task.output) as folder:
         trial = folder / task.output.name
         row = work(replace(task, outputs={**task.outputs, "-o": trial}), stopwatch)
@@ -313,36 +333,9 @@ def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
     return 1
 
 
-def _in_order(results: Generator[tuple[int, Outcome]], step: Step) -> Iterator[Outcome]:
-    """Yield outcomes in the order of the tasks, and call `step` for each as soon as it is known."""
-    known: dict[int, Outcome] = {}
-    place = 0
-    with closing(results):
-        for ready, outcome in results:
-            step(outcome.result)
-            known[ready] = outcome
-            while place in known:
-                yield known.pop(place)
-                place += 1
-
-
-def check_can_be_written(path: Path, overwrite: bool) -> None:
-    """Fail now rather than after the work: begin to write the file, and abandon it."""
-    from cvtimg.files.whole import whole_file, whole_folder
-
-    class EndOfTrialError(Exception):
-        pass
-
-    begin = whole_folder if path.suffix.lower() == ".zarr" else whole_file
-    with suppress(EndOfTrialError), begin(path, overwrite=overwrite):
-        raise EndOfTrialError
-
-
 @contextmanager
 def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
     """Create folders for outputs, clear what killed runs left there, and at the end remove folders that are empty."""
-    from cvtimg.files.whole import remove_leftovers
-
     outputs = [path for task in tasks for path in task.outputs.values()]
     wanted = dict.fromkeys(path.parent for path in outputs if not is_remote(path))
     made: list[Path] = []
@@ -367,7 +360,7 @@ def _rows_written(report: Report, running: Running) -> Iterator[None]:
         yield
         return
     replaces = running.overwrite or running.skip_existing
-    check_can_be_written(running.report_file, replaces)
+    check_can_be_written(running.report_file, overwrite=replaces)
     try:
         yield
     finally:

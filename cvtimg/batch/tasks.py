@@ -10,8 +10,6 @@ from typing import Any, TypeAlias
 
 from cvtimg.files.remote import url_of
 
-__all__ = ["Attempt", "InputsFailedError", "Missing", "Outcome", "Row", "Stopwatch", "Task", "Work", "WrongUsageError"]
-
 #: Row of a report: values by column.
 Row: TypeAlias = dict[str, Any]
 #: Arguments or files that cannot be read, with the error.

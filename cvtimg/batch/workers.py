@@ -18,8 +18,6 @@ from typing import NoReturn
 from cvtimg._shared.messages import one_line
 from cvtimg.batch.tasks import Attempt, Outcome, Task
 
-__all__ = ["in_workers"]
-
 #: Seconds that a worker has to clean up after it is told to stop.
 _PATIENCE = 5.0
 
@@ -57,6 +55,11 @@ def in_workers(
                     worker = _Worker(attempt, n_threads)
                     crew[worker.pipe] = worker
                 worker.take(task)
+    except KeyboardInterrupt:  # what is done is told
+        for worker in crew.values():
+            if worker.place is not None and worker.pipe.poll():
+                yield worker.place, worker.outcome()
+        raise
     finally:
         for worker in crew.values():
             worker.end()

@@ -10,7 +10,8 @@ import typer
 from typer import Option
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from cvtimg.batch import WrongUsageError, complain, reason
+from cvtimg.batch import WrongUsageError
+from cvtimg.batch.report import complain, reason
 from cvtimg.cli.frame import with_groups
 from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text

@@ -13,7 +13,8 @@ import typer
 from typer import Option
 
 from cvtimg._shared.choices import EffortName
-from cvtimg.batch import INTERRUPTED, Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
+from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
 from cvtimg.cli.pages import read_whole

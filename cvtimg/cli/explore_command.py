@@ -9,7 +9,8 @@ from typing import Annotated
 from typer import Argument, Option
 
 from cvtimg._shared.extras import needs
-from cvtimg.batch import WrongUsageError, complain, reason
+from cvtimg.batch import WrongUsageError
+from cvtimg.batch.report import complain, reason
 from cvtimg.cli import options
 
 EXAMPLES = """Examples:

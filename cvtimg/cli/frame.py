@@ -10,7 +10,8 @@ from typing import Any, get_type_hints
 
 import typer
 
-from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, WrongUsageError, is_standard, run
+from cvtimg.batch import Plan, Report, Row, Stopwatch, Task, Work, WrongUsageError, run
+from cvtimg.batch.pipes import is_standard
 from cvtimg.cli.options import CommonOptions
 
 __all__ = ["run_plan", "with_groups"]

@@ -19,7 +19,8 @@ import typer
 from typer import Option
 
 from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodName, SpaceName
-from cvtimg.batch import STANDARD, Running, WrongUsageError
+from cvtimg.batch import Running, WrongUsageError
+from cvtimg.batch.pipes import STANDARD
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg._shared.extras import needs
-from cvtimg.batch import WrongUsageError, check_suffix, plan_each, reason
+from cvtimg.batch import WrongUsageError, check_suffix, plan_each
+from cvtimg.batch.report import reason
 from cvtimg.cli import options
 from cvtimg.cli import quantize_options as own
 from cvtimg.cli.frame import run_plan

@@ -14,7 +14,8 @@ import typer
 from typer import Option
 
 from cvtimg._shared.choices import AutoEffortName
-from cvtimg.batch import InputsFailedError, Missing, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
+from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
+from cvtimg.batch.tasks import Missing
 from cvtimg.cli import options
 from cvtimg.cli.frame import run_plan
 

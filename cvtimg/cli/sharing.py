@@ -7,7 +7,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Plan, Running, Task, WrongUsageError, check_plan, fold, is_pipe
+from cvtimg.batch import Plan, Running, Task, WrongUsageError, fold
+from cvtimg.batch.pipes import is_pipe
+from cvtimg.batch.runner import check_plan
 from cvtimg.pictures.known import known_pixels
 
 if TYPE_CHECKING:

@@ -110,10 +110,7 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
             send(folder, path, overwrite=overwrite)
         return
     target = Path(os.path.realpath(path))
-    if target.exists() and not overwrite:
-        raise _exists(path)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
+    _check_folder(path, target, overwrite)
     with scratch_folder(target) as part:
         yield part
         if not target.exists():
@@ -176,6 +173,28 @@ def _held(part: Path, *, at_once: bool = False) -> Iterator[None]:
         yield
     finally:
         os.close(held)
+
+
+def check_can_be_written(path: StrPath, *, overwrite: bool) -> None:
+    """Fail now rather than after the work; parameters and errors are those of `whole_file` and `whole_folder`."""
+    if is_remote(path):
+        if not overwrite:
+            check_is_new(path)
+        return
+    target = Path(os.path.realpath(path))
+    if target.suffix.lower() == ".zarr":
+        _check_folder(path, target, overwrite)
+    else:
+        _check_target(path, target, overwrite)
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise PermissionError(f"{path}: cannot be written (permission denied)")
+
+
+def _check_folder(path: StrPath, target: Path, overwrite: bool) -> None:
+    if target.exists() and not overwrite:
+        raise _exists(path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
 
 
 def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:

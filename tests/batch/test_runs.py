@@ -165,6 +165,34 @@ def test_an_interrupt_stops_all_workers_and_leaves_no_half_file(here: Path) -> N
     assert not multiprocessing.active_children()
 
 
+def test_an_output_finished_before_an_interrupt_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = Plan(inputs(3), out_dir=Path("out"))
+    assert run(plan, works.copied_then_interrupted, report(), Running(1, report_file=Path("rows.csv"))) == 130
+    assert "interrupted: 1 done, 0 skipped, 0 failed, 2 of 3 inputs left" in capsys.readouterr().err
+    assert Path("rows.csv").read_text().splitlines()[1].startswith("done,in/0,out/0")
+
+
+@posix
+def test_what_is_done_is_told_though_an_earlier_task_is_not(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = inputs(4)
+    for number, content in enumerate((b"slow", b"quick", b"quick", b"then slow")):
+        Path(f"in/{number}").write_bytes(content)
+
+    def interrupt_at_last() -> None:
+        while not Path("out/3").exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    watcher = threading.Thread(target=interrupt_at_last)
+    watcher.start()
+    plan = Plan(tasks, out_dir=Path("out"))
+    assert run(plan, works.copy_unless_slow, report(), Running(2, report_file=Path("rows.jsonl"))) == 130
+    watcher.join()
+    assert "interrupted: 3 done, 0 skipped, 0 failed, 1 of 4 inputs left" in capsys.readouterr().err
+    told = [json.loads(line)["input"] for line in Path("rows.jsonl").read_text().splitlines()]
+    assert told == ["in/1", "in/2", "in/3"]
+
+
 @posix
 def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
     for number in range(40):
@@ -195,7 +223,7 @@ def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
     assert told
     assert int(told[1]) + int(told[2]) == 40
     assert not list(Path("out").glob(".*"))
-    assert 0 < len(list(Path("out").iterdir())) < 40
+    assert 0 < len(list(Path("out").iterdir())) == int(told[1]) < 40
 
 
 # Going on, and telling
