@@ -56,6 +56,7 @@ def threads() -> Iterator[Any]:
         yield client
 
 
+@pytest.mark.slow
 def test_bits_are_equal_for_one_and_two_workers_and_for_any_order(threads: Any, tmp_path: Path) -> None:
     results = [tessellate(blocks(tmp_path), 7, effort="best")]
     results.append(tessellate(blocks(tmp_path), 7, effort="best"))

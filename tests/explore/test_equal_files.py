@@ -80,11 +80,12 @@ def cases() -> Iterator[Any]:
         controls = {control.name: control for control in tab.controls}
         yield pytest.param(tab.name, {}, id=tab.name)
         for control in tab.controls:
-            for value in variants(control, tab.name):
+            for number, value in enumerate(variants(control, tab.name)):
                 if value in ("palette", "picture"):  # have tests of their own
                     continue
                 settings = {**needed(control, controls), control.name: value}
-                yield pytest.param(tab.name, settings, id=f"{tab.name}-{control.name}-{value}")
+                marks = [pytest.mark.slow] if number else []  # one value tells that an option reaches all three
+                yield pytest.param(tab.name, settings, id=f"{tab.name}-{control.name}-{value}", marks=marks)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from visits import Visit
 
 from cvtimg.explore import TABS
 
+pytestmark = pytest.mark.slow
 Go = Callable[..., Visit]
 
 #: Records replies that are shown, in order.
