@@ -20,7 +20,8 @@ import cvtimg
 from cvtimg.sphere import Cap, Refinement, SphereGrid, coastal_grid, nested_grid
 
 DOCS = Path(__file__).parent
-LAND = cvtimg.read_image(DOCS.parent / "sample_images" / "land.png") > 127
+SAMPLES = DOCS.parent / "sample_images"
+LAND = cvtimg.read_image(SAMPLES / "land.png") > 127
 SEA_BLUE, LAND_GREEN, COAST_RED, NEW_BLUE, NEW_GREEN = "#c3dcec", "#d9e3b8", "#d1495b", "#7fb2d6", "#a9bf6a"
 
 
@@ -61,7 +62,7 @@ def main() -> None:
     parent = cvtimg.sphere_grid(2562)
     nested = nested_grid(parent, 1800, within=Cap(*america, 40.0), density=Refinement(*america, radius=22, ratio=3))
     new = np.where(is_land(nested.points), NEW_GREEN, NEW_BLUE)
-    coast = coastal_grid(6000, LAND[..., 0] if LAND.ndim == 3 else LAND)
+    coast = coastal_grid(6000, LAND)
     classes = np.where(coast.on_coast, COAST_RED, np.where(coast.on_land, LAND_GREEN, SEA_BLUE))
     figure = Figure(figsize=(13, 4.9), layout="constrained")
     panels = figure.subplots(1, 3)
