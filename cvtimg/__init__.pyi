@@ -35,6 +35,8 @@ from .engine.tessellation import tessellate
 from .files.finding import find_images
 from .labels.contours import find_contours
 from .labels.edges import find_edges
+from .labels.files import read_labels, write_labels
+from .labels.formats import write_contours
 from .meshes.meshing import mesh_labels, mesh_region
 from .palettes.files import read_palette, write_palette
 from .pictures.files import read_image, write_image
@@ -88,6 +90,7 @@ __all__ = [
     "quantize",
     "quantize_frames",
     "read_image",
+    "read_labels",
     "read_palette",
     "reduced_basis",
     "restoration",
@@ -105,6 +108,8 @@ __all__ = [
     "surfaces",
     "tables",
     "tessellate",
+    "write_contours",
     "write_image",
+    "write_labels",
     "write_palette",
 ]

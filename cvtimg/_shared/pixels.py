@@ -45,15 +45,26 @@ def with_mark(image: NDArray[Any], alpha: bool) -> NDArray[Any]:
 def pixels_inside(array: NDArray[Any], image: Any, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
     """Return the (H, W) pixels that count: in the mask, not masked in a masked array, and finite; None for all."""
     inside = None if mask is None else np.asarray(mask) != 0
-    out: Any = False
+    known: Any = is_known(array.reshape(*array.shape[:2], -1)) if array.dtype.kind == "f" else True
     if "numpy.ma" in sys.modules and isinstance(image, np.ma.MaskedArray):  # which takes time to import
-        out = np.ma.getmaskarray(image)
-    if array.dtype.kind == "f":
-        out = out | ~np.isfinite(array)
-    if not np.any(out):
+        known = known & ~np.ma.getmaskarray(image).reshape(*array.shape[:2], -1).any(axis=2)
+    if np.all(known):
         return inside
-    known: NDArray[np.bool_] = ~out.reshape(*array.shape[:2], -1).any(axis=2)
     return known if inside is None else inside & known
+
+
+def is_known(samples: NDArray[Any], nodata: float | None = None) -> NDArray[np.bool_]:
+    """(...) which of (..., C) samples are finite in all bands, and not `nodata` in all."""
+    known = np.isfinite(samples).all(axis=-1) if samples.dtype.kind == "f" else np.ones(samples.shape[:-1], np.bool_)
+    if nodata is not None:
+        known &= (samples != nodata).any(axis=-1)
+    return known
+
+
+def not_black(mask: NDArray[Any]) -> NDArray[np.bool_]:
+    """(H, W) pixels of an image of a mask, (H, W) or (H, W, C), that are not black; alpha plays no part."""
+    bands = mask.reshape(*mask.shape[:2], -1)
+    return np.asarray(((bands[:, :, :-1] if bands.shape[2] in (2, 4) else bands) > 0).any(axis=2))
 
 
 def peak(dtype: np.dtype[Any]) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_numbers, check_shape
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.pixels import is_known
 from cvtimg._shared.threads import one_thread
 from cvtimg.blocks.passes import BlockError, add_in_tree, computed
 from cvtimg.blocks.rows import dask_arrays
@@ -147,18 +148,10 @@ class PixelBlocks:
         return library.DataArray(values, coords, dims, name=self.like.name)
 
 
-def known_pixels(block: NDArray[Any], nodata: float | None) -> NDArray[np.bool_]:
-    """Return which pixels of an (..., C) block count."""
-    inside = np.isfinite(block).all(axis=-1) if block.dtype.kind == "f" else np.ones(block.shape[:-1], bool)
-    if nodata is not None and not np.isnan(nodata):
-        inside &= (block != nodata).any(axis=-1)
-    return inside
-
-
 def _counted(block: Any, number: int, nodata: float | None, count: Callable[[NDArray[Any]], T]) -> T:
     try:
         with one_thread():
-            return count(np.ascontiguousarray(block[known_pixels(block, nodata)]))
+            return count(np.ascontiguousarray(block[is_known(block, nodata)]))
     except ValueError as error:
         raise BlockError(number, one_line(error)) from error
 
@@ -171,7 +164,7 @@ def _mapped_block(
     out: np.dtype[Any],
     n_bands: int | None,
 ) -> NDArray[Any]:
-    inside = known_pixels(block, nodata)
+    inside = is_known(block, nodata)
     result = np.zeros((*inside.shape, *(() if n_bands is None else (n_bands,))), out)
     if inside.any():
         with one_thread():

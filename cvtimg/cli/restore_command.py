@@ -217,6 +217,7 @@ def restore(
 
 def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     """Read all versions and masks, and report all that cannot be read."""
+    from cvtimg._shared.pixels import not_black
     from cvtimg.pictures import image_info, read_pages
 
     failed: Missing = []
@@ -233,21 +234,11 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
                 failed.append((str(path), error))
         return found
 
-    images, known = read(sources), [_known(mask) for mask in read(masks)]
+    images, known = read(sources), [not_black(mask) for mask in read(masks)]
     if failed:
         raise InputsFailedError(failed)
     alpha = None if any(image_info(path).has_alpha for path in sources) else False
     return Versions(images, known or None, names[: len(images)], names[len(images) :], alpha)
-
-
-def _known(mask: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return the (H, W) pixels where a mask is not black, ignoring its alpha."""
-    import numpy as np
-
-    from cvtimg.colors.places import has_alpha
-
-    bands = mask.reshape(*mask.shape[:2], -1)
-    return np.asarray((bands[:, :, :-1] if has_alpha(bands.shape[2]) else bands).any(axis=2))
 
 
 def _restore(

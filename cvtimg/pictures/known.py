@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.pixels import is_known, not_black
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import ImageInfo, read_image
 from cvtimg.pictures.formats.opening import Selection, selected, selecting
@@ -24,12 +25,7 @@ def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) ->
     """(H, W) pixels of a band of rows that are finite, and not `nodata` in all bands but alpha."""
     colors = band.reshape(*band.shape[:2], -1)
     colors = colors[:, :, :-1] if has_alpha else colors
-    known = np.ones(colors.shape[:2], np.bool_)
-    if colors.dtype.kind == "f":
-        known &= np.isfinite(colors).all(axis=2)
-    if nodata is not None:
-        known &= (colors != nodata).any(axis=2)
-    return known
+    return is_known(colors, nodata)
 
 
 def with_known(
@@ -65,11 +61,6 @@ def mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
         bands, size = opened, opened.form.shape[:2]
     check_mask_size(path, size, shape)
     return map(not_black, bands)
-
-
-def not_black(band: Band) -> Known:
-    """(H, W) pixels of a mask, or of a band of its rows, that are not black; alpha plays no part."""
-    return np.asarray(band.reshape(*band.shape[:2], -1)[:, :, :3].max(axis=2) > 0)
 
 
 def check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]) -> None:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_alpha, check_count, check_keywords, refuse
 from cvtimg._shared.choices import DitherName, SpaceName
-from cvtimg._shared.pixels import array_of
-from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks, known_pixels
+from cvtimg._shared.pixels import array_of, is_known
+from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
@@ -238,7 +238,7 @@ class Picture:
                 stacklevel=3,
             )
         if nodata is not None:
-            known = known_pixels(array.reshape(*array.shape[:2], -1), nodata)
+            known = is_known(array.reshape(*array.shape[:2], -1), nodata)
             mask = known if mask is None else known & (np.asarray(mask) != 0)
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
