@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.svg import captioned
 
-__all__ = ["MOST_SHAPES", "draw_dots", "draw_lines", "draw_solid", "edges_of", "seen_from"]
-
 _Floats = NDArray[np.float64]
 
 _SIZE, _MARGIN = 400.0, 4.0

@@ -12,8 +12,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 
-__all__ = ["UnfitArraysError", "load_arrays", "save_arrays"]
-
 #: Name of the tag among the arrays.
 _TAG = "format"
 

@@ -13,27 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, TypeAlias
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 
-__all__ = [
-    "check_is_new",
-    "exists",
-    "fetch",
-    "find_remote",
-    "is_remote",
-    "local_copy",
-    "open_remote",
-    "remote_file",
-    "remote_folder",
-    "send",
-    "url_as_stored",
-    "url_of",
-]
-
-#: As in `whole`, which imports this module.
 StrPath: TypeAlias = str | os.PathLike[str]
 
 #: A scheme has two letters or more: one is a drive of Windows.
@@ -74,6 +58,15 @@ def url_as_stored(path: StrPath) -> str:
     return str(files.unstrip_protocol(place))
 
 
+@contextmanager
+def _answering(url: str, done: str = "read") -> Iterator[None]:
+    """Say in one line what went wrong elsewhere: file systems raise errors of many libraries."""
+    try:
+        yield
+    except Exception as error:
+        raise OSError(f"{url}: cannot be {done} ({one_line(error)})") from error
+
+
 def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     """List the files that a URL names: itself, those that a pattern matches, or those in a folder with such suffixes.
 
@@ -85,7 +78,7 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
         If nothing answers.
     """
     files, place = _opened(url)
-    try:
+    with _answering(url):
         if glob.has_magic(place):
             found = [name for name in files.glob(place) if _is_whole(name) or not files.isdir(name)]
         elif not _is_whole(place) and Path(place).suffix.lower() not in suffixes and files.isdir(place):
@@ -93,8 +86,6 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
             found = [name for name in inside if Path(name).suffix.lower() in suffixes]
         else:
             found = [place] if files.exists(place) else []
-    except Exception as error:  # of many libraries
-        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
     if not found:
         raise FileNotFoundError(f"{url}: no such file")
     return [Path(files.unstrip_protocol(name)) for name in sorted(found)]
@@ -115,74 +106,42 @@ def _whole(name: str) -> str:
 def remote_folder(url: str, suffix: str = "") -> list[str]:
     """Return the URLs of the files with this suffix in a folder and its subfolders, sorted; none if it is no folder."""
     files, place = _opened(url)
-    try:
+    with _answering(url):
         found = files.find(place) if files.isdir(place) else []
-    except Exception as error:
-        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
     return [str(files.unstrip_protocol(name)) for name in sorted(found) if str(name).endswith(suffix)]
 
 
 def open_remote(url: str) -> Any:
-    """Open a file elsewhere to read any part of it.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+    """Open a file elsewhere to read any part of it."""
     files, place = _opened(url)
-    try:
+    with _answering(url):
         return files.open(place, "rb")
-    except Exception as error:
-        raise OSError(f"{url}: cannot be read ({one_line(error)})") from error
 
 
 def exists(path: StrPath) -> bool:
-    """Whether there is such a file, here or elsewhere.
-
-    Raises
-    ------
-    OSError
-        If nothing answers.
-    """
+    """Whether there is such a file, here or elsewhere; OSError if nothing answers."""
     if not is_remote(path):
         return Path(path).exists()
     files, place = _opened(url_of(path))
-    try:
+    with _answering(url_of(path)):
         return bool(files.exists(place))
-    except Exception as error:
-        raise OSError(f"{url_of(path)}: cannot be read ({one_line(error)})") from error
 
 
 def check_is_new(path: StrPath) -> None:
-    """Refuse to replace a file.
-
-    Raises
-    ------
-    FileExistsError
-        If there is one.
-    """
+    """Raise FileExistsError rather than replace a file."""
     if exists(path):
         raise FileExistsError(f"{url_of(path)}: exists already; pass overwrite (--overwrite) to replace it")
 
 
 def fetch(path: StrPath, target: Path) -> None:
-    """Copy a file, or a folder that is one input, from elsewhere.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+    """Copy a file, or a folder that is one input, from elsewhere; OSError if it cannot be read."""
     files, place = _opened(url_of(path))
-    try:
+    with _answering(url_of(path)):
         if _is_whole(place) and files.isdir(place):
             files.get(f"{place}/", f"{target}/", recursive=True)
             return
         with files.open(place, "rb") as source, target.open("wb") as copy:
             shutil.copyfileobj(source, copy, 1 << 20)
-    except Exception as error:
-        raise OSError(f"{url_of(path)}: cannot be read ({one_line(error)})") from error
 
 
 def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
@@ -198,7 +157,7 @@ def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
     if not overwrite:
         check_is_new(path)
     files, place = _opened(url_of(path))
-    try:
+    with _answering(url_of(path), "written"):
         if parent := place.rpartition("/")[0]:
             files.makedirs(parent, exist_ok=True)
         if source.is_dir():
@@ -207,19 +166,16 @@ def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
             files.put(f"{source}/", f"{place}/", recursive=True)
         else:
             files.put_file(str(source), place)
-    except Exception as error:
-        raise OSError(f"{url_of(path)}: cannot be written ({one_line(error)})") from error
 
 
 @contextmanager
-def remote_file(path: StrPath, *, overwrite: bool) -> Iterator[BinaryIO]:
-    """Open a file that is copied elsewhere when the block succeeds; errors are those of `send`."""
+def local_path(path: StrPath, *, overwrite: bool) -> Iterator[Path]:
+    """Give a path here whose file or folder is copied elsewhere when the block succeeds; errors are those of `send`."""
     if not overwrite:
         check_is_new(path)
     with TemporaryDirectory(prefix="cvtimg-") as folder:
         copy = Path(folder, Path(path).name)
-        with copy.open("w+b") as file:
-            yield file
+        yield copy
         send(copy, path, overwrite=overwrite)
 
 

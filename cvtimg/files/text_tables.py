@@ -9,8 +9,6 @@ from typing import Any
 
 from cvtimg.files.whole import StrPath, write_whole
 
-__all__ = ["csv_text", "write_csv"]
-
 
 def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     r"""Format a table as comma-separated values.

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["vtu_content"]
-
 #: VTK's numbers of kinds of cells.
 TRIANGLE, POLYGON, TETRAHEDRON = 5, 7, 10
 _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}

@@ -7,13 +7,11 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import BinaryIO, TypeAlias
+from typing import BinaryIO
 
 from cvtimg._shared.messages import one_line
-from cvtimg.files.remote import check_is_new, is_remote, remote_file, send
-
-StrPath: TypeAlias = str | os.PathLike[str]
+from cvtimg.files.remote import StrPath as StrPath
+from cvtimg.files.remote import check_is_new, is_remote, local_path
 
 #: Prefix of unfinished files.
 _PART = ".cvtimg-"
@@ -59,7 +57,7 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     'all of it'
     """
     if is_remote(path):
-        with remote_file(path, overwrite=overwrite) as file:
+        with local_path(path, overwrite=overwrite) as copy, copy.open("w+b") as file:
             yield file
         return
     target = Path(os.path.realpath(path))
@@ -101,13 +99,9 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
     Parameters and errors are those of `whole_file`. An existing folder is removed only after the new one is complete.
     """
     if is_remote(path):
-        if not overwrite:
-            check_is_new(path)
-        with TemporaryDirectory(prefix="cvtimg-") as scratch:
-            folder = Path(scratch, Path(path).name)
-            folder.mkdir()
-            yield folder
-            send(folder, path, overwrite=overwrite)
+        with local_path(path, overwrite=overwrite) as copy:
+            copy.mkdir()
+            yield copy
         return
     target = Path(os.path.realpath(path))
     _check_folder(path, target, overwrite)

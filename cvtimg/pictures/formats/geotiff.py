@@ -31,18 +31,7 @@ _USER_DEFINED = 32767
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Georeferencing of an image, from GeoTIFF tags; None for what the file does not state.
-
-    Attributes
-    ----------
-    geo_transform : tuple of float (a, b, c, d, e, f) or None
-        Affine transform from pixel to map coordinates: ``x = a * column + b * row + c``, ``y = d * column + e * row
-        + f``, where (0, 0) is the upper left corner of the first pixel and (0.5, 0.5) its center.
-    epsg : int or None
-        EPSG code of the coordinate reference system.
-    nodata : float or None
-        Value that marks missing pixels.
-    """
+    """Georeferencing of an image, from GeoTIFF tags, as `ImageInfo` has it; None for what the file does not state."""
 
     geo_transform: tuple[float, float, float, float, float, float] | None
     epsg: int | None
