@@ -21,7 +21,7 @@ from cvtimg._shared.extras import Extra, needs
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
-    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "matplotlib", "meshio", "oxipng"),
+    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "oxipng"),
     *("pyarrow", "pythoncdt", "shapely", "sklearn", "starlette", "trimesh", "uvicorn", "websockets", "zarr"),
 )
 #: An installation without them.
@@ -86,6 +86,18 @@ for module in pkgutil.walk_packages(cvtimg.__path__, "cvtimg."):
     failed = dict(line.split(" ", 1) for line in done.stdout.splitlines())
     assert failed.pop("cvtimg.tables.estimator").endswith("pip install 'cvtimg[sklearn]'")
     assert all(name.startswith("cvtimg.explore.") for name in failed), failed
+
+
+def test_only_the_rule_of_kneedle_needs_kneed() -> None:
+    script = """
+import cvtimg
+curve = cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3)
+print(*curve.elbows())
+curve.elbow("kneedle")
+"""
+    done = bare(script)
+    assert done.stdout.split() == ["chord", "chord-linear", "variance"]
+    assert "rule='kneedle' needs kneed: pip install 'cvtimg[kneedle]'" in done.stderr
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "lzw.tif", "deep.png", "deep.tif", "folder"])

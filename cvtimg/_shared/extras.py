@@ -11,6 +11,7 @@ Extra: TypeAlias = Literal[
     "dask",
     "explore",
     "fits",
+    "kneedle",
     "mesh",
     "oxipng",
     "parquet",

@@ -30,7 +30,7 @@ EXAMPLES = """Examples:
 \b
   cvtimg elbow photo.jpg
   cvtimg elbow photos/ --k-max 32 --csv curves.csv --plot curves.png
-  cvtimg elbow photo.jpg --rule psnr --target 35 --space lab
+  cvtimg elbow photo.jpg --rule psnr --target 35
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
@@ -96,6 +96,8 @@ def elbow(
 
     if target is not None and rule not in TARGETED:
         raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
+    if rule == "psnr" and space != "rgb":
+        raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {space} have no peak")
     check_suffix("--plot", plot, PLOT_SUFFIXES)
     report = _Curves(COLUMNS, as_json=common.as_json, quiet=common.quiet)
     plan = plan_each(inputs, find_images, joint={"--csv": csv_file, "--plot": plot})

@@ -102,7 +102,8 @@ class EnergyCurve:
             `n_max`. For a smooth cloud of samples E(k) is proportional to k^(-2/D), a straight line there; the
             distinct colors of an image bend it. Before the logarithm the energy of rounding to 8 bits is added to
             each E (1e-3 of E(1) for tables and other spaces), so that an end with E = 0 does not dominate.
-            "chord-linear": the same for E over k, up to `n_max`. "kneedle": E over k, by the package kneed.
+            "chord-linear": the same for E over k. "kneedle": also E over k up to 32, by the package kneed, which
+            ``pip install 'cvtimg[kneedle]'`` installs.
             "variance" and "psnr": the smallest k that reaches the target.
         target : float, optional
             For "variance" the fraction of the variance to explain, 0.95 by default; for "psnr" dB, 30 by default.
@@ -142,11 +143,14 @@ class EnergyCurve:
         return judge(self.energies, self.scale, check_non_negative("target", target))
 
     def elbows(self) -> dict[str, int]:
-        """Return the k that each rule picks; rules whose target is missed, or that do not apply, are left out."""
+        """Return the k that each rule picks.
+
+        Rules whose target is missed, that do not apply, or whose package is not installed, are left out.
+        """
         picks = {}
         for rule in RULES:
             if rule != "psnr" or self.scale.peak is not None:
-                with suppress(TargetMissedError):
+                with suppress(TargetMissedError, ImportError):
                     picks[rule] = self.elbow(rule)
         return picks
 

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_needs
+from cvtimg._shared.extras import needs
 from cvtimg.colors import fidelity
 
 _Floats = NDArray[np.float64]
 
-#: The chord ends at this number of generators, so that a longer curve does not move the elbow.
+#: The rules that look at the shape of a curve end at this number of generators, so that a longer one does not move it.
 CHORD_ENDS = 32
 #: Energies below this fraction of E(1) are treated as equal for samples that are not 8-bit colors.
 _RELATIVE_FLOOR = 1e-3
@@ -67,18 +68,21 @@ def chord(energies: _Floats, scale: Scale) -> int:
 
 
 def chord_linear(energies: _Floats, scale: Scale) -> int:
-    """Find the point farthest below the chord of E over k."""
-    return _farthest(np.arange(1.0, len(energies) + 1), energies)
+    """Find the point farthest below the chord of E over k up to k = 32."""
+    known = energies[:CHORD_ENDS]
+    return _farthest(np.arange(1.0, len(known) + 1), known)
 
 
 def kneedle(energies: _Floats, scale: Scale) -> int:
-    """Apply Kneedle to E over k, from the package kneed; if it finds no knee, use the chord of E over k."""
-    if len(energies) < 3 or energies[-1] == energies[0]:
-        return chord_linear(energies, scale)
-    from kneed import KneeLocator
-
-    numbers = np.arange(1, len(energies) + 1)
-    knee = KneeLocator(numbers, energies, curve="convex", direction="decreasing").knee
+    """Apply Kneedle to E over k up to k = 32, by the package kneed; if it finds no knee, use the chord of E over k."""
+    known = energies[:CHORD_ENDS]
+    if len(known) < 3 or known[-1] == known[0]:
+        return chord_linear(known, scale)
+    try:
+        from kneed import KneeLocator
+    except ImportError as error:
+        raise ImportError(f"rule='kneedle' needs {needs('kneed', 'kneedle')}") from error
+    knee = KneeLocator(np.arange(1, len(known) + 1), known, curve="convex", direction="decreasing").knee
     return int(knee) if knee is not None else chord_linear(energies, scale)
 
 

@@ -113,6 +113,7 @@ def test_nothing_is_overwritten_unasked(drawing: Path, tmp_path: Path, capsys: p
     ("arguments", "message"),
     [
         (["--rule", "knee"], "--rule': 'knee' must be one of chord"),
+        (["--rule", "psnr", "--space", "lab"], "--rule psnr needs --space rgb"),
         (["--target", "3"], "--target is for --rule variance and psnr"),
         (["--plot", "a.gif"], ".gif' must end in one of .png, .svg"),
         (["--k-max", "0"], "must be a whole number in 1"),

@@ -206,6 +206,13 @@ def test_kneed_is_loaded_for_its_own_rule_alone() -> None:
     subprocess.run([sys.executable, "-P", "-c", code], check=True)
 
 
+@pytest.mark.parametrize("rule", ["chord", "chord-linear", "kneedle"])
+def test_a_longer_curve_does_not_move_the_elbow(rule: str) -> None:
+    energies = 1000.0 / np.arange(1, 201) ** 1.2
+    picks = {EnergyCurve(energies[:n].copy(), (), Scale(1e4, 255.0)).elbow(rule) for n in (32, 64, 200)}
+    assert len(picks) == 1
+
+
 def blocks(sigma: float) -> NDArray[np.uint8]:
     """Draw four squares of 24 x 24 pixels with noise."""
     means = np.array([[30, 90], [150, 210]]).repeat(24, axis=0).repeat(24, axis=1)
