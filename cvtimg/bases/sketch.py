@@ -22,24 +22,12 @@ from cvtimg.bases.snapshots import Snapshots
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """Snapshots less their mean, in the coordinates of their leading singular directions.
+    """Snapshots less their mean, in the coordinates of their leading singular directions."""
 
-    Attributes
-    ----------
-    coordinates : (N, R) float64 array
-        With mean 0; columns are orthogonal, of falling length.
-    directions : (R, D) array
-        Orthonormal rows.
-    mean : (D,) float64 array
-        Of the snapshots.
-    variance : float
-        Sum of squared distances of the snapshots to their mean; what the coordinates miss of it is `missed`.
-    """
-
-    coordinates: NDArray[np.float64]
-    directions: NDArray[Any]
-    mean: NDArray[np.float64]
-    variance: float
+    coordinates: NDArray[np.float64]  # (N, R) with mean 0; columns are orthogonal, of falling length
+    directions: NDArray[Any]  # (R, D) orthonormal rows
+    mean: NDArray[np.float64]  # (D,) of the snapshots
+    variance: float  # sum of squared distances to the mean; what the coordinates miss of it is `missed`
 
     @property
     def missed(self) -> float:
@@ -106,8 +94,7 @@ def _project(rows: slice, block: NDArray[Any], *, directions: NDArray[Any], cent
 
 def _combine(rows: slice, block: NDArray[Any], *, basis: NDArray[Any], center: NDArray[Any]) -> NDArray[Any]:
     """Return (R, D) combinations of snapshots less their mean."""
-    combined: NDArray[Any] = basis[rows].T @ (block - center)
-    return combined
+    return basis[rows].T @ (block - center)
 
 
 def _added(parts: Iterable[NDArray[Any]]) -> NDArray[np.float64]:

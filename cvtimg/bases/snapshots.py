@@ -63,40 +63,21 @@ class Snapshots:
         return math.prod(self.shape)
 
     def blocks(self) -> Iterator[tuple[slice, NDArray[Any]]]:
-        """Yield (m, D) blocks in order, each with the rows that it holds.
-
-        Raises
-        ------
-        ValueError
-            If a snapshot is not finite.
-        """
+        """Yield (m, D) blocks in order, each with the rows that it holds."""
         n_rows = max(1, _BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
         for start in range(0, self.n_snapshots, n_rows):
             stop = min(start + n_rows, self.n_snapshots)
             yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)
 
     def total(self, work: Callable[[slice, NDArray[Any]], T], add: Callable[[Iterable[T]], T]) -> T:
-        """Return the sum of what `work` makes of each block.
+        """Return the sum of what `work` makes of the rows of each block and the (m, D) block, as in `over_blocks`.
 
-        Parameters
-        ----------
-        work : callable
-            From the rows of a block and the (m, D) block itself to a part of the sum.
-        add : callable
-            From parts of consecutive blocks in their order to their sum; it changes none of them. Both are picklable.
-
-        Raises
-        ------
-        ValueError
-            If a snapshot is not finite.
-        BlockError, ConnectionError
-            If a block of a Dask array is wrong or cannot be read, or its cluster was lost.
+        `add` takes parts of consecutive blocks in their order, and changes none of them. Both are picklable.
         """
         if self.in_dask is None:
             return add(work(rows, block) for rows, block in self.blocks())
         ends = np.cumsum([0, *(self.in_dask.lengths or ())])
-        total: T = over_blocks(self.in_dask, _worked, add, work, ends, self.dtype)
-        return total
+        return over_blocks(self.in_dask, _worked, add, work, ends, self.dtype)
 
 
 def _worked(block: Block, work: Callable[[slice, NDArray[Any]], T], ends: NDArray[np.int64], dtype: np.dtype[Any]) -> T:

@@ -22,24 +22,12 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspaces:
-    """Affine subspaces and the rows that are nearest to each.
+    """Affine subspaces and the rows that are nearest to each."""
 
-    Attributes
-    ----------
-    centers : (C, R) array
-        Mean of each cell.
-    axes : (C, n, R) array
-        Orthonormal axes of each cell, those of greatest variance first; zeros where a cell has fewer.
-    labels : (N,) int64 array
-        Cell of each row.
-    energy : float
-        Sum of squared distances of the rows to their subspaces.
-    """
-
-    centers: _Floats
-    axes: _Floats
-    labels: NDArray[np.int64]
-    energy: float
+    centers: _Floats  # (C, R) mean of each cell
+    axes: _Floats  # (C, n, R) orthonormal, those of greatest variance first; zeros where a cell has fewer
+    labels: NDArray[np.int64]  # (N,) cell of each row
+    energy: float  # sum of squared distances of the rows to their subspaces
 
 
 def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> Subspaces:
@@ -55,8 +43,7 @@ def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
         apart = rows - center
         along = apart @ own.T
         columns.append(np.einsum("nr,nr->n", apart, apart) - np.einsum("na,na->n", along, along))
-    squares: _Floats = np.maximum(np.stack(columns, axis=1), 0.0)
-    return squares
+    return np.maximum(np.stack(columns, axis=1), 0.0)
 
 
 def principal_axes(rows: _Floats, n_axes: int) -> tuple[_Floats, _Floats]:

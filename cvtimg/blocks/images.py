@@ -98,8 +98,7 @@ class PixelBlocks:
         sums = [one(part, number, self.nodata, count) for number, part in enumerate(parts)]
         total = add_in_tree(sums, delayed(add, pure=False))
         # What is in memory is worked on where it is, perhaps by a task of a cluster.
-        result: T = computed(total, [(part,) for part in parts], None if self._is_lazy else "sync")
-        return result
+        return computed(total, [(part,) for part in parts], None if self._is_lazy else "sync")
 
     def mapped(self, function: Callable[[NDArray[Any]], NDArray[Any]], dtype: Any, n_bands: int | None = None) -> Any:
         """Return what a function makes of the (n, C) pixels of each block that count, labeled as the image is.

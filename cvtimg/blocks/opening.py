@@ -209,8 +209,7 @@ def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
     kind = schema.field(name).type
     is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
     check_that(f"{place}: column {name!r} of type {kind}", is_number, "be of numbers; name the columns to use")
-    found: np.dtype[Any] = np.dtype(kind.to_pandas_dtype())
-    return found
+    return np.dtype(kind.to_pandas_dtype())
 
 
 def _parquet_files(place: str) -> list[str]:

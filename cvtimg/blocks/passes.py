@@ -121,8 +121,7 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
         one(work, number, rows, weights, (lengths[number], blocks.n_dims), common, dask_key_name=f"{token}-{number}")
         for number, (rows, weights) in enumerate(parts)
     ]
-    result: T = computed(add_in_tree(sums, total), parts)
-    return result
+    return computed(add_in_tree(sums, total), parts)
 
 
 def add_in_tree(parts: Sequence[Any], add: Any) -> Any:
@@ -283,5 +282,4 @@ def _compute(*values: Any, scheduler: str | None = None) -> tuple[Any, ...]:
     import dask.base
 
     library: Any = dask.base
-    computed: tuple[Any, ...] = library.compute(*values, scheduler=scheduler)
-    return computed
+    return library.compute(*values, scheduler=scheduler)

@@ -71,8 +71,7 @@ def _pixels_of(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
     """Return the (M, B) bytes of keys, by tables for their lower and upper 12 bits."""
     half = np.arange(1 << 12, dtype=np.uint32)
     lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
-    pixels: NDArray[np.uint8] = lower[keys & 0xFFF] | upper[keys >> 12]
-    return pixels
+    return lower[keys & 0xFFF] | upper[keys >> 12]
 
 
 def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:

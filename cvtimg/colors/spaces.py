@@ -52,15 +52,13 @@ def _encode(light: _Floats) -> _Floats:
 
 def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
     # Not by BLAS, whose bits depend on the number of its threads.
-    transformed: _Floats = np.einsum("cd,nd->nc", matrix, colors)
-    return transformed
+    return np.einsum("cd,nd->nc", matrix, colors)
 
 
 def _to_lab(rgb: _Floats) -> _Floats:
     from skimage.color import rgb2lab
 
-    lab: _Floats = rgb2lab(rgb)
-    return lab
+    return rgb2lab(rgb)
 
 
 def _from_lab(lab: _Floats) -> _Floats:
@@ -69,8 +67,7 @@ def _from_lab(lab: _Floats) -> _Floats:
     lightness = np.maximum(lab[:, 0], 0)
     # Beyond 200 / 116 times this there is less blue than none, of which scikit-image would warn.
     yellow = np.minimum(lab[:, 2], 1.724 * (lightness + 16))
-    rgb: _Floats = xyz2rgb(np.maximum(lab2xyz(np.stack([lightness, lab[:, 1], yellow], axis=1)), 0))
-    return rgb
+    return xyz2rgb(np.maximum(lab2xyz(np.stack([lightness, lab[:, 1], yellow], axis=1)), 0))
 
 
 def _to_oklab(rgb: _Floats) -> _Floats:

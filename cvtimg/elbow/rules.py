@@ -42,8 +42,7 @@ class Scale:
         """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         peak = self.peak or np.nan
         check_needs("rule='psnr'", True, "colors in the space rgb: other samples have no peak", self.peak is not None)
-        ratios: _Floats = fidelity.psnr(energies / self.n_values, peak)
-        return ratios
+        return fidelity.psnr(energies / self.n_values, peak)
 
     def floor(self, energies: _Floats) -> float:
         """Return the energy below which differences do not matter: that of rounding to 8 bits."""

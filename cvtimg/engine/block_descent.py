@@ -43,31 +43,15 @@ _ROWS_PER_GENERATOR = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """What the first pass over the blocks finds.
+    """What the first pass over the blocks finds, and a sample of rows of positive weight, drawn block by block."""
 
-    Attributes
-    ----------
-    lengths : (B,) int64 array
-        Number of rows of each block.
-    mass : float
-        Sum of the weights.
-    sums : (D,) float64 array
-        Sum of weight times row.
-    low, high : (D,) float64 arrays
-        Limits of the rows.
-    rows : (n, D) array
-        The sample: rows of positive weight, drawn block by block.
-    weights : (n,) float64 array
-        Their weights.
-    """
-
-    lengths: NDArray[np.int64]
-    mass: float
-    sums: NDArray[np.float64]
-    low: NDArray[np.float64]
+    lengths: NDArray[np.int64]  # (B,) rows of each block
+    mass: float  # sum of the weights
+    sums: NDArray[np.float64]  # (D,) sum of weight times row
+    low: NDArray[np.float64]  # (D,) limits of the rows
     high: NDArray[np.float64]
-    rows: NDArray[Any]
-    weights: NDArray[np.float64]
+    rows: NDArray[Any]  # (n, D) the sample
+    weights: NDArray[np.float64]  # (n,)
 
     @property
     def n_rows(self) -> int:

@@ -39,8 +39,7 @@ class Frame:
 
     def inward(self, places: NDArray[Any]) -> NDArray[np.float64]:
         """Transform (n, D) places from the units of the samples to the frame."""
-        inside: NDArray[np.float64] = (places - self.center) * self.scale
-        return inside
+        return (places - self.center) * self.scale
 
     def outward(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Transform (n, D) places from the frame to the units of the samples."""

@@ -36,36 +36,16 @@ _RIM = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """The arguments of a dithering method.
+    """The arguments of a dithering method."""
 
-    Attributes
-    ----------
-    places : (M, 4) float32 array
-        Place of each color, from 0 up.
-    kinds : (M,) uint8 array
-        Which entries each color may take.
-    inverse : (H, W) int32 array
-        Color of each pixel.
-    grid : Grid
-        Finds nearest entries.
-    strengths : (n_kinds,) float32 array
-        Fraction of the error handed on.
-    step : float
-        Usual distance from an entry to the nearest other one.
-    longest : float
-        Longest error handed on.
-    clean : (H, W) bool array
-        Pixels that take no part in the diffusion of errors.
-    """
-
-    places: NDArray[np.float32]
-    kinds: NDArray[np.uint8]
-    inverse: NDArray[np.int32]
-    grid: Grid
-    strengths: NDArray[np.float32]
-    step: float
-    longest: float
-    clean: NDArray[np.bool_]
+    places: NDArray[np.float32]  # (M, 4) place of each color, from 0 up
+    kinds: NDArray[np.uint8]  # (M,) which entries each color may take
+    inverse: NDArray[np.int32]  # (H, W) color of each pixel
+    grid: Grid  # finds nearest entries
+    strengths: NDArray[np.float32]  # (n_kinds,) fraction of the error handed on
+    step: float  # usual distance from an entry to the nearest other one
+    longest: float  # longest error handed on
+    clean: NDArray[np.bool_]  # (H, W) pixels that take no part in the diffusion of errors
 
 
 def dither(
@@ -293,8 +273,7 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
 def _squared_distances(places: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
     norms, other_norms = (np.einsum("kd,kd->k", some, some, dtype=np.float64) for some in (places, others))
     products = places.astype(np.float64) @ others.T.astype(np.float64)
-    squares: NDArray[np.float64] = norms[:, None] + other_norms - 2 * products
-    return squares
+    return norms[:, None] + other_norms - 2 * products
 
 
 def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:

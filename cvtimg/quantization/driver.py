@@ -141,18 +141,7 @@ def first_reaching(
 ) -> int:
     """Return an n in least..most with measure(n) >= target where measure(n - 1) is below it; most + 1 if none is.
 
-    Parameters
-    ----------
-    measure : callable
-        Grows with n, more or less; each trial is expensive.
-    target : float
-        Value to reach.
-    least, most : int
-        Range of n.
-    first : int
-        First trial.
-    per_octave : float
-        Approximate growth from n to 2 n, used until two trials tell.
+    `measure` grows with n, more or less, from n to 2 n by about `per_octave`; each trial is expensive.
     """
     below, reaching = least - 1, most + 1
     n = min(max(first, least), most)

@@ -23,48 +23,23 @@ _BLOCK = 4
 
 
 class Grid(NamedTuple):
-    """A box cut into cells that know their candidates, in the order in which the kernels take these fields.
+    """A box cut into cells that know their candidates, in the order in which the kernels take these fields."""
 
-    Attributes
-    ----------
-    palette : (K, 4) float32 array
-        Places of the entries.
-    low : (4,) float32 array
-        Lowest corner of the box.
-    cells_per_unit : (4,) float32 array
-    strides : (4,) int32 array
-        Steps from a cell to the next in each direction.
-    last : (4,) int32 array
-        Index of the last cell in each direction.
-    bounds : (n_kinds, n_cells, 2) int32 array
-        First and last + 1 of the candidates of each cell, for each kind of color.
-    candidates : (n,) uint16 array
-    """
-
-    palette: NDArray[np.float32]
-    low: NDArray[np.float32]
-    cells_per_unit: NDArray[np.float32]
-    strides: NDArray[np.int32]
-    last: NDArray[np.int32]
-    bounds: NDArray[np.int32]
-    candidates: NDArray[np.uint16]
+    palette: NDArray[np.float32]  # (K, 4) places of the entries
+    low: NDArray[np.float32]  # (4,) lowest corner of the box
+    cells_per_unit: NDArray[np.float32]  # (4,)
+    strides: NDArray[np.int32]  # (4,) steps from a cell to the next in each direction
+    last: NDArray[np.int32]  # (4,) index of the last cell in each direction
+    bounds: NDArray[np.int32]  # (n_kinds, n_cells, 2) first and last + 1 of the candidates of each cell
+    candidates: NDArray[np.uint16]  # (n,)
 
 
 def nearest_grid(
     places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_], near: float, far: float
 ) -> Grid:
-    """Cover places and their surroundings with cells.
+    """Cover the (M, 4) places of colors and their surroundings with cells; `allowed` are the entries of each kind.
 
-    Parameters
-    ----------
-    places : (M, 4) array
-        Places of the colors.
-    palette : (K, 4) array
-        Places of the entries.
-    allowed : (n_kinds, K) array
-        Which entries each kind of color may take.
-    near, far : float
-        Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
+    Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
     """
     low, high = places.min(axis=0), places.max(axis=0)
     varies = np.minimum(low, palette.min(axis=0)) < np.maximum(high, palette.max(axis=0))

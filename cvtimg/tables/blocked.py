@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg.blocks import Block, Blocks, blocks_of, over_blocks
+from cvtimg.blocks.passes import Block, blocks_of, over_blocks
+from cvtimg.blocks.rows import Blocks
 from cvtimg.engine.block_descent import survey
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.files import Scaling, write_label_parts

@@ -95,8 +95,7 @@ class _Array:
 
     def _column(self, number: int) -> NDArray[Any]:
         if self.named:
-            column: NDArray[Any] = self._array[self.names[number]]
-            return column
+            return self._array[self.names[number]]
         return self._array if self._array.ndim == 1 else self._array[:, number]
 
 

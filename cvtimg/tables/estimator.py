@@ -288,8 +288,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return len(self.cluster_centers_)
 
     def _rows(self, samples: ArrayLike, *, reset: bool = False) -> NDArray[Any]:
-        rows: NDArray[Any] = validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
-        return rows
+        return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
 
     def _fit_blocks(self, blocks: Blocks) -> CVT:
         result = self._tessellate(blocks, None, self.n_clusters, checkpoint=self.checkpoint)

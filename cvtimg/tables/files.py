@@ -182,13 +182,11 @@ class Scaling:
 
     def apply(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Standardize rows."""
-        standardized: NDArray[np.float64] = (rows - self.means) / self.deviations
-        return standardized
+        return (rows - self.means) / self.deviations
 
     def undo(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert standardized rows back to their own units."""
-        original: NDArray[np.float64] = rows * self.deviations + self.means
-        return original
+        return rows * self.deviations + self.means
 
 
 def energy_about_mean(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:

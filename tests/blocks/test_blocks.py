@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from reference import squared_distances
 
 from cvtimg import CVT, tessellate
-from cvtimg.blocks import BlockError, Blocks, as_blocks, is_blocked, open_blocks, passes
+from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
+from cvtimg.blocks.rows import is_blocked
 from cvtimg.engine import Tessellation, block_descent, search
 
 dask = pytest.importorskip("dask")

@@ -109,8 +109,7 @@ class _Levels:
     def means(self, cut: _Cut) -> NDArray[np.float64]:
         """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""
         masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
-        means: NDArray[np.float64] = (sums / masses)[:, None]
-        return means
+        return (sums / masses)[:, None]
 
     def _cut_at(self, bounds: NDArray[np.int32]) -> _Cut:
         masses, sums, squares = np.diff(self.moments[bounds], axis=0).T
