@@ -24,7 +24,7 @@ from skimage.segmentation import slic
 
 import cvtimg
 from cvtimg.artwork import find_tour, ink_coverage, tour_length
-from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.stipples import draw_dots
 
 Row = dict[str, Any]
 #: Share of the paper that black covers.

@@ -1,28 +1,227 @@
-"""The dots of one pen: where they lie and how large they are, for the ink that each pixel asks for."""
+"""The dots of one pen or of several: where they lie and how large they are, for the ink that each pixel asks for.
+
+Dots of one size are brought into balance with the tones: where ink is lacking the density grows, as a centroidal
+Voronoi tessellation has dots in proportion to the root of its density only where that hardly changes from one dot to
+the next. Dots of several pens move to the centers of their cells among those of their own pen, and part of the way to
+those among all dots, so that they do not fall on each other.
+
+M. Jiang, Y. Zhou, R. Wang, R. Southern, J. J. Zhang, Blue noise sampling using an SPH-based method, ACM Trans. Graphics
+34 (2015), doi 10.1145/2816795.2818102; L.-Y. Wei, Multi-class blue noise sampling, ACM Trans. Graphics 29 (2010), doi
+10.1145/1778765.1778816.
+
+Cells of equal mass: M. Balzer, T. Schloemer, O. Deussen, Capacity-constrained point distributions: a variant of Lloyd's
+method, ACM Trans. Graphics 28 (2009), doi 10.1145/1531326.1531392; by weights as in F. de Goes, K. Breeden, V.
+Ostromoukhov, M. Desbrun, Blue noise through optimal transport, ACM Trans. Graphics 31 (2012), doi
+10.1145/2366145.2366190; and by Newton's method on them, with steps halved where masses would be less equal, as in J.
+Kitagawa, Q. Merigot, B. Thibert, Convergence of a Newton algorithm for semi-discrete optimal transport, J. Eur. Math.
+Soc. 21 (2019), doi 10.4171/JEMS/889.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.artwork.equal_masses import share_equally
-from cvtimg.artwork.pens import keep_apart
-from cvtimg.artwork.tone_balance import balance_tones
-from cvtimg.placement import place_in_picture
+from cvtimg.engine.methods import Stopping
+from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_in_picture
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 DOTS = ("equal", "equal-mass", "sized")
+#: Steps of Newton's method after the last move.
+_LAST_STEPS = 4
+#: How often a step is halved that makes masses less equal, as between lines with paper around them.
+_HALVED = 6
+#: What neighbors exchange at least, as a part of what they would in a lattice: across paper all cells hang together.
+_LEAST_EXCHANGE = 0.1 / (2 * np.sqrt(3))
+#: Points nearer to each other than this, in pixels, exchange no more.
+_NEAR = 0.05
+#: Steps of the solver, and the residual, as a part of the first, at which it ends.
+_SOLVER_STEPS, _SOLVED = 60, 1e-2
+#: How often the density is corrected, and moves after each correction.
+_ROUNDS, _MOVES = 4, 4
+#: The density grows as this power of the ink of a cell, in units of the mean, and at most by this factor.
+_POWER, _LARGEST = 2.0, 4.0
+#: Corrections are smoothed over this part of the distance between dots: the error of a single dot is noise.
+_SMOOTHED = 0.5
+#: Moves, after how many the tones are corrected, and how far dots go to the centers of their cells among all dots.
+_PEN_MOVES, _CORRECTED, _TO_ALL = 20, 4, 0.5
 #: Moves of dots to the centers of the ink of their cells at the end; and where those of other pens are in the way.
 _LAST_MOVES = {"equal": 1, "equal-mass": 5, "sized": 2}
 _LAST_MOVES_APART = {"equal": 0, "equal-mass": 1, "sized": 0}
 #: Steps of the tones that sizes of dots are told by, and of the search for how they grow.
 _TONES, _HALVINGS = 1024, 40
+
+
+def share_equally(moments: PixelMoments, points: Floats, n_moves: int) -> tuple[Floats, Floats]:
+    """Return points and the weights of power cells that share the mass of a picture.
+
+    Points make `n_moves` moves to the centers of mass of such cells. A move carries ink over long ways, after which
+    weights begin anew.
+    """
+    weights = np.zeros(len(points))
+    if len(points) == 1:
+        return points, weights
+    for _ in range(n_moves):
+        points = moments(points, _balanced(moments, points, np.zeros(len(points)))).centroids
+    for _ in range(_LAST_STEPS):
+        weights = _balanced(moments, points, weights)
+    return points, weights
+
+
+def _balanced(moments: PixelMoments, points: Floats, weights: Floats) -> Floats:
+    """Step towards weights whose power cells have equal masses, or stay where no step leads there."""
+    share = moments.mass / len(points)
+    lack = share - moments(points, weights).masses
+    step = _solve(_exchange(moments, points, weights), lack)
+    for _ in range(_HALVED):
+        there = weights + step
+        if np.square(share - moments(points, there).masses).sum() < np.square(lack).sum():
+            return there
+        step /= 2
+    return weights
+
+
+def _exchange(moments: PixelMoments, points: Floats, weights: Floats) -> Any:
+    """Return the (N, N) sparse matrix of how masses change with weights.
+
+    A border between generators at distance d moves by 1 / (2 d) for each unit of weight. In a row of pixels it moves
+    by 1 / (2 dx), so that the density there over 2 dx, summed over rows, is what two cells exchange; over columns for
+    borders that run more along rows.
+    """
+    from scipy.sparse import csr_array, dia_array
+    from scipy.spatial import cKDTree
+
+    n_points = len(points)
+    labels, density = moments.labels(points, weights), moments.density
+    found = [_crossings(labels, density, points), _crossings(labels.T, density.T, points[:, ::-1])]
+    one, other, flow = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    # Weights are in squared units and dx in units; a border moves by pixels, of which a unit has as many as the scale.
+    borders = csr_array((flow * moments.scale, (one, other)), shape=(n_points, n_points))
+    gaps, near = cKDTree(points).query(points, min(7, n_points))
+    own, others = np.repeat(np.arange(n_points), near.shape[1] - 1), near[:, 1:].ravel()
+    least = _LEAST_EXCHANGE * moments.mass / n_points / np.maximum(gaps[:, 1] ** 2, 1e-6)
+    close = csr_array((least[own], (own, others)), shape=(n_points, n_points))
+    both_ways = (borders + borders.T).maximum(close.maximum(close.T))
+    return dia_array((both_ways.sum(axis=1)[np.newaxis] * (1 + 1e-4), [0]), shape=both_ways.shape) - both_ways
+
+
+def _crossings(
+    labels: NDArray[np.int32], density: NDArray[np.float32], points: Floats
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
+    """List where borders that run more along columns cross rows: the cells on both sides, and what they exchange."""
+    y, x = np.nonzero(labels[:, 1:] != labels[:, :-1])
+    left, right = labels[y, x], labels[y, x + 1]
+    step_x, step_y = np.abs(points[right] - points[left]).T
+    steep = step_x >= step_y
+    y, x, left, right, step_x = y[steep], x[steep], left[steep], right[steep], step_x[steep]
+    here = 0.5 * (density[y, x] + density[y, x + 1])
+    return left, right, here / (2 * np.maximum(step_x, _NEAR))
+
+
+def _solve(matrix: Any, right: Floats) -> Floats:
+    """Solve a positive definite system by conjugate gradients, roughly.
+
+    Not by SciPy, whose products go through a BLAS: its threads change bits, and spin while they wait.
+    """
+    scale = 1 / matrix.diagonal()
+    solution = np.zeros_like(right)
+    rest = right.copy()
+    direction = scale * rest
+    product = first = float(np.einsum("k,k", rest, direction))
+    for _ in range(_SOLVER_STEPS):
+        if product <= _SOLVED**2 * first:
+            break
+        image = matrix @ direction
+        length = product / float(np.einsum("k,k", direction, image))
+        solution += length * direction
+        rest -= length * image
+        scaled = scale * rest
+        before, product = product, float(np.einsum("k,k", rest, scaled))
+        direction = scaled + product / before * direction
+    return solution
+
+
+def balance_tones(amount: Floats32, points: Floats) -> Floats:
+    """Move dots until each stands for about the same amount, everywhere but for the noise of single dots.
+
+    Parameters
+    ----------
+    amount : (H, W) float32 array
+        Dots that each pixel asks for, in any unit.
+    points : (N, 2) array
+        A centroidal Voronoi tessellation of the density `amount` squared, or nearly.
+    """
+    amounts = picture_moments(amount, len(points))
+    density = amount * amount
+    for _ in range(_ROUNDS):
+        density *= corrections(amounts, points)
+        moments = picture_moments(density, len(points))
+        terms = Terms(Stopping(0.0, _MOVES), project=WhereMassIs(moments))
+        points = DESCENTS["l-bfgs"](moments, points, terms).generators
+    return points
+
+
+def corrections(amounts: PixelMoments, points: Floats) -> Floats32:
+    """Compute the factors of a density, above 1 where points are too few for their amount, for each pixel."""
+    from scipy.ndimage import gaussian_filter
+
+    n_points = len(points)
+    factors = np.clip((amounts(points).masses * (n_points / amounts.mass)) ** _POWER, 1 / _LARGEST, _LARGEST)
+    width = _SMOOTHED * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
+    smooth: Floats32 = gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
+    return smooth
+
+
+def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
+    """Give each pixel of the picture, before it was enlarged, the mean value of the cells that it lies in."""
+    fine = values.astype(np.float32)[moments.labels(points)]
+    factor = round(moments.scale)
+    height, width = fine.shape
+    means: Floats32 = fine.reshape(height // factor, factor, width // factor, factor).mean(axis=(1, 3))
+    return means
+
+
+def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Floats]:
+    """Move dots of several pens apart.
+
+    Parameters
+    ----------
+    amounts : sequence of (H, W) float32 arrays
+        Dots that each pixel asks for of each pen, in any unit.
+    points : sequence of (N, 2) arrays
+        The dots of each pen, placed without regard to the others.
+    """
+    placed = list(points)
+    used = [pen for pen, own in enumerate(placed) if len(own)]
+    if len(used) < 2:
+        return placed
+    # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
+    wanted = {pen: amounts[pen] * (len(placed[pen]) / amounts[pen].sum(dtype=np.float64)) for pen in used}
+    together = np.stack(list(wanted.values())).sum(axis=0, dtype=np.float32)
+    of_all = picture_moments(together * together, sum(len(placed[pen]) for pen in used))
+    of_amount = {pen: picture_moments(amounts[pen], len(placed[pen])) for pen in used}
+    densities = {pen: amounts[pen] * amounts[pen] for pen in used}
+    own = {pen: picture_moments(densities[pen], len(placed[pen])) for pen in used}
+    into_ink = {pen: WhereMassIs(of_amount[pen]) for pen in used}
+    size = np.array(together.shape[::-1])
+    ends = np.cumsum([len(placed[pen]) for pen in used])[:-1]
+    for move in range(1, _PEN_MOVES + 1):
+        centers = np.split(of_all(np.concatenate([placed[pen] for pen in used])).centroids, ends)
+        for pen, center in zip(used, centers, strict=True):
+            if move % _CORRECTED == 0 and move < _PEN_MOVES:
+                densities[pen] *= corrections(of_amount[pen], placed[pen])
+                own[pen] = picture_moments(densities[pen], len(placed[pen]))
+            among_own = own[pen](placed[pen]).centroids
+            moved = np.clip(among_own + _TO_ALL * (center - placed[pen]), 0, size)
+            placed[pen] = into_ink[pen](moved, placed[pen])
+    return placed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_choice, check_non_negative
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
-from cvtimg.artwork._mosaics import label_triangles
-from cvtimg.artwork.polygons import Polygons
+from cvtimg.artwork._artwork import label_triangles
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import lossless_suffixes, write_image
 from cvtimg.placement import pixel_labels
+from cvtimg.placement.cells import Polygons
 
 #: Parts of a pixel of a drawing, each way, and the most parts of a whole drawing.
 _FINE, _MOST_PARTS = 3, 1 << 26

@@ -13,16 +13,22 @@ from cvtimg._shared.checks import check_at_least, check_channels, check_choice, 
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.artwork.mosaic_files import TileDrawing
-from cvtimg.artwork.painting import Painted, paint
-from cvtimg.artwork.polygons import Polygons, triangle_polygons
-from cvtimg.artwork.starts import detail_density, place_corners
-from cvtimg.artwork.tilings import DelaunayTiling, Tiling, VoronoiTiling, descend_error
+from cvtimg.artwork.tilings import (
+    DelaunayTiling,
+    Painted,
+    Tiling,
+    VoronoiTiling,
+    descend_error,
+    detail_density,
+    paint,
+    place_corners,
+)
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image
 from cvtimg.placement import place_in_picture
-from cvtimg.placement.cells import power_cells
+from cvtimg.placement.cells import Polygons, power_cells
 
 #: Steps of the descent.
 _STEPS = {"fast": 25, "balanced": 80, "best": 480}
@@ -52,6 +58,8 @@ class Mosaic:
         Squared error summed over pixels and channels, in the color space of the mosaic, before `palette`.
     energies : tuple of float
         Before each step of the descent, and at the end. They may rise in between; the least is kept.
+    psnr : float
+        Peak signal-to-noise ratio of `image`, in decibels; infinite if it equals the image.
     """
 
     points: NDArray[np.float64]
@@ -60,6 +68,7 @@ class Mosaic:
     triangles: NDArray[np.int32] | None
     energy: float
     energies: tuple[float, ...]
+    psnr: float
 
     def __post_init__(self) -> None:
         for array in (self.points, self.colors, self.labels, self.triangles):
@@ -87,7 +96,7 @@ class Mosaic:
             with another and has no cell.
         """
         if self.triangles is not None:
-            return triangle_polygons(self.points, self.triangles)
+            return _triangle_polygons(self.points, self.triangles)
         return power_cells(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
 
     def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
@@ -227,7 +236,9 @@ def mosaic(
         colors = _restricted(colors, painted.areas, palette, has_alpha)
     squared = _unit(samples.dtype, space) ** 2
     history = tuple(squared * energy for energy in energies)
-    return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history)
+    error = float(np.mean((colors[painted.labels].astype(np.float32) - samples) ** 2, dtype=np.float64))
+    psnr = float(10 * np.log10(peak(samples.dtype) ** 2 / error)) if error else np.inf
+    return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history, psnr)
 
 
 def _descended(
@@ -313,3 +324,11 @@ def _restricted(
 
     nearest = cKDTree(chosen.astype(np.float64)).query(shown.astype(np.float64))[1]
     return np.concatenate([chosen[nearest], colors[:, shown.shape[1] :]], axis=1)
+
+
+def _triangle_polygons(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> Polygons:
+    """Return the corners of triangles, all in the sense of `power_cells`."""
+    corners = points[triangles]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turned = first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]
+    return tuple(triangle[:: -1 if flip else 1] for triangle, flip in zip(corners, turned, strict=True))

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
-from cvtimg.artwork.polygons import Polygons
 from cvtimg.files.arrays import save_arrays
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import lossless_suffixes
+from cvtimg.placement.cells import Polygons
 
 MARKS = ("disks", "circles", "points", "lines")
 #: Formats of dots beside those of pixels.

@@ -9,18 +9,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
-from cvtimg.artwork.dots import draw_dots
-from cvtimg.artwork.polygons import Polygons
+from cvtimg._shared.threads import in_parts
+from cvtimg.artwork._artwork import cover_rows
 from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, suffixes, write_cells, write_svg, write_table
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, encode_image, write_image
-from cvtimg.placement.cells import power_cells
+from cvtimg.placement.cells import Polygons, power_cells
 
+#: Parts of a pixel, each way, by which its coverage is measured.
+_FINE = 8
 #: Pixels between dots in a drawing by default, and the most pixels of one.
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 _INCH = 25.4
+
+
+def draw_dots(
+    points: NDArray[np.float64], radii: NDArray[np.float64], shape: tuple[int, int], scale: float = 1.0
+) -> NDArray[np.float32]:
+    """Compute the share of each pixel that dots cover; where dots overlap they cover once.
+
+    Parameters
+    ----------
+    points : (N, 2) array
+        Centers (x, y) in pixels; the first pixel covers [0, 1] x [0, 1].
+    radii : (N,) array
+        In the same unit.
+    shape : (int, int)
+        Height and width of what the points lie in.
+    scale : float
+        Pixels of the drawing per pixel.
+
+    Returns
+    -------
+    (round(H scale), round(W scale)) float32 array
+        In 0..1, in steps of 1/64.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> draw_dots(np.array([[1.0, 1.0]]), np.array([1.0]), (2, 2)).tolist()
+    [[0.8125, 0.8125], [0.8125, 0.8125]]
+    """
+    height, width = (max(round(side * scale), 1) for side in shape)
+    centers, sizes = (np.ascontiguousarray(array * scale, np.float64) for array in (points, radii))
+    starts, disks = _disks_of_rows(centers[:, 1], sizes, height)
+    coverage = np.empty((height, width), np.float32)
+
+    def part(first: int, stop: int) -> None:
+        cover_rows(centers, sizes, starts, disks, first, stop, _FINE, coverage)
+
+    in_parts(part, height, float(height * width * _FINE))
+    return coverage
+
+
+def _disks_of_rows(
+    y: NDArray[np.float64], radii: NDArray[np.float64], height: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """List the disks that meet each row of pixels: where each row begins, and their numbers."""
+    first = np.clip(np.floor(y - radii), 0, height).astype(np.int64)
+    stop = np.clip(np.ceil(y + radii), 0, height).astype(np.int64)
+    n_rows = np.maximum(stop - first, 0)
+    disks = np.repeat(np.arange(len(y), dtype=np.int32), n_rows)
+    rows = np.arange(len(disks)) - np.repeat(np.cumsum(n_rows) - n_rows, n_rows) + np.repeat(first, n_rows)
+    starts = np.append(0, np.cumsum(np.bincount(rows, minlength=height)))
+    return starts, disks[np.argsort(rows, kind="stable")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +129,11 @@ class Stipples:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def ink(self) -> float:
+        """Summed area of the dots, as a share of the paper."""
+        return float((self.radii**2).sum() * np.pi / (self.size[0] * self.size[1]))
 
     def cells(self) -> Polygons:
         """Compute the cell of each dot among those of its layer, cut off at the sides of the image.

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_needs
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
-from cvtimg.artwork.separations import PROCESS_COLORS, palette_coverages, process_coverages
 from cvtimg.artwork.stipples import Stipples
-from cvtimg.artwork.tones import disk_area, ink_coverage
+from cvtimg.artwork.tones import PROCESS_COLORS, disk_area, ink_coverage, palette_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
 
 #: Coverage of black by default: dots nearly touch there, and hardly overlap.

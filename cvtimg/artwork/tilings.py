@@ -1,31 +1,243 @@
 """Tilings of a picture by its points: Voronoi cells and Delaunay triangles, and the descent of their error.
 
 The error of a mosaic is the integral over each tile of the squared distance between the image and the mean color of
-the tile. Its gradient lives on the borders: moving a border gives the pixels that it passes over to the other tile.
+the tile. Its gradient lives on the borders: moving a border gives the pixels that it passes over to the other tile. A
+descent moves points only a little at a time; so a cell in a flat part of the image, where it is hardly missed, is now
+and then relocated to where a cell is worth dividing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg.artwork import _mosaics
-from cvtimg.artwork.painting import Painted, by_rows, paint
-from cvtimg.artwork.relocation import relocate
-from cvtimg.placement import pixel_labels
+from cvtimg._shared.threads import in_parts
+from cvtimg.artwork import _artwork
+from cvtimg.placement import pixel_labels, place_in_picture
 
 Floats = NDArray[np.float64]
-
+#: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
+_PARTS = 8
+#: At most one cell in so many is relocated at a time: the estimates hold only while few neighbors change.
+_AT_MOST = 20
+#: A relocation must cost less than this part of what it gains, as both are estimates.
+_WORTH = 0.7
+#: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
+_STEP_OF_SLOPE = 0.75
+#: Side of an equilateral triangle of area 1.
+_TRIANGLE_SIDE = 2 / 3**0.25
 #: Of the last steps, how much counts in the direction and in the length of the next; and the length of a first step,
 #: in sides of a tile.
 _MOMENTUM, _SCALE_MEMORY, _STEP = 0.8, 0.95, 0.25
 #: Steps between relocations, at least and as a part of all, for cells that are moved need steps to settle; and the part
 #: of the descent in which they happen.
 _RELOCATE_EVERY, _RELOCATE_SHARE, _RELOCATE_UNTIL = 8, 0.05, 0.7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Painted:
+    """An image painted with the mean color of each tile.
+
+    Attributes
+    ----------
+    labels : (H, W) int32 array
+        The tile of each pixel.
+    colors : (K, C) float64 array
+        The mean of each tile; that of the whole image for one without pixels.
+    areas : (K,) float64 array
+        Pixels of each tile.
+    errors : (K,) float64 array
+        Squared error of each tile, summed over pixels and bands.
+    """
+
+    labels: NDArray[np.int32]
+    colors: Floats
+    areas: Floats
+    errors: Floats
+
+    @property
+    def energy(self) -> float:
+        """The squared error of the mosaic."""
+        return float(self.errors.sum())
+
+
+def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -> Painted:
+    """Measure the tiles of an (H, W, C) image."""
+    n_bands = image.shape[2]
+
+    def add(first: int, stop: int, sums: Floats) -> None:
+        _artwork.add_colors(image, labels, first, stop, sums)
+
+    sums = by_rows(add, labels.shape, (n_tiles, n_bands + 2))
+    areas, colors = sums[:, -1], sums[:, :n_bands]
+    empty = areas == 0
+    means = np.where(empty[:, np.newaxis], colors.sum(axis=0) / areas.sum(), colors / np.maximum(areas, 1)[:, None])
+    errors = np.maximum(sums[:, n_bands] - (colors * means).sum(axis=1), 0)
+    return Painted(labels, means, areas, np.where(empty, 0, errors))
+
+
+def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sums_shape: tuple[int, ...]) -> Floats:
+    """Let parts of the rows add to sums of their own, and add these up in order."""
+    height, width = shape
+    sums = np.zeros((_PARTS, *sums_shape))
+    bounds = [height * part // _PARTS for part in range(_PARTS + 1)]
+
+    def add_parts(start: int, stop: int) -> None:
+        for part in range(start, stop):
+            add(bounds[part], bounds[part + 1], sums[part])
+
+    in_parts(add_parts, _PARTS, 4.0 * height * width)
+    total: Floats = sums.sum(axis=0)
+    return total
+
+
+def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
+    """Divide the cells that gain most by it, with points whose cells are missed least.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32 array
+    points : (K, 2) array
+        Generators of the Voronoi cells, (x, y) in pixels.
+    painted : Painted
+        The cells, as they are.
+
+    Returns
+    -------
+    points : (K, 2) float64 array
+        The points after relocation.
+    moved : (M,) array
+        Indices of the points that changed.
+    """
+    costs, (gains, middles, offsets) = removal_costs(painted), division_gains(image, painted)
+    n_most = max(1, len(points) // _AT_MOST)
+    removed, divided = np.argsort(costs, kind="stable")[:n_most], np.argsort(-gains, kind="stable")[:n_most]
+    worth = (costs[removed] < _WORTH * gains[divided]) & ~np.isin(removed, divided)
+    removed, divided = removed[worth], divided[worth]
+    points = points.copy()
+    points[removed] = middles[divided] + offsets[divided]
+    points[divided] = middles[divided] - offsets[divided]
+    return points, np.concatenate([removed, divided])
+
+
+def removal_costs(painted: Painted) -> Floats:
+    """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
+    n_cells = len(painted.areas)
+    squares, lengths = np.zeros(n_cells), np.zeros(n_cells)
+    labels = painted.labels
+    for one, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
+        border = one != other
+        sides = one[border], other[border]
+        apart = np.square(painted.colors[sides[0]] - painted.colors[sides[1]]).sum(axis=1)
+        for side in sides:
+            squares += np.bincount(side, apart, n_cells)
+            lengths += np.bincount(side, minlength=n_cells)
+    costs: Floats = painted.areas * squares / np.maximum(lengths, 1)
+    return costs
+
+
+def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats, Floats, Floats]:
+    """Estimate what the error falls by if a cell is divided across the direction in which colors change most.
+
+    Returns
+    -------
+    gains : (K,) array
+    middles, offsets : (K, 2) arrays
+        The center of each cell, and from there to the centers of its halves, one way and the other.
+    """
+    n_cells, areas = len(painted.areas), np.maximum(painted.areas, 1)
+    labels = painted.labels.ravel()
+    height, width = painted.labels.shape
+
+    def sums(values: NDArray[np.floating]) -> Floats:
+        return np.bincount(labels, values, n_cells).astype(np.float64, copy=False)
+
+    places = np.stack([np.tile(np.arange(width) + 0.5, height), np.repeat(np.arange(height) + 0.5, width)])
+    middles = np.stack([sums(axis) for axis in places], axis=1) / areas[:, np.newaxis]
+    x, y = places - middles.T[:, labels]
+    slopes = np.stack([[sums(axis * band) for band in image.reshape(len(labels), -1).T] for axis in (x, y)])
+    # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
+    across, down, mixed = sums(x * x) + areas / 12, sums(y * y) + areas / 12, sums(x * y)
+    moments = np.stack([[across, mixed], [mixed, down]]).transpose(2, 0, 1)
+    # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.
+    roots = np.linalg.cholesky(moments)
+    whitened = np.linalg.solve(roots, slopes.transpose(2, 0, 1))
+    values, vectors = np.linalg.eigh(whitened @ whitened.transpose(0, 2, 1))
+    directions = np.linalg.solve(roots.transpose(0, 2, 1), vectors[:, :, -1:])[:, :, 0]
+    # The halves of a uniform cell have their centers at half the root of three times its standard deviation.
+    lengths = np.sqrt(3) / 2 / (np.sqrt(areas) * np.square(directions).sum(axis=1))
+    return _STEP_OF_SLOPE * values[:, -1], middles, directions * lengths[:, np.newaxis]
+
+
+def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> NDArray[np.float32]:
+    """Compute the squared gradient of an image, in units of its mean, with a share that is uniform.
+
+    Parameters
+    ----------
+    bands : (H, W, C) float32 array
+        The image.
+    n_tiles : int
+        How many tiles it shall have: the density is smoothed over a quarter of their size.
+    uniform : float
+        What is added everywhere.
+
+    Returns
+    -------
+    (H, W) float32 array
+        Above 0.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    density = np.zeros(bands.shape[:2], np.float32)
+    for band in range(bands.shape[2]):
+        smooth = gaussian_filter(bands[:, :, band], 1.0, mode="nearest")
+        for axis in (0, 1):
+            if smooth.shape[axis] > 1:
+                density += np.gradient(smooth, axis=axis) ** 2
+    mean = float(density.mean(dtype=np.float64))
+    if mean > 0:
+        density /= np.float32(mean)
+    width = 0.25 * np.sqrt(density.size / n_tiles)
+    smooth = gaussian_filter(density, width, mode="nearest")
+    detail: NDArray[np.float32] = np.maximum(smooth, 0) + np.float32(uniform)
+    return detail
+
+
+def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
+    """Place points whose Delaunay triangulation has `n_triangles` triangles, which fill the picture.
+
+    The corners of the picture and some points of its sides are among them: of V points, B of them on the sides,
+    2 V - 2 - B triangles come.
+    """
+    height, width = density.shape
+    side = _TRIANGLE_SIDE * np.sqrt(height * width / n_triangles)
+    n_border = int(np.clip(round(2 * (height + width) / side), 4, n_triangles + 2))
+    n_border += (n_border - n_triangles) % 2
+    n_inner = (n_triangles + 2 - n_border) // 2
+    border = _border_points(density, n_border - 4)
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
+    inner = place_in_picture(density, n_inner, effort="fast").points if n_inner else np.empty((0, 2))
+    return np.concatenate([corners, border, inner])
+
+
+def _border_points(density: NDArray[np.float32], n_points: int) -> Floats:
+    """Place points around the picture, between its corners, by the root of the density there."""
+    height, width = density.shape
+    rim = np.concatenate([density[0], density[:, -1], density[-1, ::-1], density[::-1, 0]])
+    sums = np.append(0, np.cumsum(np.sqrt(rim, dtype=np.float64)))
+    at = np.interp((np.arange(n_points) + 0.5) / max(n_points, 1) * sums[-1], sums, np.arange(len(rim) + 1))
+    ends = np.cumsum([0, width, height, width, height])
+    which = np.minimum(np.searchsorted(ends, at, side="right") - 1, 3)
+    # One that falls on a corner goes half a pixel along.
+    along = np.clip(at - ends[which], 0.25, np.diff(ends)[which] - 0.25)
+    x = np.choose(which, [along, np.full_like(along, width), width - along, np.zeros_like(along)])
+    y = np.choose(which, [np.zeros_like(along), along, np.full_like(along, height), height - along])
+    return np.stack([x, y], axis=1)
 
 
 class Tiling(Protocol):
@@ -68,7 +280,7 @@ class VoronoiTiling:
         """Differentiate along the borders of cells."""
 
         def add(first: int, stop: int, sums: Floats) -> None:
-            _mosaics.add_border_gradient(image, painted.labels, points, painted.colors, first, stop, sums)
+            _artwork.add_border_gradient(image, painted.labels, points, painted.colors, first, stop, sums)
 
         return by_rows(add, self._shape, points.shape)
 
@@ -109,13 +321,13 @@ class DelaunayTiling:
         self._mesh = Delaunay(points)
         self.triangles = np.ascontiguousarray(self._mesh.simplices, np.int32)
         labels = np.zeros(self._shape, np.int32)
-        _mosaics.label_triangles(points, self.triangles, labels)
+        _artwork.label_triangles(points, self.triangles, labels)
         return labels
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
         """Differentiate along the edges of triangles."""
         gradient = np.zeros_like(points)
-        _mosaics.add_edge_gradient(image, points, self._edges(points), painted.colors, gradient)
+        _artwork.add_edge_gradient(image, points, self._edges(points), painted.colors, gradient)
         return gradient
 
     def _edges(self, points: Floats) -> NDArray[np.int32]:

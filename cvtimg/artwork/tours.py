@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_rows, check_shape
-from cvtimg.artwork._tours import improve, join, walk
+from cvtimg.artwork._artwork import improve, join, walk
 
 #: Neighbors among which better connections are looked for.
 _N_NEAR = 8

@@ -77,10 +77,7 @@ def mosaic(
 
 
 def _mosaic(task: Task, stopwatch: Stopwatch, *, making: Mapping[str, Any], drawing: Mapping[str, Any]) -> Row:
-    import numpy as np
-
     import cvtimg
-    from cvtimg._shared.pixels import peak
 
     image = cvtimg.read_image(task.source)
     stopwatch.lap("read")
@@ -88,13 +85,12 @@ def _mosaic(task: Task, stopwatch: Stopwatch, *, making: Mapping[str, Any], draw
     stopwatch.lap("mosaic")
     result.save(task.output, **drawing)
     stopwatch.lap("write")
-    error = np.mean((result.image.astype(np.float32) - image) ** 2, dtype=np.float64)
     return {
         "width": image.shape[1],
         "height": image.shape[0],
         "shape": making["shape"],
         "n": len(result.colors),
         "energy": result.energy,
-        "psnr": float(10 * np.log10(peak(image.dtype) ** 2 / error)) if error else None,
+        "psnr": result.psnr if result.psnr < float("inf") else None,
         "n_iter": len(result.energies) - 1,
     }

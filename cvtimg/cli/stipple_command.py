@@ -163,7 +163,6 @@ def _stipple(task: Task, stopwatch: Stopwatch, *, how: StippleOptions) -> Row:
     if "--cells" in task.outputs:
         result.save_cells(task.outputs["--cells"], width=how.drawing["width"], overwrite=how.overwrite)
     stopwatch.lap("write")
-    ink = float((result.radii**2).sum() * 3.141592653589793 / (image.shape[0] * image.shape[1]))
     return {
         "width": image.shape[1],
         "height": image.shape[0],
@@ -172,6 +171,6 @@ def _stipple(task: Task, stopwatch: Stopwatch, *, how: StippleOptions) -> Row:
         "radius": float(result.radii.mean()) if len(result) else None,
         "radius_mm": float(result.radii.mean() * how.drawing["width"] / image.shape[1]) if len(result) else None,
         "max_ink": result.max_ink,
-        "ink": ink,
+        "ink": result.ink,
         "energy": result.energy,
     }

@@ -1,7 +1,6 @@
 from .bounds import read_bounds
-from .discrepancy import star_discrepancy
 from .latin import latinize
-from .measures import PointMeasures, point_measures
+from .measures import PointMeasures, point_measures, star_discrepancy
 from .points import Design, design
 from .sequences import CVTDesign
 

@@ -10,32 +10,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
-from cvtimg.designs.discrepancy import star_discrepancy
-from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, exact_cells
-from cvtimg.designs.latin import latinize, latinize_beside
-from cvtimg.designs.measures import point_measures
-from cvtimg.designs.sampled_cells import nearest_points, offsets
-from cvtimg.designs.swapping import even_out
-from cvtimg.engine.methods import Stopping
+from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg.designs.cells import MOST_EXACT_DIMS, exact_cells, nearest_points, offsets
+from cvtimg.designs.latin import even_out, latinize, latinize_beside
+from cvtimg.designs.measures import point_measures, star_discrepancy
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 from cvtimg.placement.moments import Moments
 
 _Floats = NDArray[np.float64]
 
-#: Rounds in which Latin points move and become Latin again.
-_LATIN_ROUNDS = {"fast": 10, "balanced": 30, "best": 60}
-#: When the descents on the exact energy, and on samples of the torus, have come to rest.
-_EXACT = {"fast": Stopping(1e-4, 40), "balanced": Stopping(1e-5, 120), "best": Stopping(1e-7, 600)}
-_SAMPLED = {"fast": Stopping(1e-3, 20), "balanced": Stopping(1e-4, 60), "best": Stopping(1e-5, 150)}
-#: Starts of which the best is kept.
-_STARTS = {"fast": 1, "balanced": 1, "best": 6}
 #: Latin points may have so much more energy than the best if they are more even.
 _ABOUT = 5e-3
 #: So many samples are searched in two stages.
 _TWO_STAGES_FROM = 1 << 18
 #: Free points stay so far from the walls of the cube.
 _MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class DesignEffort:
+    """How much work is done.
+
+    Attributes
+    ----------
+    samples : int
+        For each point.
+    n_starts : int
+        Of which the best is kept.
+    exact, sampled : Stopping
+        When the descents on the exact energy, and on samples of the torus, have come to rest.
+    latin_rounds : int
+        In which Latin points move and become Latin again.
+    swaps : int
+        Comparisons of Latin points along an axis, to swap coordinates.
+    """
+
+    samples: int
+    n_starts: int
+    exact: Stopping
+    sampled: Stopping
+    latin_rounds: int
+    swaps: int
+
+
+#: The registry: names for `effort`.
+EFFORTS = {
+    "fast": DesignEffort(256, 1, Stopping(1e-4, 40), Stopping(1e-3, 20), 10, 10_000_000),
+    "balanced": DesignEffort(1024, 1, Stopping(1e-5, 120), Stopping(1e-4, 60), 30, 100_000_000),
+    "best": DesignEffort(4096, 6, Stopping(1e-7, 600), Stopping(1e-5, 150), 60, 1_000_000_000),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,12 +93,9 @@ class Cube:
         labels = nearest_points(self.samples, inside, self.periodic)
         apart = offsets(self.samples, inside, labels, self.periodic)
         loads = np.full(len(apart), 1 / len(apart)) if self.weights is None else self.weights / self.weights.sum()
-        masses: _Floats = np.bincount(labels, loads, len(points)).astype(np.float64)
-        centroids = points.copy()
-        for axis in range(points.shape[1]):
-            sums = np.bincount(labels, loads * apart[:, axis], len(points))
-            centroids[:, axis] += np.divide(sums, masses, out=np.zeros(len(points)), where=masses > 0)
-        return Moments(masses, centroids, float(loads @ (apart**2).sum(axis=1)))
+        masses = sum_by_label(labels, loads, len(points))
+        moves = per_mass(sum_by_label(labels, apart, len(points), loads), masses)
+        return Moments(masses, points + moves, float(loads @ (apart**2).sum(axis=1)))
 
 
 def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator) -> list[_Floats]:
@@ -81,9 +103,11 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
     if not cube.exact and not cube.periodic:
         return starts
-    starts += [_tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in range(_STARTS[effort] - 1)]
+    starts += [
+        _tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in range(EFFORTS[effort].n_starts - 1)
+    ]
     free = np.arange(n_points + len(existing)) >= len(existing)
-    descend, stopping = (l_bfgs, _EXACT[effort]) if cube.exact else (over_relaxed, _SAMPLED[effort])
+    descend, stopping = (l_bfgs, EFFORTS[effort].exact) if cube.exact else (over_relaxed, EFFORTS[effort].sampled)
     terms = Terms(stopping, free, None if cube.periodic else _within)
     ends = [descend(cube.moments, np.concatenate([existing, start]), terms) for start in starts]
     ends.sort(key=lambda end: end.energies[-1])
@@ -95,8 +119,9 @@ def place_latin(
     cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName, rng: np.random.Generator
 ) -> _Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
+    work = EFFORTS[effort].swaps
     ends = [
-        even_out(_alternate(cube, points, existing, effort), existing, cube.periodic, effort, rng) for points in starts
+        even_out(_alternate(cube, points, existing, effort), existing, cube.periodic, work, rng) for points in starts
     ]
     if len(ends) == 1:
         return ends[0]
@@ -110,7 +135,7 @@ def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortNam
     """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
     points = _latin(points, existing)
     best, least = points, np.inf
-    for _ in range(_LATIN_ROUNDS[effort]):
+    for _ in range(EFFORTS[effort].latin_rounds):
         found = cube.moments(np.concatenate([existing, points]))
         if found.energy < least:
             best, least = points, found.energy
@@ -146,8 +171,7 @@ def _tessellated(
 
 
 def _within(points: _Floats, before: _Floats) -> _Floats:
-    inside: _Floats = np.clip(points, _MARGIN, 1 - _MARGIN)
-    return inside
+    return np.clip(points, _MARGIN, 1 - _MARGIN)
 
 
 def _latin(points: _Floats, existing: _Floats) -> _Floats:

@@ -1,4 +1,10 @@
-"""How evenly points fill the unit cube: discrepancy, and the measures of their Voronoi cells."""
+"""How evenly points fill the unit cube: discrepancy, and the measures of their Voronoi cells.
+
+The star discrepancy says how far the share of points in a box from the origin is from the box's volume, at worst. In
+one to three dimensions it is counted exactly. In more that is NP-hard, and threshold accepting finds a lower bound,
+which is often the value itself: P. Winker, K.-T. Fang, SIAM J. Numerical Analysis 34 (1997) 2028-2042,
+doi 10.1137/S0036142995286076.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +14,98 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
-from cvtimg.designs._unit import check_unit_points
-from cvtimg.designs.discrepancy import star_discrepancy
-from cvtimg.designs.exact_cells import MOST_EXACT_DIMS, Cells, exact_cells
-from cvtimg.designs.sampled_cells import sampled_cells
+from cvtimg.designs import _designs
+from cvtimg.designs.cells import MOST_EXACT_DIMS, check_unit_points, exact_cells, sampled_cells
+from cvtimg.placement.cells import regularity
 
+_Floats = NDArray[np.float64]
+#: Walks, and point comparisons of each.
+_WALKS = 10
+_WORK = 20_000_000
+_MAX_STEPS = 50_000
 #: Number of samples of the cube in more dimensions.
 _N_SAMPLES = 1 << 20
+
+
+def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -> tuple[float, bool]:
+    """Compute the star discrepancy of points in the unit cube.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        In the unit cube. For d = 3 the cost grows as n^3: 1,000 points take about a second.
+    rng : int or numpy.random.Generator
+        Seed of the walks in four and more dimensions.
+
+    Returns
+    -------
+    float, bool
+        The discrepancy, and whether it is exact; if not it is a lower bound.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `points` is not what is said here.
+
+    Examples
+    --------
+    >>> from cvtimg.designs import star_discrepancy
+    >>> star_discrepancy([[0.25, 0.75], [0.75, 0.25]])
+    (0.5625, True)
+    """
+    array = check_unit_points("points", points)
+    if array.shape[1] <= MOST_EXACT_DIMS:
+        return _exact(array), True
+    return _lower_bound(array, np.random.default_rng(rng)), False
+
+
+def _exact(points: _Floats) -> float:
+    """Visit all corners that coordinates of points span: boxes with and without their upper sides."""
+    n_points, n_dims = points.shape
+    sides = [np.unique(np.append(axis, 1.0)) for axis in points.T]
+    if n_dims == 1:
+        levels = np.sort(points[:, 0])
+        closed, within = (np.searchsorted(levels, sides[0], side) / n_points for side in ("right", "left"))
+        return float(max((closed - sides[0]).max(), (sides[0] - within).max()))
+    at = [np.searchsorted(own, axis) for own, axis in zip(sides, points.T, strict=True)]
+    # An open box has the points up to the corner before its own: the first row and column stay 0.
+    counts = np.zeros((len(sides[0]) + 1, len(sides[1]) + 1), np.int32)
+    closed_counts, open_counts = counts[1:, 1:], counts[:-1, :-1]
+
+    def gap(of: NDArray[np.int32], depth: float, sign: int) -> float:
+        return _designs.greatest_gap(np.ascontiguousarray(of), sides[0], sides[1], depth, 1 / n_points, sign)
+
+    def add(members: NDArray[np.intp]) -> None:
+        for point in members:
+            closed_counts[at[0][point] :, at[1][point] :] += 1
+
+    if n_dims == 2:
+        add(np.arange(n_points))
+        return max(gap(closed_counts, 1.0, 1), gap(open_counts, 1.0, -1))
+    greatest = 0.0
+    for layer, depth in enumerate(sides[2]):
+        greatest = max(greatest, gap(open_counts, depth, -1))
+        add(np.flatnonzero(at[2] == layer))
+        greatest = max(greatest, gap(closed_counts, depth, 1))
+    return greatest
+
+
+def _lower_bound(points: _Floats, rng: np.random.Generator) -> float:
+    n_points, n_dims = points.shape
+    sides = np.concatenate([np.sort(points, axis=0), np.ones((1, n_dims))]).T.copy()
+    n_steps = min(_MAX_STEPS, max(1000, _WORK // (n_points * n_dims)))
+    left = np.linspace(1, 0, n_steps)
+    greatest = 0.0
+    for _ in range(_WALKS):
+        # Large boxes matter most: start with sides whose product is spread evenly.
+        corner = np.floor(rng.random(n_dims) ** (1 / n_dims) * n_points).astype(np.int32)
+        reach = (1 + left * n_points / 8).astype(np.int64)[:, None]
+        moves = rng.integers(-reach, reach + 1, (n_steps, n_dims))
+        moves[rng.random((n_steps, n_dims)) > 2 / n_dims] = 0
+        thresholds = left**2 / (2 * np.sqrt(n_points))
+        gap = _designs.walk_boxes(points, sides, corner, moves.astype(np.int32), thresholds)
+        greatest = max(greatest, gap)
+    return greatest
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,30 +180,13 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     discrepancy, is_exact = star_discrepancy(array, rng=rng)
     exact = array.shape[1] <= MOST_EXACT_DIMS
     cells = exact_cells(array, periodic) if exact else sampled_cells(array, _N_SAMPLES, periodic, rng)
-    traces, deviators = _moments(cells)
     return PointMeasures(
         discrepancy=discrepancy,
-        h=float(cells.reaches.max()),
-        chi=float((2 * cells.reaches / nearest).max()),
-        tau=float(np.abs(traces - traces.mean()).max()),
-        d=float(np.abs(np.linalg.det(deviators)).max()),
+        **regularity(cells.reaches, nearest, cells.seconds_per_volume),
         energy=cells.energy,
         exact_discrepancy=is_exact,
         exact_cells=exact,
     )
-
-
-def _moments(cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n,) traces of the cells' moment matrices per volume, and (n, d, d) their deviatoric parts."""
-    n_dims = cells.firsts.shape[1]
-    matrices = np.divide(
-        cells.seconds,
-        cells.volumes[:, None, None],
-        out=np.zeros_like(cells.seconds),
-        where=cells.volumes[:, None, None] > 0,
-    )
-    traces = np.einsum("ndd->n", matrices)
-    return traces, matrices - traces[:, None, None] / n_dims * np.eye(n_dims)
 
 
 def _nearest_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
@@ -120,7 +194,7 @@ def _nearest_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[n
 
     check_shape("points", points.shape, len(points) >= 2, "at least two")
     inside = points % 1.0 if periodic else points
-    distances: NDArray[np.float64] = cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1]
+    distances = cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1]
     first = int(np.argmin(distances))
     twice = f"differ from each other: number {first}, {points[first].tolist()}, is there twice"
     check_that("points", distances[first] > 0, twice)

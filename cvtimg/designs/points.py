@@ -22,11 +22,9 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.drawings import draw_dots
-from cvtimg.designs.descent import Cube, place, place_latin
-from cvtimg.designs.exact_cells import MOST_EXACT_DIMS
+from cvtimg.designs.cells import MOST_EXACT_DIMS, sobol_samples
+from cvtimg.designs.descent import EFFORTS, Cube, place, place_latin
 from cvtimg.designs.measures import PointMeasures, point_measures
-from cvtimg.designs.sampled_cells import sobol_samples
-from cvtimg.engine.search import EFFORTS
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 
@@ -36,6 +34,10 @@ _Floats = NDArray[np.float64]
 SUFFIXES = (".csv", ".npy")
 _MAX_DIMS = 64
 _MAX_POINTS = 1 << 16
+#: The least and the most samples in all.
+_FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
+#: Up to so many dimensions cells are integrated whatever the effort.
+_MOST_CHEAP_DIMS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,13 +202,6 @@ def design(
     )
 
 
-#: Samples for each point, and the least and the most in all.
-_SAMPLES_PER_POINT = {"fast": 256, "balanced": 1024, "best": 4096}
-_FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
-#: Up to so many dimensions cells are integrated whatever the effort.
-_MOST_CHEAP_DIMS = 2
-
-
 def _checked(
     n_points: int,
     bounds: int | ArrayLike,
@@ -226,7 +221,7 @@ def _checked(
         given = [name for name, value in (("latin=True", latin), ("periodic=True", periodic)) if value]
         check_alone("density or feasible", given)
     old = _checked_existing(existing, low, high)
-    asked = _SAMPLES_PER_POINT[effort] * (n_points + len(old))
+    asked = EFFORTS[effort].samples * (n_points + len(old))
     samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), rng)
     samples, weights = _weighted(samples, low, high, density, feasible)
     enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"

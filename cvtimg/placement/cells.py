@@ -18,8 +18,9 @@ from cvtimg.placement.polygons import triangle_areas, triangulate
 from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.samples import SampleMoments
 
-#: (K,) shapely polygons.
-Polygons: TypeAlias = NDArray[Any]
+#: (K,) shapely polygons; and corners of K convex polygons.
+Geometries: TypeAlias = NDArray[Any]
+Polygons: TypeAlias = tuple[Points, ...]
 
 #: Points of a triangle and their weights, exact up to the fifth degree.
 #: J. Radon, Zur mechanischen Kubatur, Monatshefte fuer Mathematik 52 (1948), doi 10.1007/BF01525334.
@@ -37,7 +38,7 @@ _FAR_AWAY = 8.0
 _APART = 1e-7
 
 
-def voronoi_cells(points: Points, region: Region) -> Polygons:
+def voronoi_cells(points: Points, region: Region) -> Geometries:
     """Cut a region of the plane into the Voronoi cells of (K, 2) points: K shapely polygons.
 
     In a periodic box a cell is around its generator and may reach over the side. Of several generators at one place
@@ -102,7 +103,7 @@ class PolygonMoments:
         masses = sums[:, 0].copy()
         return Moments(masses, generators + per_mass(sums[:, 1:3], masses), float(sums[:, 3].sum()))
 
-    def _sums(self, cells: Polygons, generators: Points) -> NDArray[np.float64]:
+    def _sums(self, cells: Geometries, generators: Points) -> NDArray[np.float64]:
         triangles, own = triangulate(cells)
         places = np.einsum("qi,tid->tqd", _POINTS, triangles)
         at = places.reshape(-1, 2)
@@ -114,7 +115,7 @@ class PolygonMoments:
         return sum_by_label(own, np.stack([part.sum(axis=1) for part in parts], axis=1), len(cells))
 
 
-def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
+def _exact_sums(cells: Geometries, generators: Points) -> NDArray[np.float64]:
     """Area, first moments and polar second moment of polygons about their generators, by Green's theorem."""
     shapely = optional("shapely", "regions")
 
@@ -130,7 +131,7 @@ def _exact_sums(cells: Polygons, generators: Points) -> NDArray[np.float64]:
     return sum_by_label(cell, np.stack(parts, axis=1), len(cells))
 
 
-def _oriented_rings(cells: Polygons) -> tuple[Polygons, NDArray[np.intp]]:
+def _oriented_rings(cells: Geometries) -> tuple[Geometries, NDArray[np.intp]]:
     """Rings of polygons, outer ones counter-clockwise and holes clockwise, and the polygon of each."""
     shapely = optional("shapely", "regions")
 
@@ -140,7 +141,7 @@ def _oriented_rings(cells: Polygons) -> tuple[Polygons, NDArray[np.intp]]:
     return rings, own[flat][piece]
 
 
-def cell_rings(cells: Polygons) -> tuple[list[Points], NDArray[np.intp]]:
+def cell_rings(cells: Geometries) -> tuple[list[Points], NDArray[np.intp]]:
     """Coordinates of the rings of polygons, as of `_oriented_rings`, and the polygon of each."""
     shapely = optional("shapely", "regions")
 
@@ -279,7 +280,7 @@ def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) ->
     return cells, (sums / cells[:, None]).reshape(-1, 2, 2)
 
 
-def power_cells(points: Points, weights: Points | None, shape: tuple[int, int]) -> tuple[Points, ...]:
+def power_cells(points: Points, weights: Points | None, shape: tuple[int, int]) -> Polygons:
     """Compute Voronoi or power cells, cut off at the sides of a picture.
 
     Parameters
@@ -359,7 +360,7 @@ def _corners(points: Points, weights: Points, size: Points) -> tuple[NDArray[np.
     return owners.ravel()[real], np.repeat(corners, 3, axis=0)[real]
 
 
-def _in_order(owners: NDArray[np.int32], corners: Points, n_cells: int) -> tuple[Points, ...]:
+def _in_order(owners: NDArray[np.int32], corners: Points, n_cells: int) -> Polygons:
     """Put the corners of each cell in order around their middle, without those that coincide."""
     counts = np.bincount(owners, minlength=n_cells)
     sums = np.stack([np.bincount(owners, corners[:, axis], n_cells) for axis in (0, 1)], axis=1)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_returned, refuse
 from cvtimg.placement import Region
-from cvtimg.supports import _covering
-from cvtimg.supports.rows import as_rows
+from cvtimg.supports import _supports
+from cvtimg.supports.sight import as_rows
 
 _Floats = NDArray[np.float64]
 #: From (m, d) places and (m, d) points to (m,) booleans.
@@ -174,5 +174,5 @@ def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Fl
     taken, depths = rows.lengths().astype(np.int32), held.sum(axis=1).astype(np.int32)
     for part in _PARTS:
         turns = np.argsort(-radii).astype(np.int32)
-        _covering.shrink_over_samples(turns, part, floors, *rows, reaches[sort], order, taken, radii, depths)
+        _supports.shrink_over_samples(turns, part, floors, *rows, reaches[sort], order, taken, radii, depths)
     return radii

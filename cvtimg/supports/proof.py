@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.supports import _plane
-from cvtimg.supports.rows import Rows, overlaps
-from cvtimg.supports.sight import Outline
+from cvtimg.supports import _supports
+from cvtimg.supports.sight import Rows, Sight, overlaps
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.intp]
@@ -64,50 +63,48 @@ class Gaps:
     without: NDArray[np.int32]
 
 
-def find_gaps(points: _Floats, radii: _Floats, outline: Outline, order: int) -> Gaps:
+def find_gaps(points: _Floats, radii: _Floats, sight: Sight, order: int) -> Gaps:
     """Find where disks cover a region fewer than `order` times: corners of all parts where they do."""
     meets = overlaps(points, radii)
-    near = outline.near(points, radii)
-    around = near if outline.blocking else outline.around(points, radii)
-    shadows = _shadows(points, radii, outline)
+    near = sight.near(points, radii)
+    around = near if sight.blocking else sight.around(points, radii)
+    shadows = _shadows(points, radii, sight)
     parts = [
         _circle_crossings(points, radii, meets),
-        _barrier_crossings(points, radii, outline, around),
-        _corners(points, radii, outline, shadows),
-        _shadow_crossings(points, radii, outline, shadows, meets, around),
+        _barrier_crossings(points, radii, sight, around),
+        _corners(points, radii, sight, shadows),
+        _shadow_crossings(points, radii, sight, shadows, meets, around),
     ]
     looked_at = Places(*(np.concatenate([part[at] for part in parts]) for at in range(3)))
     places, without = np.ascontiguousarray(looked_at.places), np.ascontiguousarray(looked_at.without, np.int32)
-    depths = np.empty(len(places), np.int32)
-    _plane.count_depths(
+    depths = _supports.count_depths(
         places,
         looked_at.owners.astype(np.int32),
         without,
         points,
         radii,
         *meets,
-        outline.barriers,
+        sight.barriers,
         *near,
-        outline.tolerance,
+        sight.tolerance,
         0.0,
         order,
-        depths,
     )
     few = np.flatnonzero(depths < order)
-    few = few[_inside(outline, places[few])]
+    few = few[_inside(sight, places[few])]
     return Gaps(places[few], order - depths[few], without[few])
 
 
-def _inside(outline: Outline, places: _Floats) -> NDArray[np.bool_]:
+def _inside(sight: Sight, places: _Floats) -> NDArray[np.bool_]:
     """Tell which places lie in the region; where nothing blocks sight, those on its boundary do."""
     if not len(places):
         return np.zeros(0, bool)
-    inside = outline.region.contains(places)
-    if not outline.blocking:
+    inside = sight.region.contains(places)
+    if not sight.blocking:
         outside = np.flatnonzero(~inside)
         if len(outside):
-            apart = np.linalg.norm(outline.region.project(places[outside]) - places[outside], axis=1)
-            inside[outside] = apart <= outline.tolerance
+            apart = np.linalg.norm(sight.region.project(places[outside]) - places[outside], axis=1)
+            inside[outside] = apart <= sight.tolerance
     return inside
 
 
@@ -134,10 +131,10 @@ def _circle_crossings(points: _Floats, radii: _Floats, meets: Rows) -> Places:
     )
 
 
-def _barrier_crossings(points: _Floats, radii: _Floats, outline: Outline, around: Rows) -> Places:
+def _barrier_crossings(points: _Floats, radii: _Floats, sight: Sight, around: Rows) -> Places:
     """Where circles cross barriers; on both sides of these where they block sight."""
     own, items = around.spread(np.arange(len(points)))
-    segments = outline.barriers[items]
+    segments = sight.barriers[items]
     starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     lengths = np.linalg.norm(along, axis=1)
     along = along / lengths[:, None]
@@ -147,28 +144,28 @@ def _barrier_crossings(points: _Floats, radii: _Floats, outline: Outline, around
     found, owners, sides = [], [], []
     for sign in (-1, 1):
         at = -middles + sign * np.sqrt(np.maximum(under, 0))
-        good = (under > 0) & (at >= -outline.tolerance) & (at <= lengths + outline.tolerance)
+        good = (under > 0) & (at >= -sight.tolerance) & (at <= lengths + sight.tolerance)
         found.append(starts[good] + at[good, None] * along[good])
         owners.append(own[good])
         sides.append(along[good])
     places, owner, side = np.concatenate(found), np.concatenate(owners), np.concatenate(sides)
-    places, owner = _beside(places, owner, side, outline)
+    places, owner = _beside(places, owner, side, sight)
     return Places(places, owner, _pairs(owner))
 
 
-def _beside(places: _Floats, own: _Ints, along: _Floats, outline: Outline) -> tuple[_Floats, _Ints]:
+def _beside(places: _Floats, own: _Ints, along: _Floats, sight: Sight) -> tuple[_Floats, _Ints]:
     """Move places on barriers that block sight a little to both sides."""
-    if not outline.blocking:
+    if not sight.blocking:
         return places, own
-    aside = _ASIDE * outline.size * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    aside = _ASIDE * sight.size * np.stack([-along[:, 1], along[:, 0]], axis=1)
     return np.concatenate([places + aside, places - aside]), np.concatenate([own, own])
 
 
-def _corners(points: _Floats, radii: _Floats, outline: Outline, shadows: Shadows) -> Places:
+def _corners(points: _Floats, radii: _Floats, sight: Sight, shadows: Shadows) -> Places:
     """Take ends of barriers and where slits cross barriers; each sector around them where they block sight."""
-    ends = np.unique(np.concatenate([outline.barriers.reshape(-1, 2), _crossings(outline)]), axis=0)
-    if outline.blocking:
-        ends = np.concatenate([_sectors(end, outline, shadows) for end in ends])
+    ends = np.unique(np.concatenate([sight.barriers.reshape(-1, 2), _crossings(sight)]), axis=0)
+    if sight.blocking:
+        ends = np.concatenate([_sectors(end, sight, shadows) for end in ends])
     owners = np.empty(len(ends), np.intp)
     step = max(1, (1 << 22) // len(points))
     for start in range(0, len(ends), step):
@@ -178,12 +175,12 @@ def _corners(points: _Floats, radii: _Floats, outline: Outline, shadows: Shadows
     return Places(ends, owners, np.full((len(ends), 2), -1))
 
 
-def _crossings(outline: Outline) -> _Floats:
+def _crossings(sight: Sight) -> _Floats:
     """(c, 2) places where slits cross other barriers."""
-    slits = outline.barriers[outline.n_boundary :]
+    slits = sight.barriers[sight.n_boundary :]
     found = [np.empty((0, 2))]
     for number, slit in enumerate(slits):
-        others = np.delete(outline.barriers, outline.n_boundary + number, axis=0)
+        others = np.delete(sight.barriers, sight.n_boundary + number, axis=0)
         along, across = slit[2:] - slit[:2], others[:, 2:] - others[:, :2]
         turn = along[0] * across[:, 1] - along[1] * across[:, 0]
         others, across, turn = others[turn != 0], across[turn != 0], turn[turn != 0]
@@ -195,10 +192,10 @@ def _crossings(outline: Outline) -> _Floats:
     return np.concatenate(found)
 
 
-def _sectors(end: _Floats, outline: Outline, shadows: Shadows) -> _Floats:
+def _sectors(end: _Floats, sight: Sight, shadows: Shadows) -> _Floats:
     """(s, 2) places around the end of a barrier: between barriers and edges of shadows that meet there."""
-    size = outline.size
-    starts, ends = outline.barriers[:, :2], outline.barriers[:, 2:]
+    size = sight.size
+    starts, ends = sight.barriers[:, :2], sight.barriers[:, 2:]
     along = ends - starts
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     steps = end - starts
@@ -211,22 +208,21 @@ def _sectors(end: _Floats, outline: Outline, shadows: Shadows) -> _Floats:
     angles = np.sort(np.arctan2(directions[:, 1], directions[:, 0]))
     widths = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     middles = (angles + widths / 2)[widths > _NARROW]
-    places: _Floats = end + _ASIDE * size * np.stack([np.cos(middles), np.sin(middles)], axis=1)
-    return places
+    return end + _ASIDE * size * np.stack([np.cos(middles), np.sin(middles)], axis=1)
 
 
-def _shadows(points: _Floats, radii: _Floats, outline: Outline) -> Shadows:
+def _shadows(points: _Floats, radii: _Floats, sight: Sight) -> Shadows:
     """Edges of shadows from the tips in each disk that its point sees."""
-    apart = np.linalg.norm(points[:, None] - outline.tips, axis=2)
-    own, tips = np.nonzero((apart < radii[:, None]) & (apart > outline.tolerance))
-    seen = outline.sees(points, own, outline.tips[tips], slack=-outline.slack)
+    apart = np.linalg.norm(points[:, None] - sight.tips, axis=2)
+    own, tips = np.nonzero((apart < radii[:, None]) & (apart > sight.tolerance))
+    seen = sight.sees(points, own, sight.tips[tips], slack=-sight.slack)
     own, tips = own[seen], tips[seen]
-    directions = outline.tips[tips] - points[own]
-    return Shadows(own, outline.tips[tips], directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    directions = sight.tips[tips] - points[own]
+    return Shadows(own, sight.tips[tips], directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
 
 def _shadow_crossings(
-    points: _Floats, radii: _Floats, outline: Outline, shadows: Shadows, meets: Rows, around: Rows
+    points: _Floats, radii: _Floats, sight: Sight, shadows: Shadows, meets: Rows, around: Rows
 ) -> Places:
     """Where edges of shadows cross circles, barriers and each other."""
     if not len(shadows.own):
@@ -242,13 +238,13 @@ def _shadow_crossings(
         places = shadows.tips[at[good]] + along[good, None] * shadows.directions[at[good]]
         parts.append(Places(places, shadows.own[at[good]], _pairs(shadows.own[at[good]], disks[good])))
     at, items = around.spread(shadows.own)
-    segments = outline.barriers[items]
+    segments = sight.barriers[items]
     sides = segments[:, 2:] - segments[:, :2]
     along, share = _meet(shadows.tips[at], shadows.directions[at], segments[:, :2], sides)
-    good = (along > outline.slack) & (share >= 0) & (share <= 1)
+    good = (along > sight.slack) & (share >= 0) & (share <= 1)
     places = shadows.tips[at[good]] + along[good, None] * shadows.directions[at[good]]
     sides = sides[good] / np.linalg.norm(sides[good], axis=1, keepdims=True)
-    places, own = _beside(places, shadows.own[at[good]], sides, outline)
+    places, own = _beside(places, shadows.own[at[good]], sides, sight)
     parts.append(Places(places, own, _pairs(own)))
     one, other = _shadow_pairs(shadows, meets, len(points))
     along, share = _meet(shadows.tips[one], shadows.directions[one], shadows.tips[other], shadows.directions[other])

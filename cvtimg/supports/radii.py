@@ -15,8 +15,7 @@ from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
-from cvtimg.supports.rows import overlaps
-from cvtimg.supports.sight import Outline, outline_of
+from cvtimg.supports.sight import Sight, overlaps, sight_in
 
 _Floats = NDArray[np.float64]
 
@@ -115,8 +114,8 @@ class Supports:
 
         suffix = check_choice("suffix", Path(path).suffix.lower(), PLOT_SUFFIXES)
         check_shape("points", self.points.shape, self.points.shape[1] == 2, "(n, 2) to be drawn")
-        outline = outline_of(self.region, None if callable(self.visible) else self.visible)
-        lines = () if outline is None else outline.barriers.reshape(-1, 2, 2)
+        sight = sight_in(self.region, None if callable(self.visible) else self.visible)
+        lines = () if sight is None else sight.barriers.reshape(-1, 2, 2)
         write_whole(path, draw_supports(self.points, self.radii, suffix, list(lines)), overwrite=overwrite)
 
     def _seen(self, own: NDArray[np.intp], places: _Floats) -> NDArray[np.bool_]:
@@ -124,9 +123,9 @@ class Supports:
             return np.ones(len(own), bool)
         if callable(self.visible):
             return np.asarray(self.visible(places, self.points[own])).astype(bool)
-        outline = outline_of(self.region, self.visible)
-        assert outline is not None
-        return outline.sees(self.points, own, places)
+        sight = sight_in(self.region, self.visible)
+        assert sight is not None
+        return sight.sees(self.points, own, places)
 
 
 def support_radii(
@@ -191,16 +190,16 @@ def support_radii(
     centers = check_places("points", points, where.n_dims).copy()
     order = check_count("cover", cover, len(centers), "the number of points")
     _check_points(centers, where)
-    outline = None if callable(visible) else outline_of(where, visible)
-    if outline is not None:
-        radii, proved = radii_in_plane(centers, outline, order, tighten)
+    sight = None if callable(visible) else sight_in(where, visible)
+    if sight is not None:
+        radii, proved = radii_in_plane(centers, sight, order, tighten)
     else:
         function = visible is None or callable(visible)
         check_that("visible", function, f"be a function for region={where!r}: slits block sight in polygons and boxes")
         radii = radii_by_boxes(centers, where, order, tighten, visible)  # type: ignore[arg-type]
         proved = visible is None and not isinstance(where, ImplicitRegion)
     blocks = visible if visible is None or callable(visible) else np.array(visible, np.float64).reshape(-1, 2, 2)
-    return Supports(centers, radii, _overlap(centers, radii, outline), order, proved, where, blocks)
+    return Supports(centers, radii, _overlap(centers, radii, sight), order, proved, where, blocks)
 
 
 def _check_points(points: _Floats, region: Region) -> None:
@@ -210,27 +209,32 @@ def _check_points(points: _Floats, region: Region) -> None:
     if len(outside):
         apart = np.linalg.norm(region.project(points[outside]) - points[outside], axis=1)
         outside = outside[apart > _OUTSIDE * np.linalg.norm(np.ptp(region.bounds, axis=0))]
-    for number in outside:
-        check_that("points", False, f"lie in the region: number {number}, {points[number].tolist()}, does not")
+    if len(outside):
+        number = outside[0]
+        raise ValueError(f"points must lie in the region: number {number}, {points[number].tolist()}, does not")
     first = np.unique(points, axis=0, return_index=True)[1]
-    for twice in np.setdiff1d(np.arange(len(points)), first):
-        check_that("points", False, f"differ from each other: number {twice}, {points[twice].tolist()}, is there twice")
+    again = np.setdiff1d(np.arange(len(points)), first)
+    if len(again):
+        twice = again[0]
+        raise ValueError(
+            f"points must differ from each other: number {twice}, {points[twice].tolist()}, is there twice"
+        )
 
 
-def _overlap(points: _Floats, radii: _Floats, outline: Outline | None) -> Any:
+def _overlap(points: _Floats, radii: _Floats, sight: Sight | None) -> Any:
     """Balls that meet; where sight is blocked, those whose points see each other or the same place around a tip."""
     from scipy.sparse import csr_array
 
     meets = overlaps(points, radii)
     own, other = meets.spread(np.arange(len(points)))
-    if outline is not None and outline.blocking:
-        meet = outline.sees(points, own, points[other]) & outline.sees(points, other, points[own])
-        for tip in outline.tips:
+    if sight is not None and sight.blocking:
+        meet = sight.sees(points, own, points[other]) & sight.sees(points, other, points[own])
+        for tip in sight.tips:
             holds = np.flatnonzero(np.linalg.norm(points - tip, axis=1) < radii)
-            around = tip + _AROUND * outline.size * _DIRECTIONS
+            around = tip + _AROUND * sight.size * _DIRECTIONS
             looks, targets = np.repeat(holds, len(around)), np.tile(around, (len(holds), 1))
             seen = np.zeros((len(points), len(around)), bool)
-            seen[holds] = outline.sees(points, looks, targets).reshape(len(holds), -1)
+            seen[holds] = sight.sees(points, looks, targets).reshape(len(holds), -1)
             meet |= (seen[own] & seen[other]).any(axis=1)
         own, other = own[meet], other[meet]
     shape = (len(points), len(points))

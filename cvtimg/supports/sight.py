@@ -1,8 +1,9 @@
-"""A region of the plane as its boundary, and the barriers that block sight in it."""
+"""A region of the plane as its boundary, the barriers that block sight in it, and what is near to what."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,25 +12,69 @@ from cvtimg._shared.checks import check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg.placement import Box, PolygonRegion, Region
 from cvtimg.placement.regions import Geometry
-from cvtimg.supports import _plane
-from cvtimg.supports.rows import Rows, as_rows, empty_rows
+from cvtimg.supports import _supports
 
+_Ints = NDArray[np.int32]
 _Floats = NDArray[np.float64]
-
 #: Shares of the size of the region: what counts as on a barrier, and by how much barriers are longer than they are.
 _TOLERANCE, _SLACK = 1e-12, 1e-8
 #: Distances that are computed at a time.
 _AT_ONCE = 1 << 22
 
 
+class Rows(NamedTuple):
+    """Row i holds ``items[starts[i] : starts[i + 1]]``."""
+
+    starts: _Ints
+    items: _Ints
+
+    def lengths(self) -> _Ints:
+        """(n,) how many items each row has."""
+        return np.diff(self.starts)
+
+    def spread(self, own: NDArray[np.intp]) -> tuple[NDArray[np.intp], _Ints]:
+        """Repeat indices of rows for each item that the row has: positions in `own`, and the items."""
+        counts = self.lengths()[own]
+        at = np.repeat(np.arange(len(own)), counts)
+        within = np.arange(len(at)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return at, self.items[self.starts[own][at] + within]
+
+
+def as_rows(own: NDArray[np.integer], items: NDArray[np.integer], n_rows: int) -> Rows:
+    """Collect items by their rows, which rise."""
+    starts = np.concatenate([[0], np.cumsum(np.bincount(own, minlength=n_rows))])
+    return Rows(starts.astype(np.int32), np.ascontiguousarray(items, np.int32))
+
+
+def empty_rows(n_rows: int) -> Rows:
+    """Rows without items."""
+    return Rows(np.zeros(n_rows + 1, np.int32), np.zeros(0, np.int32))
+
+
+def overlaps(points: NDArray[np.float64], radii: NDArray[np.float64]) -> Rows:
+    """Balls that each ball meets, itself among them."""
+    from scipy.spatial import cKDTree
+
+    # Of two balls that meet, the center of one lies within twice the radius of the larger one.
+    found = cKDTree(points).query_ball_point(points, 2 * radii)
+    own = np.repeat(np.arange(len(points)), [len(row) for row in found])
+    other = np.concatenate([np.asarray(row, np.intp) for row in found])
+    meet = np.linalg.norm(points[own] - points[other], axis=1) < radii[own] + radii[other]
+    meet |= own == other
+    both = np.unique(
+        np.concatenate([np.stack([own, other], axis=1)[meet], np.stack([other, own], axis=1)[meet]]), axis=0
+    )
+    return as_rows(both[:, 0], both[:, 1], len(points))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Outline:
+class Sight:
     """A region of the plane.
 
     Attributes
     ----------
     region : Region
-        What it is the outline of.
+        The region.
     barriers : (S, 4) float64 array
         Segments x1, y1, x2, y2: the boundary, then the slits.
     n_boundary : int
@@ -79,19 +124,17 @@ class Outline:
 
     def sees(self, points: _Floats, own: NDArray[np.integer], places: _Floats, slack: float = 0) -> NDArray[np.bool_]:
         """Tell which of (m, 2) places is seen by the point that looks there, of (n, 2) points."""
-        seen = np.ones(len(own), np.uint8)
-        if self.blocking and len(own):
-            looks = np.asarray(own, np.int32)
-            extents = np.zeros(len(points))
-            np.maximum.at(extents, looks, np.linalg.norm(places - points[looks], axis=1))
-            near = self.near(points, extents)
-            targets = np.ascontiguousarray(places)
-            _plane.see(points, looks, targets, self.barriers, *near, self.tolerance, slack, seen)
-        return seen.view(np.bool_)
+        if not self.blocking or not len(own):
+            return np.ones(len(own), bool)
+        looks = np.asarray(own, np.int32)
+        extents = np.zeros(len(points))
+        np.maximum.at(extents, looks, np.linalg.norm(places - points[looks], axis=1))
+        near, targets = self.near(points, extents), np.ascontiguousarray(places)
+        return _supports.see(points, looks, targets, self.barriers, *near, self.tolerance, slack)
 
 
-def outline_of(region: Region, slits: ArrayLike | None) -> Outline | None:
-    """Return the outline of a region of the plane whose boundary is made of segments, or None of another.
+def sight_in(region: Region, slits: ArrayLike | None) -> Sight | None:
+    """Return what blocks sight in a region of the plane whose boundary is made of segments; None for another region.
 
     Its boundary and the slits, (S, 2, 2) ends of segments, block sight if `slits` is not None.
     """
@@ -105,7 +148,7 @@ def outline_of(region: Region, slits: ArrayLike | None) -> Outline | None:
     cuts = np.empty((0, 4)) if slits is None else _checked_slits(slits)
     barriers = np.ascontiguousarray(np.concatenate([boundary, cuts]))
     tips = np.unique(np.concatenate([reflex, cuts.reshape(-1, 2)]), axis=0)
-    return Outline(region, barriers, len(boundary), tips if slits is not None else tips[:0], slits is not None)
+    return Sight(region, barriers, len(boundary), tips if slits is not None else tips[:0], slits is not None)
 
 
 def _checked_slits(slits: ArrayLike) -> _Floats:

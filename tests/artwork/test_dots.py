@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.stipples import draw_dots
 
 
 def test_disks_cover_their_union() -> None:

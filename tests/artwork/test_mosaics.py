@@ -12,9 +12,8 @@ from skimage import data
 from skimage.segmentation import slic
 
 from cvtimg import mosaic, read_image
-from cvtimg.artwork._mosaics import label_triangles
-from cvtimg.artwork.painting import Painted, paint
-from cvtimg.artwork.tilings import DelaunayTiling, VoronoiTiling
+from cvtimg.artwork._artwork import label_triangles
+from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
 
 PHOTO = data.coffee()[::3, ::3]
 

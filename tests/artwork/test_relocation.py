@@ -7,8 +7,7 @@ import pytest
 
 import cvtimg
 from cvtimg.artwork import tilings
-from cvtimg.artwork.painting import paint
-from cvtimg.artwork.relocation import division_gains, relocate, removal_costs
+from cvtimg.artwork.tilings import division_gains, paint, relocate, removal_costs
 from cvtimg.placement import pixel_labels
 
 SAMPLES = Path(__file__).parents[2] / "sample_images"

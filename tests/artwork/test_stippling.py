@@ -9,8 +9,8 @@ from skimage import data
 from cvtimg import stipple
 from cvtimg.artwork import Stipples, ink_coverage
 from cvtimg.artwork.dot_layers import DOTS, place_dots
-from cvtimg.artwork.dots import draw_dots
-from cvtimg.artwork.separations import process_coverages
+from cvtimg.artwork.stipples import draw_dots
+from cvtimg.artwork.tones import process_coverages
 from cvtimg.colors.spaces import to_space
 from cvtimg.placement import place_in_picture
 

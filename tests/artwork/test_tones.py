@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cvtimg.artwork.dots import draw_dots
+from cvtimg.artwork.stipples import draw_dots
 from cvtimg.artwork.tones import disk_area, ink_coverage, linear_light
 
 GRAYS = np.array([[0, 60, 128, 188, 255]], np.uint8)

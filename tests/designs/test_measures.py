@@ -12,9 +12,8 @@ from scipy.spatial import cKDTree
 
 from cvtimg import latinize, point_measures
 from cvtimg.designs import star_discrepancy
-from cvtimg.designs.discrepancy import _lower_bound
-from cvtimg.designs.exact_cells import exact_cells
-from cvtimg.designs.sampled_cells import nearest_points, sampled_cells
+from cvtimg.designs.cells import exact_cells, nearest_points, sampled_cells
+from cvtimg.designs.measures import _lower_bound
 
 RNG = np.random.default_rng(4)
 

@@ -10,9 +10,9 @@ from PIL import Image
 
 from cvtimg import place_generators, support_radii
 from cvtimg.placement import Box, ImplicitRegion, PolygonRegion, Region
+from cvtimg.supports.plane import find_reaches
 from cvtimg.supports.proof import find_gaps
-from cvtimg.supports.reach import find_reaches
-from cvtimg.supports.sight import outline_of
+from cvtimg.supports.sight import sight_in
 
 SQUARE = Box([0, 0], [1, 1])
 ELL = PolygonRegion([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]])
@@ -38,7 +38,7 @@ def distances(region: Region, slits: Any, points: NDArray[Any], places: NDArray[
     apart = np.linalg.norm(places[:, None] - points, axis=2)
     if slits is None:
         return apart
-    return np.where(seen_by_segments(outline_of(region, slits), points, places), apart, np.inf)
+    return np.where(seen_by_segments(sight_in(region, slits), points, places), apart, np.inf)
 
 
 @pytest.mark.parametrize("order", [1, 3])
@@ -46,7 +46,7 @@ def distances(region: Region, slits: Any, points: NDArray[Any], places: NDArray[
 def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(case: int, order: int) -> None:
     region, slits = CASES[case]
     points, places = region.draw(40, 3), region.draw(4000, 1)
-    outline = outline_of(region, slits)
+    outline = sight_in(region, slits)
     assert outline is not None
     found = find_reaches(points, outline, order)
     apart = distances(region, slits, points, places)
@@ -83,7 +83,7 @@ def test_covers_by_three_get_tighter(region: Region) -> None:
 def test_the_proof_finds_a_gap_where_samples_do_and_no_others(case: int, order: int) -> None:
     region, slits = CASES[case]
     points, places = region.draw(40, 5), region.draw(4000, 2)
-    outline = outline_of(region, slits)
+    outline = sight_in(region, slits)
     assert outline is not None
     radii = find_reaches(points, outline, order) * (1 + 1e-6)
     apart = distances(region, slits, points, places)
@@ -101,7 +101,7 @@ def test_the_proof_finds_a_gap_where_samples_do_and_no_others(case: int, order: 
 
 
 def test_disks_without_a_crossing_are_not_taken_for_a_cover() -> None:
-    outline = outline_of(SQUARE, None)
+    outline = sight_in(SQUARE, None)
     assert outline is not None
     assert len(find_gaps(np.array([[0.5, 0.5]]), np.array([0.2]), outline, 1).places)
     assert not len(find_gaps(np.array([[0.5, 0.5]]), np.array([0.8]), outline, 1).places)

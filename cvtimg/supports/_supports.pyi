@@ -4,6 +4,51 @@ from numpy.typing import NDArray
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int32]
 
+def see(
+    points: _Floats,
+    own: _Ints,
+    places: _Floats,
+    barriers: _Floats,
+    starts: _Ints,
+    near: _Ints,
+    tolerance: float,
+    slack: float,
+) -> NDArray[np.bool_]: ...
+def count_depths(
+    places: _Floats,
+    owners: _Ints,
+    without: _Ints,
+    points: _Floats,
+    radii: _Floats,
+    row_starts: _Ints,
+    meets: _Ints,
+    barriers: _Floats,
+    starts: _Ints,
+    near: _Ints,
+    tolerance: float,
+    slack: float,
+    enough: int,
+) -> _Ints: ...
+def find_reaches(
+    points: _Floats,
+    who: _Ints,
+    order: int,
+    windows: _Floats,
+    bounds: _Floats,
+    other_starts: _Ints,
+    others: _Ints,
+    barriers: _Floats,
+    n_boundary: int,
+    near_starts: _Ints,
+    near: _Ints,
+    tips: _Floats,
+    tip_starts: _Ints,
+    near_tips: _Ints,
+    blocking: bool,
+    tolerance: float,
+    slack: float,
+    most_lines: int,
+) -> _Floats: ...
 def shrink_over_samples(
     turns: _Ints,
     part: float,
@@ -34,7 +79,6 @@ def shrink(
     blocking: bool,
     tolerance: float,
     aside: float,
-    meeting: _Ints,
     radii: _Floats,
 ) -> None: ...
 def exchange(
@@ -57,8 +101,5 @@ def exchange(
     blocking: bool,
     tolerance: float,
     aside: float,
-    meeting: _Ints,
     radii: _Floats,
-    changed: _Ints,
-    before: _Floats,
 ) -> int: ...

@@ -1,4 +1,4 @@
-"""Voronoi cells of points in the unit cube or on the unit torus, exactly, in one to three dimensions.
+"""Voronoi cells of points in the unit cube or on the unit torus: exactly in one to three dimensions, else by samples.
 
 A Delaunay simplex is cut into orthoschemes: simplices whose corners are a vertex, the middle of an edge from it, in
 three dimensions the circumcenter of a face, and the circumcenter of the simplex. Summed with their signs, those of a
@@ -12,10 +12,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_rows, check_within
+from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.threads import in_parts
+from cvtimg.designs import _designs
+from cvtimg.engine.points import assign, pack
 
 _Floats = NDArray[np.float64]
-
 #: Dimensions up to which cells are computed exactly.
 MOST_EXACT_DIMS = 3
 #: Images nearer to a wall than this times the mean spacing are enough for most points.
@@ -25,7 +30,7 @@ _FLAT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class UnitCells:
     """Moments of Voronoi cells.
 
     Attributes
@@ -46,12 +51,18 @@ class Cells:
     reaches: _Floats
 
     @property
+    def seconds_per_volume(self) -> _Floats:
+        """(n, d, d) second moments of each cell, per volume."""
+        volumes = self.volumes[:, None, None]
+        return np.divide(self.seconds, volumes, out=np.zeros_like(self.seconds), where=volumes > 0)
+
+    @property
     def energy(self) -> float:
         """Integral of the squared distance to the nearest point."""
         return float(np.einsum("ndd->", self.seconds))
 
 
-def exact_cells(points: _Floats, periodic: bool) -> Cells:
+def exact_cells(points: _Floats, periodic: bool) -> UnitCells:
     """Compute the cells of (n, d) points in the unit cube, d <= 3, or on the torus; no two may be equal."""
     if points.shape[1] == 1:
         return _intervals(points[:, 0], periodic)
@@ -66,7 +77,7 @@ def exact_cells(points: _Floats, periodic: bool) -> Cells:
         width = min(2.0, 1.1 * needed)
 
 
-def _intervals(points: _Floats, periodic: bool) -> Cells:
+def _intervals(points: _Floats, periodic: bool) -> UnitCells:
     order = np.argsort(points)
     levels = points[order]
     before = np.append(levels[-1] - 1, levels[:-1]) if periodic else np.append(-levels[0], levels[:-1])
@@ -74,10 +85,10 @@ def _intervals(points: _Floats, periodic: bool) -> Cells:
     down, up = np.empty((2, len(points)))
     down[order], up[order] = (levels - before) / 2, (after - levels) / 2
     seconds = (down**3 + up**3) / 3
-    return Cells(down + up, ((up**2 - down**2) / 2)[:, None], seconds[:, None, None], np.maximum(down, up))
+    return UnitCells(down + up, ((up**2 - down**2) / 2)[:, None], seconds[:, None, None], np.maximum(down, up))
 
 
-def _cells(points: _Floats, periodic: bool, width: float) -> Cells:
+def _cells(points: _Floats, periodic: bool, width: float) -> UnitCells:
     from scipy.spatial import Delaunay
 
     n_points = len(points)
@@ -96,7 +107,7 @@ def _cells(points: _Floats, periodic: bool, width: float) -> Cells:
         own = corner < n_points
         np.maximum.at(reaches, corner[own], np.linalg.norm(to_center[own], axis=1))
     volumes, firsts, seconds = _sum_orthoschemes(simplices, corners, centers, n_points)
-    return Cells(volumes, firsts, seconds, reaches)
+    return UnitCells(volumes, firsts, seconds, reaches)
 
 
 def _images(points: _Floats, periodic: bool, width: float) -> list[_Floats]:
@@ -133,13 +144,11 @@ def _sum_orthoschemes(
         scheme = np.stack([*legs, centers[own] - corners[own, flag[0]]], axis=1)
         parts = np.sign(np.linalg.det(steps)) * np.linalg.det(scheme) / math.factorial(n_dims)
         sums = scheme.sum(axis=1)
-        volumes += np.bincount(vertices, parts, n_points)
         outer = np.einsum("tvi,tvj->tij", scheme, scheme) + sums[:, :, None] * sums[:, None]
-        for i in range(n_dims):
-            firsts[:, i] += np.bincount(vertices, parts * sums[:, i], n_points) / (n_dims + 1)
-            for j in range(n_dims):
-                shares = np.bincount(vertices, parts * outer[:, i, j], n_points)
-                seconds[:, i, j] += shares / ((n_dims + 1) * (n_dims + 2))
+        volumes += sum_by_label(vertices, parts, n_points)
+        firsts += sum_by_label(vertices, sums, n_points, parts) / (n_dims + 1)
+        shares = sum_by_label(vertices, outer.reshape(-1, n_dims**2), n_points, parts)
+        seconds += shares.reshape(seconds.shape) / ((n_dims + 1) * (n_dims + 2))
     return volumes, firsts, seconds
 
 
@@ -147,6 +156,58 @@ def _face_center(one: _Floats, other: _Floats) -> _Floats:
     """Circumcenters of triangles with a corner at the origin and two others given."""
     normals = np.cross(one, other)
     ones, others = (one**2).sum(axis=1, keepdims=True), (other**2).sum(axis=1, keepdims=True)
-    centers: _Floats = np.cross(normals, one) * others + np.cross(other, normals) * ones
+    centers = np.cross(normals, one) * others + np.cross(other, normals) * ones
     centers /= 2 * (normals**2).sum(axis=1, keepdims=True)
     return centers
+
+
+def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -> NDArray[np.float32]:
+    """(m, d) scrambled Sobol points in the unit cube, m the power of two from `n_samples` on."""
+    from scipy.stats.qmc import Sobol
+
+    generator = np.random.default_rng(rng)
+    return Sobol(n_dims, rng=generator).random_base2((n_samples - 1).bit_length()).astype(np.float32)
+
+
+def nearest_points(samples: NDArray[np.float32], points: _Floats, periodic: bool) -> NDArray[np.int32]:
+    """(m,) index of the nearest of (n, d) points to each sample in the unit cube, or on the torus."""
+    if not periodic:
+        packed = pack(samples, np.ones(len(samples)))
+        return assign(packed, packed.frame.inward(points))[: len(samples)]
+    labels = np.empty(len(samples), np.int32)
+    columns = np.ascontiguousarray(points.T, np.float32)
+
+    def assign_part(start: int, stop: int) -> None:
+        _designs.assign_on_torus(samples[start:stop], columns, labels[start:stop])
+
+    in_parts(assign_part, len(samples), work=samples.size * len(points) / 8)
+    return labels
+
+
+def offsets(
+    samples: NDArray[np.float32], points: _Floats, labels: NDArray[np.int32], periodic: bool
+) -> NDArray[np.float64]:
+    """(m, d) vectors from the nearest point to each sample, the short way round on the torus."""
+    apart = samples - points[labels]
+    return apart - np.rint(apart) if periodic else apart
+
+
+def sampled_cells(points: _Floats, n_samples: int, periodic: bool, rng: int | np.random.Generator) -> UnitCells:
+    """Estimate the cells of (n, d) points by about so many samples."""
+    n_points, n_dims = points.shape
+    samples = sobol_samples(n_samples, n_dims, rng)
+    labels = nearest_points(samples, points, periodic)
+    apart = offsets(samples, points, labels, periodic)
+    reaches = np.zeros(n_points)
+    np.maximum.at(reaches, labels, np.sqrt((apart**2).sum(axis=1)))
+    firsts = sum_by_label(labels, apart, n_points)
+    seconds = np.stack([sum_by_label(labels, apart, n_points, column) for column in apart.T], axis=1)
+    volumes = np.bincount(labels, minlength=n_points)
+    return UnitCells(volumes / len(samples), firsts / len(samples), seconds / len(samples), reaches)
+
+
+def check_unit_points(name: str, points: ArrayLike) -> NDArray[np.float64]:
+    """Return `points` as an (n, d) float64 array in the unit cube."""
+    array = check_rows(name, points).astype(np.float64)
+    check_within(name, array, 0, 1, ", the unit cube")
+    return array

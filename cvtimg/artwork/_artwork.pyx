@@ -1,0 +1,416 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops of artwork: disks drawn as pixels; sums, gradients and labels of mosaics; tours of points.
+
+Nothing here checks its arguments or decides how long to go on. Each argument is marked IN, OUT or INOUT. In mosaics, K
+is the number of cells, C that of bands.
+"""
+import numpy as np
+from libc.math cimport ceil, fabs, sqrt
+from libc.stdint cimport int32_t, int64_t, uint8_t
+from libc.string cimport memset
+
+#: Points of the longest chain that is moved as a whole.
+cdef enum:
+    CHAIN = 3
+
+
+def cover_rows(
+    const double[:, ::1] centers,  # IN (N, 2): in pixels
+    const double[::1] radii,       # IN (N,)
+    const int64_t[::1] starts,     # IN (H + 1,): where the disks of each row begin in `disks`
+    const int32_t[::1] disks,      # IN (S,): the disks that meet each row
+    Py_ssize_t first_row,          # IN
+    Py_ssize_t stop_row,           # IN
+    Py_ssize_t fine,               # IN: F
+    float[:, ::1] coverage,        # OUT (H, W): share of each pixel that disks cover, in rows first_row..stop_row
+):
+    """Draw the union of disks by F by F parts of each pixel."""
+    cdef uint8_t[:, ::1] raster = np.empty((fine, fine * coverage.shape[1]), np.uint8)  # one row of pixels
+    cdef Py_ssize_t width = coverage.shape[1], row, line, column, left, right, x, i
+    cdef int64_t q
+    cdef int32_t k, count
+    cdef double y, dy, half, share = 1.0 / (fine * fine)
+    with nogil:
+        for row in range(first_row, stop_row):
+            memset(&raster[0, 0], 0, fine * fine * width)
+            for q in range(starts[row], starts[row + 1]):
+                k = disks[q]
+                for line in range(fine):
+                    y = row + (line + 0.5) / fine
+                    dy = y - centers[k, 1]
+                    half = radii[k] * radii[k] - dy * dy
+                    if half <= 0:
+                        continue
+                    half = sqrt(half)
+                    # Parts whose middles are in the disk.
+                    left = max(<Py_ssize_t>ceil((centers[k, 0] - half) * fine - 0.5), 0)
+                    right = min(<Py_ssize_t>ceil((centers[k, 0] + half) * fine - 0.5), fine * width)
+                    if right > left:
+                        memset(&raster[line, left], 1, right - left)
+            for column in range(width):
+                count = 0
+                x = column * fine
+                for line in range(fine):
+                    for i in range(fine):
+                        count += raster[line, x + i]
+                coverage[row, column] = <float>(count * share)
+
+
+def add_colors(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] sums,              # INOUT (K, C + 2): sums of bands, of their squares, and pixels
+):
+    """Add up the pixels of each cell."""
+    cdef Py_ssize_t bands = image.shape[2], x, y, band
+    cdef double *cell
+    cdef double value, squared
+    with nogil:
+        for y in range(first_row, stop_row):
+            for x in range(labels.shape[1]):
+                cell = &sums[labels[y, x], 0]
+                squared = 0
+                for band in range(bands):
+                    value = image[y, x, band]
+                    cell[band] += value
+                    squared = squared + value * value
+                cell[bands] += squared
+                cell[bands + 1] += 1
+
+
+cdef inline double gain(
+    const float *left, const float *right, const double *color, const double *other, Py_ssize_t bands
+) noexcept nogil:
+    """How much farther the middle of two pixels is from one color than from another, squared."""
+    cdef double total = 0, value
+    cdef Py_ssize_t band
+    for band in range(bands):
+        value = 0.5 * (left[band] + right[band])
+        total = total + (2 * value - color[band] - other[band]) * (other[band] - color[band])
+    return total
+
+
+def add_border_gradient(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): nearest generator of each pixel
+    const double[:, ::1] points,      # IN (K, 2): generators
+    const double[:, ::1] colors,      # IN (K, C): mean of each cell
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] gradient,          # INOUT (K, 2)
+):
+    """Add what moving each generator changes in the squared error of Voronoi cells, along their borders.
+
+    A border that runs steeply is met in every row, and a flat one in every column.
+    """
+    cdef Py_ssize_t bands = image.shape[2], height = labels.shape[0], width = labels.shape[1], x, y
+    cdef int32_t i, j
+    cdef double step_x, step_y, at, slope
+    with nogil:
+        for y in range(first_row, stop_row):
+            for x in range(width):
+                i = labels[y, x]
+                if x + 1 < width and labels[y, x + 1] != i:
+                    j = labels[y, x + 1]
+                    step_x = points[j, 0] - points[i, 0]
+                    step_y = points[j, 1] - points[i, 1]
+                    if fabs(step_x) >= fabs(step_y) and step_x != 0:
+                        at = crossing(step_x, step_y, points[i, 0], points[i, 1], y + 0.5, x + 0.5)
+                        slope = gain(&image[y, x, 0], &image[y, x + 1, 0], &colors[i, 0], &colors[j, 0], bands)
+                        slope /= step_x
+                        gradient[i, 0] += slope * (at - points[i, 0])
+                        gradient[i, 1] += slope * (y + 0.5 - points[i, 1])
+                        gradient[j, 0] -= slope * (at - points[j, 0])
+                        gradient[j, 1] -= slope * (y + 0.5 - points[j, 1])
+                if y + 1 < height and labels[y + 1, x] != i:
+                    j = labels[y + 1, x]
+                    step_x = points[j, 0] - points[i, 0]
+                    step_y = points[j, 1] - points[i, 1]
+                    if fabs(step_y) > fabs(step_x):
+                        at = crossing(step_y, step_x, points[i, 1], points[i, 0], x + 0.5, y + 0.5)
+                        slope = gain(&image[y, x, 0], &image[y + 1, x, 0], &colors[i, 0], &colors[j, 0], bands)
+                        slope /= step_y
+                        gradient[i, 0] += slope * (x + 0.5 - points[i, 0])
+                        gradient[i, 1] += slope * (at - points[i, 1])
+                        gradient[j, 0] -= slope * (x + 0.5 - points[j, 0])
+                        gradient[j, 1] -= slope * (at - points[j, 1])
+
+
+cdef inline double crossing(
+    double along, double across, double own_along, double own_across, double line, double low
+) noexcept nogil:
+    """Where a line meets the border of two cells, between the middles of two pixels."""
+    cdef double at = own_along + 0.5 * along + across * (own_across + 0.5 * across - line) / along
+    return min(max(at, low), low + 1)
+
+
+cdef inline double edge_at(const double[:, ::1] points, int32_t a, int32_t b, double y) noexcept nogil:
+    """Where an edge crosses a row; the same bits from either side."""
+    cdef int32_t low = min(a, b), high = max(a, b)
+    cdef double part = (y - points[low, 1]) / (points[high, 1] - points[low, 1])
+    return points[low, 0] + part * (points[high, 0] - points[low, 0])
+
+
+def label_triangles(
+    const double[:, ::1] points,      # IN (N, 2): corners
+    const int32_t[:, ::1] triangles,  # IN (K, 3)
+    int32_t[:, ::1] labels,           # OUT (H, W): the triangle that the middle of each pixel is in
+):
+    """Label the pixels of triangles that fill a picture; no pixel is left out between two."""
+    cdef Py_ssize_t height = labels.shape[0], width = labels.shape[1], k, x, y, first, stop, left, right
+    cdef int32_t corner, a, b, side
+    cdef double top, bottom, middle, at, low, high
+    with nogil:
+        for k in range(triangles.shape[0]):
+            top = bottom = points[triangles[k, 0], 1]
+            for side in range(1, 3):
+                top = min(top, points[triangles[k, side], 1])
+                bottom = max(bottom, points[triangles[k, side], 1])
+            first = max(<Py_ssize_t>ceil(top - 0.5), 0)
+            stop = min(<Py_ssize_t>ceil(bottom - 0.5), height)
+            for y in range(first, stop):
+                middle = y + 0.5
+                low = 1e300
+                high = -1e300
+                for side in range(3):
+                    a = triangles[k, side]
+                    b = triangles[k, (side + 1) % 3]
+                    if (points[a, 1] <= middle) != (points[b, 1] <= middle):
+                        at = edge_at(points, a, b, middle)
+                        low = min(low, at)
+                        high = max(high, at)
+                left = max(<Py_ssize_t>ceil(low - 0.5), 0)
+                right = min(<Py_ssize_t>ceil(high - 0.5), width)
+                for x in range(left, right):
+                    labels[y, x] = <int32_t>k
+
+
+def add_edge_gradient(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const double[:, ::1] points,      # IN (N, 2): corners
+    const int32_t[:, ::1] edges,      # IN (M, 4): corners a and b, and the cells on both sides of the edge
+    const double[:, ::1] colors,      # IN (K, C): mean of each cell
+    double[:, ::1] gradient,          # INOUT (N, 2)
+):
+    """Add what moving each corner changes in the squared error of triangles, along their edges.
+
+    Seen along the edge from a to b, with y down, the first cell is to the right and the second to the left.
+    """
+    cdef Py_ssize_t bands = image.shape[2], height = image.shape[0], width = image.shape[1], e, n, step, x, y
+    cdef int32_t a, b
+    cdef double run_x, run_y, part, slope, to_a, to_b
+    cdef const float *pixel
+    with nogil:
+        for e in range(edges.shape[0]):
+            a = edges[e, 0]
+            b = edges[e, 1]
+            run_x = points[b, 0] - points[a, 0]
+            run_y = points[b, 1] - points[a, 1]
+            n = <Py_ssize_t>ceil(max(fabs(run_x), fabs(run_y)))
+            to_a = to_b = 0
+            for step in range(n):
+                part = (step + 0.5) / n
+                x = min(max(<Py_ssize_t>(points[a, 0] + part * run_x), 0), width - 1)
+                y = min(max(<Py_ssize_t>(points[a, 1] + part * run_y), 0), height - 1)
+                pixel = &image[y, x, 0]
+                slope = gain(pixel, pixel, &colors[edges[e, 2], 0], &colors[edges[e, 3], 0], bands) / n
+                to_a += (1 - part) * slope
+                to_b += part * slope
+            # (run_y, -run_x) points to the left, and is as long as the edge.
+            gradient[a, 0] += to_a * run_y
+            gradient[a, 1] -= to_a * run_x
+            gradient[b, 0] += to_b * run_y
+            gradient[b, 1] -= to_b * run_x
+
+
+cdef inline double distance(const double[:, ::1] points, int32_t a, int32_t b) noexcept nogil:
+    cdef double x = points[a, 0] - points[b, 0], y = points[a, 1] - points[b, 1]
+    return sqrt(x * x + y * y)
+
+
+cdef inline int32_t root_of(int32_t[::1] parents, int32_t point) noexcept nogil:
+    while parents[point] != point:
+        parents[point] = parents[parents[point]]
+        point = parents[point]
+    return point
+
+
+def join(
+    const int32_t[:, ::1] pairs,  # IN (P, 2): ends that may be joined, the shortest first
+    int32_t[:, ::1] links,        # INOUT (N, 2): the points beside each in its path, or -1
+    int32_t[::1] parents,         # INOUT (N,): forest in which points of one path have one root
+):
+    """Join ends of different paths; return how many pairs were joined."""
+    cdef Py_ssize_t i, n_joined = 0
+    cdef int32_t a, b, root_a, root_b
+    with nogil:
+        for i in range(pairs.shape[0]):
+            a = pairs[i, 0]
+            b = pairs[i, 1]
+            if links[a, 1] >= 0 or links[b, 1] >= 0:
+                continue
+            root_a = root_of(parents, a)
+            root_b = root_of(parents, b)
+            if root_a == root_b:
+                continue
+            parents[root_a] = root_b
+            links[a, 0 if links[a, 0] < 0 else 1] = b
+            links[b, 0 if links[b, 0] < 0 else 1] = a
+            n_joined += 1
+    return n_joined
+
+
+def walk(
+    const int32_t[:, ::1] links,  # IN (N, 2): of one path through all points
+    int32_t start,                # IN: one of its ends
+    int32_t[::1] tour,            # OUT (N,): the points in order
+):
+    """Follow a path from one end to the other."""
+    cdef int32_t before = -1, point = start, following
+    cdef Py_ssize_t i
+    with nogil:
+        for i in range(tour.shape[0]):
+            tour[i] = point
+            following = links[point, 0] if links[point, 0] != before else links[point, 1]
+            before = point
+            point = following
+
+
+cdef inline void reverse(int32_t[::1] tour, int32_t[::1] places, int32_t low, int32_t high) noexcept nogil:
+    cdef int32_t a, b
+    while low < high:
+        a = tour[low]
+        b = tour[high]
+        tour[low] = b
+        places[b] = low
+        tour[high] = a
+        places[a] = high
+        low += 1
+        high -= 1
+
+
+cdef bint turn_part(
+    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
+    uint8_t[::1] settled, int32_t reach, int32_t a, int32_t step
+) noexcept nogil:
+    """Try 2-opt at a point and the next of its path, after it (step 1) or before it (-1)."""
+    cdef int32_t n = <int32_t>tour.shape[0], i = places[a], b, c, d, j, low, high
+    cdef Py_ssize_t k
+    cdef double gap, gain
+    if not 0 <= i + step < n:
+        return False
+    b = tour[i + step]
+    gap = distance(points, a, b)
+    for k in range(near.shape[1]):
+        c = near[a, k]
+        gain = gap - distance(points, a, c)
+        if gain <= 1e-12:
+            return False
+        j = places[c]
+        low = min(i, j) + (1 if step > 0 else 0)
+        high = max(i, j) - (0 if step > 0 else 1)
+        if high - low > reach:
+            continue
+        # Beyond an end of the path there is no gap to close.
+        if 0 <= j + step < n:
+            d = tour[j + step]
+            gain += distance(points, c, d) - distance(points, b, d)
+        else:
+            d = c
+        if gain > 1e-9:
+            reverse(tour, places, low, high)
+            settled[a] = settled[b] = settled[c] = settled[d] = 0
+            return True
+    return False
+
+
+cdef bint move_chain(
+    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
+    uint8_t[::1] settled, int32_t reach, int32_t s
+) noexcept nogil:
+    """Try Or-opt: move the chain that starts at a point to between two others, turned or not."""
+    cdef int32_t n = <int32_t>tour.shape[0], i = places[s], e, p, q, c, f, j, length, side
+    cdef Py_ssize_t k
+    cdef double saved, to_c, cost
+    for length in range(1, CHAIN + 1):
+        if i == 0 or i + length >= n:
+            return False
+        p = tour[i - 1]
+        e = tour[i + length - 1]
+        q = tour[i + length]
+        saved = distance(points, p, s) + distance(points, e, q) - distance(points, p, q)
+        if saved <= 1e-12:
+            continue
+        for k in range(near.shape[1]):
+            c = near[s, k]
+            to_c = distance(points, s, c)
+            if to_c >= saved:
+                break
+            j = places[c]
+            if i <= j < i + length or j - i > reach or i - j > reach:
+                continue
+            # s comes beside c, and e beside the point after c (side 1) or before it (-1).
+            for side in range(-1, 2, 2):
+                if not 0 <= j + side < n:
+                    continue
+                f = tour[j + side]
+                if i <= places[f] < i + length:
+                    continue
+                cost = to_c + distance(points, e, f) - distance(points, c, f)
+                if saved - cost <= 1e-9:
+                    continue
+                if j < i:
+                    # The chain goes to between j and j + 1, or j - 1 and j; what was there moves behind it.
+                    shift(tour, places, j + 1 if side > 0 else j, i, length, side < 0)
+                else:
+                    shift_on(tour, places, i, length, j if side > 0 else j - 1, side < 0)
+                settled[p] = settled[q] = settled[s] = settled[e] = settled[c] = settled[f] = 0
+                return True
+    return False
+
+
+cdef inline void shift(
+    int32_t[::1] tour, int32_t[::1] places, int32_t at, int32_t i, int32_t length, bint turned
+) noexcept nogil:
+    """Move the chain at i back, so that it begins at `at`."""
+    reverse(tour, places, at, i + length - 1)
+    reverse(tour, places, at + length, i + length - 1)
+    if not turned:
+        reverse(tour, places, at, at + length - 1)
+
+
+cdef inline void shift_on(
+    int32_t[::1] tour, int32_t[::1] places, int32_t i, int32_t length, int32_t last, bint turned
+) noexcept nogil:
+    """Move the chain at i on, so that it ends at `last`."""
+    reverse(tour, places, i, last)
+    reverse(tour, places, i, last - length)
+    if not turned:
+        reverse(tour, places, last - length + 1, last)
+
+
+def improve(
+    const double[:, ::1] points,  # IN (N, 2)
+    const int32_t[:, ::1] near,   # IN (N, M): other points near each, the nearest first
+    int32_t[::1] tour,            # INOUT (N,): points in order
+    int32_t[::1] places,          # INOUT (N,): where in the tour each point is
+    uint8_t[::1] settled,         # INOUT (N,): whether there was nothing to gain at a point
+    int32_t reach,                # IN: points of the longest part that is turned or passed over
+):
+    """Shorten a path by 2-opt and Or-opt where it is not settled, in one pass; return how many moves were made."""
+    cdef int32_t point
+    cdef Py_ssize_t n_moves = 0
+    with nogil:
+        for point in range(<int32_t>tour.shape[0]):
+            while not settled[point]:
+                settled[point] = 1
+                if (
+                    turn_part(points, near, tour, places, settled, reach, point, 1)
+                    or turn_part(points, near, tour, places, settled, reach, point, -1)
+                    or move_chain(points, near, tour, places, settled, reach, point)
+                ):
+                    settled[point] = 0
+                    n_moves += 1
+    return n_moves

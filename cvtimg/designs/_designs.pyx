@@ -1,0 +1,181 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops of designs: the star discrepancy, swaps that lower a discrepancy, and distances on the torus.
+
+Nothing here checks its arguments or decides when to stop. Each argument is marked IN, OUT or INOUT.
+"""
+import numpy as np
+from libc.math cimport fabs, fabsf
+from libc.stdint cimport int32_t
+
+
+def greatest_gap(
+    const int32_t[:, ::1] counts,  # IN (A, B): points in the box up to each corner
+    const double[::1] down,        # IN (A,): sides of the boxes along the first axis
+    const double[::1] right,       # IN (B,): along the second
+    double depth,                  # IN: product of the other sides
+    double share,                  # IN: what a point counts
+    double sign,                   # IN: 1 where boxes have too many points, -1 where they have too few
+):
+    """Return the greatest of sign (share counts - volume) over all boxes."""
+    cdef Py_ssize_t a, b
+    cdef double greatest = -1, gap, side
+    with nogil:
+        for a in range(down.shape[0]):
+            side = down[a] * depth
+            for b in range(right.shape[0]):
+                gap = sign * (share * counts[a, b] - side * right[b])
+                if gap > greatest:
+                    greatest = gap
+    return greatest
+
+
+def walk_boxes(
+    const double[:, ::1] points,      # IN (n, d)
+    const double[:, ::1] sides,       # IN (d, S): the sides that boxes can have, rising, along each axis
+    int32_t[::1] corner,              # INOUT (d,): index of the box's side along each axis
+    const int32_t[:, ::1] moves,      # IN (T, d): steps to try, one after the other
+    const double[::1] thresholds,     # IN (T,): a step that loses at most so much is taken
+):
+    """Walk from box to box, and return the greatest gap between the share of points and the volume that was met."""
+    cdef Py_ssize_t n = points.shape[0], dims = points.shape[1], last = sides.shape[1] - 1, t, i, j, n_closed, n_open
+    cdef int32_t[::1] trial = np.empty(dims, np.int32)
+    cdef double[::1] inner = np.empty(dims)
+    cdef double current = -1, greatest = 0, volume, tight, gap, side
+    cdef bint is_inside, is_within
+    with nogil:
+        for t in range(moves.shape[0]):
+            volume = 1
+            for j in range(dims):
+                trial[j] = min(max(corner[j] + moves[t, j], 0), <int32_t>last)
+                volume = volume * sides[j, trial[j]]
+                inner[j] = 0
+            n_closed = n_open = 0
+            for i in range(n):
+                is_inside = is_within = True
+                for j in range(dims):
+                    side = sides[j, trial[j]]
+                    is_inside = is_inside and points[i, j] <= side
+                    is_within = is_within and points[i, j] < side
+                    if not is_inside:
+                        break
+                if is_inside:
+                    n_closed += 1
+                    for j in range(dims):
+                        inner[j] = max(inner[j], points[i, j])
+                n_open += is_within and is_inside
+            tight = 1 if n_closed else 0  # the least closed box with the same points
+            for j in range(dims):
+                tight = tight * inner[j]
+            gap = max(n_closed / <double>n - tight, volume - n_open / <double>n)
+            if gap >= current - thresholds[t]:
+                current = gap
+                for j in range(dims):
+                    corner[j] = trial[j]
+            greatest = max(greatest, gap)
+    return greatest
+
+
+cdef inline double factor(double a, double b, bint periodic) noexcept nogil:
+    """Return the factor of one axis in the term of two points, whose coordinates count from the center of the cube."""
+    cdef double apart = fabs(a - b)
+    return 1.5 - apart * (1 - apart) if periodic else 1 + 0.5 * (fabs(a) + fabs(b) - apart)
+
+
+cdef inline double square(double a, double b, bint periodic) noexcept nogil:
+    """Return the squared distance along one axis."""
+    cdef double apart = fabs(a - b)
+    if periodic and apart > 0.5:
+        apart = 1 - apart
+    return apart * apart
+
+
+cdef inline double own_term(
+    const double[:, ::1] places, Py_ssize_t point, Py_ssize_t axis, double there
+) noexcept nogil:
+    """Return the terms of one point alone, with another coordinate along an axis; only walls make any."""
+    cdef double with_itself = 1, with_cube = 1, size
+    cdef Py_ssize_t k
+    for k in range(places.shape[1]):
+        size = fabs(there if k == axis else places[point, k])
+        with_itself = with_itself * (1 + size)
+        with_cube = with_cube * (1 + 0.5 * size * (1 - size))
+    return with_itself - 2 * places.shape[0] * with_cube
+
+
+def swap_coordinates(
+    double[:, ::1] places,        # INOUT (n, d): coordinates from the center of the cube
+    int32_t[:, ::1] order,        # INOUT (d, f): points that may swap, by their coordinate along each axis
+    const int32_t[:, ::1] tries,  # IN (T, 2): an axis, and the rank along it of the first of two neighbors
+    double least,                 # IN: squared distance below which no swap brings two points
+    bint periodic,                # IN: wrap-around discrepancy, not centered
+):
+    """Swap coordinates of neighbors along an axis wherever that lowers the L2 discrepancy; return how often it did."""
+    cdef Py_ssize_t n = places.shape[0], dims = places.shape[1], t, axis, i, j, m, k, n_swaps = 0
+    cdef double here, there, change, rest_i, rest_j, at, square_i, square_j
+    with nogil:
+        for t in range(tries.shape[0]):
+            axis = tries[t, 0]
+            i = order[axis, tries[t, 1]]
+            j = order[axis, tries[t, 1] + 1]
+            here = places[i, axis]
+            there = places[j, axis]
+            change = 0
+            for m in range(n):
+                if m == i or m == j:
+                    continue
+                rest_i = rest_j = 1
+                square_i = square_j = 0
+                for k in range(dims):
+                    if k != axis:
+                        at = places[m, k]
+                        rest_i = rest_i * factor(places[i, k], at, periodic)
+                        rest_j = rest_j * factor(places[j, k], at, periodic)
+                        square_i = square_i + square(places[i, k], at, periodic)
+                        square_j = square_j + square(places[j, k], at, periodic)
+                at = places[m, axis]
+                if square_i + square(there, at, periodic) < least or square_j + square(here, at, periodic) < least:
+                    break
+                change = change + (factor(there, at, periodic) - factor(here, at, periodic)) * (rest_i - rest_j)
+            else:
+                m = n
+            if m < n:
+                continue
+            change = 2 * change
+            if not periodic:
+                change = change + own_term(places, i, axis, there) - own_term(places, i, axis, here)
+                change = change + own_term(places, j, axis, here) - own_term(places, j, axis, there)
+            if change < -1e-12:
+                places[i, axis] = there
+                places[j, axis] = here
+                order[axis, tries[t, 1]] = <int32_t>j
+                order[axis, tries[t, 1] + 1] = <int32_t>i
+                n_swaps += 1
+    return n_swaps
+
+
+def assign_on_torus(
+    const float[:, ::1] samples,     # IN (m, d), in 0..1
+    const float[:, ::1] generators,  # IN (d, n), in 0..1
+    int32_t[::1] labels,             # OUT (m,): the nearest generator, the first on a tie
+):
+    """Find the nearest generator of each sample, the short way round."""
+    cdef Py_ssize_t dims = samples.shape[1], n = generators.shape[1], i, j, k, nearest
+    cdef float[::1] squares = np.empty(n, np.float32)
+    cdef float place, apart, least
+    with nogil:
+        for i in range(samples.shape[0]):
+            for k in range(n):
+                squares[k] = 0
+            for j in range(dims):
+                place = samples[i, j]
+                for k in range(n):
+                    apart = fabsf(place - generators[j, k])
+                    apart = min(apart, 1 - apart)
+                    squares[k] += apart * apart
+            nearest = 0
+            least = squares[0]
+            for k in range(1, n):
+                if squares[k] < least:
+                    least = squares[k]
+                    nearest = k
+            labels[i] = <int32_t>nearest
