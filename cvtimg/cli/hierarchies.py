@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from cvtimg.segmentation.result import Segmentation
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from cvtimg.pictures import Metadata
-    from cvtimg.segmentation import RegionHierarchy
+    from cvtimg.segmentation import RegionHierarchy, Segmentation
 
 #: Numbers of regions on a sheet of cuts.
 SHOWN_CUTS = (5, 10, 20, 50)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Cut(Segmentation):
-    """Regions cut from a tree."""
-
-    hierarchy: RegionHierarchy | None = None
 
 
 def cut_regions(
@@ -33,22 +23,13 @@ def cut_regions(
     number: int | str,
     threshold: float | None,
     keywords: Mapping[str, Any],
-) -> Cut:
+) -> Segmentation:
     """Build the tree of an image and cut it into n regions, or for "auto" at the given or default threshold."""
-    import numpy as np
-
     from cvtimg import segment_hierarchy
-    from cvtimg.labels import region_means
+    from cvtimg.segmentation.result import from_cut
 
     hierarchy = segment_hierarchy(image, mask=known, **keywords)
-    labels = hierarchy.cut(threshold=threshold) if number == "auto" else hierarchy.cut(int(number))
-    means = region_means(labels, image)[1:]
-    bands = image.reshape(*labels.shape, -1)
-    inside = labels > 0
-    rest = bands[inside] - means[labels[inside] - 1]
-    energy = float(np.einsum("nd,nd->", rest, rest))
-    masses = np.bincount(labels[inside])[1:].astype(np.float64)
-    return Cut(labels, means, masses, energy, (energy,), 0.0, True, hierarchy=hierarchy)
+    return from_cut(hierarchy, image, None if number == "auto" else int(number), threshold)
 
 
 def write_tree(

@@ -204,8 +204,7 @@ def _segment(
     stopwatch.lap("read")
     image, result = divide(image, known_pixels(image, header, how.mask, how.nodata))
     stopwatch.lap("cluster")
-    tree = getattr(result, "hierarchy", None)
-    Subject(task.source, image, result.labels, header, style, overwrite, tree).write(task.outputs)
+    Subject(task.source, image, result.labels, header, style, overwrite, result.hierarchy).write(task.outputs)
     stopwatch.lap("write")
     return {
         "width": image.shape[1],

@@ -10,24 +10,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Borders:
-    """Borders between regions that are numbered from 0.
+    """Borders between regions that are numbered from 0."""
 
-    Attributes
-    ----------
-    pairs : (B, 2) int32 array
-        Regions at the two sides, the lower number first.
-    starts : (B + 1,) int32 array
-        Where the cracks of each border begin.
-    places : (P, 2) int32 array
-        Row and column of the pixel before each crack: above it or to its left.
-    is_flat : (P,) bool array
-        Whether the crack is below that pixel, else to its right.
-    """
-
-    pairs: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    places: NDArray[np.int32]
-    is_flat: NDArray[np.bool_]
+    pairs: NDArray[np.int32]  # (B, 2): regions at the two sides, the lower number first
+    starts: NDArray[np.int32]  # (B + 1,): where the cracks of each border begin
+    places: NDArray[np.int32]  # (P, 2): row and column of the pixel before each crack: above it or to its left
+    is_flat: NDArray[np.bool_]  # (P,): whether the crack is below that pixel, else to its right
 
     @property
     def lengths(self) -> NDArray[np.int32]:

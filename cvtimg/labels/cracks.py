@@ -28,54 +28,28 @@ _SADDLE_EAST_WEST, _SADDLE_SOUTH_NORTH, _JUNCTION = 16, 32, 64
 
 
 class Walk(NamedTuple):
-    """All steps along cracks, ring after ring, each with the region to the right (on a screen, with y down).
+    """All steps along cracks, ring after ring, each with the region to the right (on a screen, with y down)."""
 
-    Attributes
-    ----------
-    corners : (n, 2) array
-        Row and column of the corner that each step leaves.
-    directions : (n,) array
-        0 east, 1 south, 2 west, 3 north.
-    at_junction : (n,) bool array
-        Whether the corner is a junction.
-    sides : (n, 2) int32 array
-        Labels to the right and to the left; OUTSIDE beyond the image.
-    regions : (n,) int array
-        Number of the region to the right; 0 beyond the image.
-    ring_starts : (r,) array
-        Where the rings begin: at a junction, otherwise at their first corner by row and column.
-    """
-
-    corners: _Index
-    directions: _Index
-    at_junction: NDArray[np.bool_]
-    sides: NDArray[np.int32]
-    regions: NDArray[np.int32]
-    ring_starts: _Index
+    corners: _Index  # (n, 2): row and column of the corner that each step leaves
+    directions: _Index  # (n,): 0 east, 1 south, 2 west, 3 north
+    at_junction: NDArray[np.bool_]  # (n,): whether the corner is a junction
+    sides: NDArray[np.int32]  # (n, 2): labels to the right and to the left; OUTSIDE beyond the image
+    regions: NDArray[np.int32]  # (n,): number of the region to the right; 0 beyond the image
+    ring_starts: _Index  # (r,): where the rings begin: at a junction, otherwise at their first corner by row and column
 
 
 class Pieces(NamedTuple):
     """Stretches of a walk from junction to junction, or around a ring without one.
 
     Each line is walked as two pieces, once in each direction.
-
-    Attributes
-    ----------
-    starts, stops : (p,) array
-        The steps of each piece.
-    is_line : (p,) bool array
-        Whether the line runs in the direction of this piece; exactly one of its two pieces does.
-    lines : (p,) array
-        Number of the line along which a piece runs, among those with `is_line`.
-    rings : (p,) array
-        Number of the ring that a piece is part of.
     """
 
-    starts: _Index
+    starts: _Index  # (p,): the steps of each piece
     stops: _Index
+    #: (p,): whether the line runs in the direction of this piece; exactly one of its two pieces does
     is_line: NDArray[np.bool_]
-    lines: _Index
-    rings: _Index
+    lines: _Index  # (p,): number of the line along which a piece runs, among those with `is_line`
+    rings: _Index  # (p,): number of the ring that a piece is part of
 
 
 def walk_cracks(labels: NDArray[np.int32]) -> Walk:

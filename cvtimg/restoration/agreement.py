@@ -40,14 +40,7 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions
     """Leave out each version where it departs from the median of all, which the majority decides.
 
     Only pixels that three or more versions know can be judged. Where all depart, as where two versions stand against
-    two, nothing is left out.
-
-    Parameters
-    ----------
-    versions : Versions
-        Versions of one look.
-    noise : (S,) array
-        Standard deviation of the noise of each version, > 0.
+    two, nothing is left out. `noise`, (S,), is the standard deviation of the noise of each version, > 0.
     """
     if versions.n_versions < 3 or versions.coverage.max() < 3:
         return versions
@@ -104,15 +97,9 @@ class _Part:
         return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
 
     def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
-        """(h, W) where a version departs from what it is compared with by more than noise would.
+        """(h, W) where a version departs by a residual, (h, W, C), by more than noise would.
 
-        Parameters
-        ----------
-        residual : (h, W, C) array
-            What it departs by.
-        version : int
-        scales : (sides, C) array
-            Standard deviation of the noise of its mean in windows of these sides.
+        `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
         """
         from scipy.ndimage import uniform_filter
 

@@ -22,25 +22,12 @@ _BLUR = 1.0
 
 
 def align(versions: Versions) -> tuple[Versions, NDArray[np.float64]]:
-    """Register versions and shift them to the place of the first.
+    """Register versions and shift them to the place of the first; pixels that a shift uncovers are unknown.
 
     Masked phase correlation finds whole pixels. Fractions, which it cannot find, follow by least squares over the
-    pixels that both versions know, so that neither holes nor painted-over parts bias them.
+    pixels that both versions know, so that neither holes nor painted-over parts bias them. Return also (S, 2) pixels by
+    which each version was moved, down and to the right.
 
-    Parameters
-    ----------
-    versions : Versions
-        Versions as they came.
-
-    Returns
-    -------
-    versions : Versions
-        The versions in place; pixels that a shift uncovers are unknown.
-    shifts : (S, 2) float64 array
-        Pixels by which each version was moved, down and to the right.
-
-    References
-    ----------
     D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for the correlation; B. Lucas
     and T. Kanade, IJCAI 1981, pp. 674-679, for the least squares.
     """

@@ -16,21 +16,11 @@ _PER_DEVIATION, _LAST = 512, 8 * 512
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clipped:
-    """What clipping does to noisy values; arrays of the shape of the true ones.
+    """What clipping does to noisy values; arrays of the shape of the true ones."""
 
-    Attributes
-    ----------
-    added : array
-        What it adds to their mean.
-    slope : array
-        How much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end.
-    variance : array
-        Variance that is left, as a share of that of the noise.
-    """
-
-    added: Floats
-    slope: Floats
-    variance: Floats
+    added: Floats  # what it adds to their mean
+    slope: Floats  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
+    variance: Floats  # variance that is left, as a share of that of the noise
 
     @classmethod
     def of(cls, true: Floats, sigma: float, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:

@@ -41,20 +41,11 @@ _BLOCK = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detailed:
-    """An image restored by its patches.
+    """An image restored by its patches."""
 
-    Attributes
-    ----------
-    image : (H, W, C) float32 array
-    labels : (H, W) int32 array
-        Kind of the patch around each pixel, from 0.
-    energy : float
-        Sum of the squared distances of patches to their generators, in principal components.
-    """
-
-    image: Floats
-    labels: NDArray[np.int32]
-    energy: float
+    image: Floats  # (H, W, C)
+    labels: NDArray[np.int32]  # (H, W): kind of the patch around each pixel, from 0
+    energy: float  # sum of the squared distances of patches to their generators, in principal components
 
 
 def affordable_effort(n_pixels: int) -> EffortName:

@@ -16,29 +16,16 @@ from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Versions with the weight of each.
+    """Versions with the weight of each."""
 
-    Attributes
-    ----------
-    placed, versions : Versions
-        All that is known, in place; and what is left of it where versions disagree.
-    shifts : (S, 2) float64 array
-        Pixels by which each version was moved.
-    noise, trust : (S,) float64 arrays
-        Standard deviation of the noise of each version, NaN where too little is known; and its weight.
-    suspicion : Suspicion or None
-        How often versions hold additions; None if nothing else is to be left out.
-    channels : bool
-        Whether versions share segments but no colors.
-    """
-
-    placed: Versions
+    placed: Versions  # all that is known, in place; and what is left of it where versions disagree
     versions: Versions
-    shifts: NDArray[np.float64]
+    shifts: NDArray[np.float64]  # (S, 2): pixels by which each version was moved
+    #: (S,): standard deviation of the noise of each version, NaN where too little is known; and its weight
     noise: NDArray[np.float64]
     trust: NDArray[np.float64]
-    suspicion: Suspicion | None
-    channels: bool
+    suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
+    channels: bool  # whether versions share segments but no colors
 
     def variances(self, data: Versions, gain: float = 1.0) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions.

@@ -42,19 +42,12 @@ _LARGEST_STEP = 1.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noisy:
-    """A noisy image, what it is taken to be, and how well its pixels are known; with a border of `REACH` pixels.
+    """A noisy image, what it is taken to be, and how well its pixels are known; with a border of `REACH` pixels."""
 
-    Attributes
-    ----------
-    values, estimate : (H + 4, W + 4, C) arrays
-        The noisy image, anything where nothing is known, and an estimate of it without noise.
-    precision : (H + 4, W + 4) array
-        1 / variance of the noise of each pixel; 0 where nothing is known.
-    """
-
+    #: (H + 4, W + 4, C): the noisy image, anything where nothing is known, and an estimate of it without noise
     values: Floats
     estimate: Floats
-    precision: Floats
+    precision: Floats  # (H + 4, W + 4): 1 / variance of the noise of each pixel; 0 where nothing is known
 
     @property
     def usual_variance(self) -> float:
@@ -83,17 +76,10 @@ class Block:
 
 
 def filtered(noisy: Noisy, blocks: Sequence[Block], from_estimate: bool) -> Floats:
-    """(H, W, C) image, from patches filtered by group.
+    """(H, W, C) image, from patches filtered by group, of blocks that do not overlap.
 
     Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are of.
-
-    Parameters
-    ----------
-    noisy : Noisy
-    blocks : sequence of Block
-        The parts of the image, which do not overlap.
-    from_estimate : bool
-        Whether covariances are those of patches of the estimate, or those of the noisy patches less the noise.
+    Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
     """
     estimate = noisy.estimate
     usual = noisy.usual_variance

@@ -37,16 +37,8 @@ def masked_cells(
 ) -> MaskedCells:
     """Lower the sum over all pixels and channels of weight times squared distance to the generator.
 
-    Parameters
-    ----------
-    values : (H, W, D) array
-        Finite values, best with a mean near 0.
-    weights : (H, W, D) array
-        Weights >= 0. A pixel without any weight keeps its label.
-    labels : (H, W) array
-        Initial labels in 1..n_generators.
-    volume_power : float
-        Weight cells by their share of the pixels to this power.
+    Values (H, W, D) are finite, best with a mean near 0, and weights (H, W, D) >= 0; a pixel without any weight keeps
+    its label. Labels are in 1..n_generators. Cells count by their share of the pixels to the volume power.
     """
     rows, loads = values.reshape(-1, values.shape[2]), weights.reshape(-1, values.shape[2])
     known: NDArray[np.bool_] = np.asarray(loads.any(axis=1))

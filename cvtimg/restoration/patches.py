@@ -36,18 +36,10 @@ _CHUNK = 1 << 15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axes:
-    """Axes along which the bands of an image have equal noise, at most a few of them at a time.
+    """Axes along which the bands of an image have equal noise, at most a few of them at a time."""
 
-    Attributes
-    ----------
-    matrix : (C, C) array or None
-        Maps bands to axes; None where bands are axes.
-    slices : tuple of slice
-        Axes that are filtered together.
-    """
-
-    matrix: NDArray[np.float64] | None
-    slices: tuple[slice, ...]
+    matrix: NDArray[np.float64] | None  # (C, C): maps bands to axes; None where bands are axes
+    slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
     def of(cls, versions: Versions, image: Floats) -> Axes:
@@ -79,21 +71,11 @@ class Axes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kinds:
-    """Cells of the patches of an image.
+    """Cells of the patches of an image."""
 
-    Attributes
-    ----------
-    mean : (P,) array
-        Mean patch.
-    basis : (P, D) array
-        Main components of the patches.
-    generators : (K, D) array
-        Kinds of patches, in these components.
-    """
-
-    mean: Floats
-    basis: Floats
-    generators: NDArray[np.float64]
+    mean: Floats  # (P,): mean patch
+    basis: Floats  # (P, D): main components of the patches
+    generators: NDArray[np.float64]  # (K, D): kinds of patches, in these components
 
     @classmethod
     def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator) -> Kinds:
@@ -157,17 +139,7 @@ class Groups:
 
 
 def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
-    """Cut cells in two until no group has more than `largest` patches.
-
-    Parameters
-    ----------
-    features : (N, D) array
-        What patches are compared by.
-    labels : (N,) array
-        Cell of each patch, from 0.
-    largest : int
-        Largest number of patches in a group.
-    """
+    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
     while True:

@@ -22,28 +22,15 @@ _NOTHING = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """Values of segments in each version, from which their colors are made.
+    """Values of segments in each version, from which their colors are made."""
 
-    Attributes
-    ----------
-    values : list of (H, W, C) arrays
-        Values of each version.
-    known : list of (H, W) bool arrays
-        Which pixels each version knows.
-    labels : (H, W) int32 array
-        Labels from 1.
-    generators, masses : (S, K, C) arrays
-        Means and weights of the segments in each version.
-    alone : callable
-        Takes the number of a version and returns the generators and masses, (K, C), of its segments once they have
-        settled in that version alone, starting from the labels.
-    """
-
-    values: list[Floats]
-    known: list[NDArray[np.bool_]]
-    labels: NDArray[np.int32]
-    generators: _Doubles
+    values: list[Floats]  # (H, W, C) each: values of each version
+    known: list[NDArray[np.bool_]]  # (H, W) each: which pixels each version knows
+    labels: NDArray[np.int32]  # (H, W): labels from 1
+    generators: _Doubles  # (S, K, C): means and weights of the segments in each version
     masses: _Doubles
+    #: Takes the number of a version and returns the generators and masses, (K, C), of its segments once they have
+    #: settled in that version alone, starting from the labels
     alone: Callable[[int], tuple[_Doubles, _Doubles]]
 
 

@@ -39,11 +39,7 @@ def halved(noisy: Noisy) -> Noisy:
 def with_low_frequencies(estimate: Floats, coarse: Floats, variance: float) -> Floats:
     """(H, W, C) estimate, with low frequencies from an estimate of half the size where they agree.
 
-    Parameters
-    ----------
-    estimate, coarse : (H, W, C) and (ceil(H / 2), ceil(W / 2), C) arrays
-    variance : float
-        Variance of the noise that the image had.
+    `variance` is that of the noise that the image had.
     """
     from scipy.ndimage import gaussian_filter, uniform_filter, zoom
 

@@ -31,18 +31,10 @@ _MEDIAN = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Suspicion:
-    """How often versions hold additions.
+    """How often versions hold additions."""
 
-    Attributes
-    ----------
-    shares : (S,) array
-        Share of the pixels of each version that hold an addition; 0 without evidence.
-    noise : (S,) array
-        Standard deviation of the noise of each version.
-    """
-
-    shares: NDArray[np.float64]
-    noise: NDArray[np.float64]
+    shares: NDArray[np.float64]  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
+    noise: NDArray[np.float64]  # (S,): standard deviation of the noise of each version
 
     @classmethod
     def of(cls, versions: Versions, kept: Versions, noise: NDArray[np.float64]) -> Suspicion:

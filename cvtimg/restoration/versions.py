@@ -24,30 +24,14 @@ _FINEST_NOISE = 1 / 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Versions:
-    """Versions of one picture, stacked.
+    """Versions of one picture, stacked."""
 
-    Attributes
-    ----------
-    values : (H, W, D) float32 array
-        All bands of all versions in the working color space; 0 where unknown.
-    known : (H, W, S) bool array
-        Which pixels each version knows.
-    version_of : (D,) intp array
-        Version that each band belongs to; the bands of a version are consecutive.
-    dtypes : tuple of numpy.dtype
-        Types of the versions.
-    grey : bool
-        Whether the first version came without an axis of channels.
-    white : float or None
-        Where values end, at which noise may have been clipped; None if they have no ends.
-    """
-
-    values: Floats
-    known: NDArray[np.bool_]
-    version_of: NDArray[np.intp]
-    dtypes: tuple[np.dtype[Any], ...]
-    grey: bool
-    white: float | None = None
+    values: Floats  # (H, W, D): all bands of all versions in the working color space; 0 where unknown
+    known: NDArray[np.bool_]  # (H, W, S): which pixels each version knows
+    version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
+    dtypes: tuple[np.dtype[Any], ...]  # types of the versions
+    grey: bool  # whether the first version came without an axis of channels
+    white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
 
     @property
     def n_versions(self) -> int:

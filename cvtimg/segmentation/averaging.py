@@ -103,20 +103,8 @@ def average_segments(
 ) -> NDArray[np.int32]:
     """Average segments and reassign pixels in turn, until the labels settle or repeat.
 
-    Parameters
-    ----------
-    values : (H, W, D) float32 array
-        The original pixels.
-    labels : (H, W) int32 array
-        Initial labels in 1..n_segments, and 0 outside the mask.
-    n_segments : int
-        K. A segment that loses its last pixel does not come back.
-    averaging : Averaging
-        The kernel and its radius.
-
-    Returns
-    -------
-    (H, W) int32 array
+    Values, (H, W, D), are the original pixels. Labels, (H, W), are in 1..n_segments, and 0 outside the mask; a segment
+    that loses its last pixel does not come back.
     """
     inside = labels > 0
     rows = values[inside]

@@ -17,8 +17,8 @@ from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES, to_space
 from cvtimg.engine.points import Frame, assign, pack
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.segmentation.result import Segmentation, dark_to_bright, from_tessellation
-from cvtimg.segmentation.values import EvenLevels, picture_values, to_levels, unit_of
+from cvtimg.segmentation.result import Segmentation, from_tessellation
+from cvtimg.segmentation.values import EvenLevels, dark_to_bright, picture_values, to_levels, unit_of
 
 __all__ = ["segment_blocks"]
 

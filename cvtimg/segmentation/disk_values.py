@@ -1,4 +1,4 @@
-"""An image larger than memory as values in a color space, with some rows in memory at a time."""
+"""Arrays and images larger than memory, with some rows in memory at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_needs
 from cvtimg._shared.choices import SpaceName
@@ -17,10 +17,7 @@ from cvtimg.colors.spaces import to_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.known import mask_bands, not_missing
 from cvtimg.pictures.tiles import Bands
-from cvtimg.segmentation.disk_rows import DiskRows
 from cvtimg.segmentation.values import PictureValues, unit_of
-
-__all__ = ["DiskValues"]
 
 #: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
 STRIP_PIXELS = 1 << 21
@@ -28,23 +25,47 @@ STRIP_PIXELS = 1 << 21
 _LEAST_ROWS = 32
 
 
+class DiskRows:
+    """An array of zeros in a file of its own.
+
+    It is not mapped into memory, because a full disk must be an error, not a signal that ends the program.
+    """
+
+    def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+        self.shape, self.dtype = shape, np.dtype(dtype)
+        self._n_bytes = int(np.prod(shape[1:], dtype=np.int64)) * self.dtype.itemsize
+        self._file = path.open("w+b", buffering=0)
+        self._file.truncate(shape[0] * self._n_bytes)
+
+    def read(self, first: int, last: int) -> NDArray[Any]:
+        """Return a copy of some rows."""
+        rows = np.empty((last - first, *self.shape[1:]), self.dtype)
+        left = rows.reshape(-1).view(np.uint8).data
+        self._file.seek(first * self._n_bytes)
+        while left:
+            n_read = self._file.readinto(left)
+            if not n_read:
+                raise OSError("a file of unfinished work was cut short")
+            left = left[n_read:]
+        return rows
+
+    def write(self, first: int, rows: NDArray[Any]) -> None:
+        """Replace rows from `first` on."""
+        left = np.ascontiguousarray(rows, self.dtype).reshape(-1).view(np.uint8).data
+        self._file.seek(first * self._n_bytes)
+        while left:
+            left = left[self._file.write(left) :]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
 class DiskValues:
     """The pixels of an image in an uncompressed file, and their colors.
 
-    Parameters
-    ----------
-    bands : Bands
-        The image.
-    path : Path
-        The file.
-    space : str
-        The color space.
-    has_alpha : bool
-        The last band is alpha: pixels where it is 0 are outside.
-    nodata : float, optional
-        Pixels with this value in all bands that have color are outside.
-    mask : path, optional
-        Image of the same size; its black pixels are outside.
+    Outside are pixels that are not finite, whose last band is alpha (`has_alpha`) and 0, that are `nodata` in all bands
+    that have color, and those that are black in a mask.
 
     Attributes
     ----------
@@ -52,7 +73,7 @@ class DiskValues:
     strips : list of (first, last)
         Rows to hold in memory at a time.
     values : PictureValues
-        Values of all pixels inside the mask, without the way back to them.
+        Values of all pixels inside, without the way back to them.
     exact : bool
         Whether they distinguish all distinct colors.
     """

@@ -31,30 +31,16 @@ _MAX_SWEEPS = 1000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeWeighted:
-    """Segments of low edge-weighted energy.
+    """Segments of low edge-weighted energy."""
 
-    Attributes
-    ----------
-    labels : (H, W) int32 array
-        Labels from 1; 0 outside the mask.
-    generators : (K, D) float64 array
-        Mean of each segment; row ``label - 1`` belongs to a label. A segment without weight keeps its last mean.
-    masses : (K, D) float64 array
-        Weight of each segment in each channel; 0 for segments that have vanished.
-    energies : tuple of float
-        Energy before each sweep and at the end; it never rises.
-    n_sweeps : int
-        Number of sweeps over the boundary pixels.
-    converged : bool
-        Whether the last sweep transferred almost no pixels.
-    """
-
-    labels: NDArray[np.int32]
+    labels: NDArray[np.int32]  # (H, W): labels from 1; 0 outside the mask
+    #: (K, D): mean of each segment; row ``label - 1`` belongs to a label. A segment without weight keeps its last
+    #: mean.
     generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    energies: tuple[float, ...]
-    n_sweeps: int
-    converged: bool
+    masses: NDArray[np.float64]  # (K, D): weight of each segment in each channel; 0 for segments that have vanished
+    energies: tuple[float, ...]  # energy before each sweep and at the end; it never rises
+    n_sweeps: int  # number of sweeps over the boundary pixels
+    converged: bool  # whether the last sweep transferred almost no pixels
 
     def __post_init__(self) -> None:
         for array in (self.labels, self.generators, self.masses):
@@ -214,19 +200,11 @@ class Disc(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Cells:
-    """State of the descent for each label; row 0, for pixels outside the mask, stays empty.
+    """State of the descent for each label; row 0, for pixels outside the mask, stays empty."""
 
-    Attributes
-    ----------
-    masses, means : (K + 1, D) float64 arrays
-        In each channel.
-    energies : (K + 1,) float64 array
-        Of each cell about its mean.
-    """
-
-    masses: NDArray[np.float64]
+    masses: NDArray[np.float64]  # (K + 1, D): in each channel
     means: NDArray[np.float64]
-    energies: NDArray[np.float64]
+    energies: NDArray[np.float64]  # (K + 1,): of each cell about its mean
 
     @property
     def total(self) -> float:

@@ -34,39 +34,17 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """An image that is ready to be segmented.
+    """An image that is ready to be segmented."""
 
-    Attributes
-    ----------
-    values : PictureValues
-        The colors inside the mask.
-    field : (H, W, D) float32 array
-        Values of the pixels about their mean; 0 outside the mask.
-    data : (H, W, D) float32 array
-        The values to segment: the field, averaged if averaging comes first.
-    is_averaged : bool
-        Whether it is averaged.
-    noise : (D, D) float64 array
-        Covariance of the noise of the field; measured only where edges cost.
-    average_after : Averaging or None
-        How to average segments once they are found.
-    edge_weight : float
-        Cost of each pair of near pixels in different segments, in squared values.
-    edge_radius : int
-        Pixels are near each other up to this distance.
-    volume_power : float
-        Cells count by their share of the mass to this power.
-    """
-
-    values: PictureValues
-    field: Floats
-    data: Floats
-    is_averaged: bool
-    noise: NDArray[np.float64]
-    average_after: Averaging | None
-    edge_weight: float
-    edge_radius: int
-    volume_power: float
+    values: PictureValues  # the colors inside the mask
+    field: Floats  # (H, W, D): values of the pixels about their mean; 0 outside the mask
+    data: Floats  # (H, W, D): the values to segment: the field, averaged if averaging comes first
+    is_averaged: bool  # whether it is averaged
+    noise: NDArray[np.float64]  # (D, D): covariance of the noise of the field; measured only where edges cost
+    average_after: Averaging | None  # how to average segments once they are found
+    edge_weight: float  # cost of each pair of near pixels in different segments, in squared values
+    edge_radius: int  # pixels are near each other up to this distance
+    volume_power: float  # cells count by their share of the mass to this power
 
     @property
     def length_price(self) -> float:
@@ -106,18 +84,10 @@ class Prepared:
 
 @dataclass(frozen=True, slots=True)
 class Smoothness:
-    """The options against noise, checked: averaging and the weight of edges.
-
-    Attributes
-    ----------
-    averaging : Averaging or None
-    edge_weight : float or None
-        None if it is to follow the noise.
-    edge_radius : int
-    """
+    """The options against noise, checked: averaging and the weight of edges."""
 
     averaging: Averaging | None
-    edge_weight: float | None
+    edge_weight: float | None  # none if it is to follow the noise
     edge_radius: int
 
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from cvtimg.labels.files import write_labels
 from cvtimg.pictures.files import encode_image
 from cvtimg.pictures.showing import shown
 from cvtimg.segmentation.edge_weight import EdgeWeighted
-from cvtimg.segmentation.values import PictureValues
+from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
+from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
 
 Floats = NDArray[np.float32]
 
@@ -48,6 +50,8 @@ class Segmentation:
         Whether the iteration converged.
     curve : EnergyCurve or None
         The energy curve that picked the number of segments, if that was "auto".
+    hierarchy : RegionHierarchy or None
+        The tree of which the segments are a cut, if they are one.
     """
 
     labels: NDArray[np.int32]
@@ -58,6 +62,7 @@ class Segmentation:
     edge_weight: float
     converged: bool
     curve: EnergyCurve | None = None
+    hierarchy: RegionHierarchy | None = None
 
     def __post_init__(self) -> None:
         for array in (self.labels, self.generators, self.masses):
@@ -115,6 +120,20 @@ def from_tessellation(values: PictureValues, cells: Tessellation) -> Segmentatio
     )
 
 
+def from_cut(
+    hierarchy: RegionHierarchy, image: NDArray[Any], n_regions: int | None = None, threshold: float | None = None
+) -> Segmentation:
+    """Cut the tree of an image, and measure the regions on the image itself; the cut is that of `hierarchy.cut`."""
+    labels = hierarchy.cut(n_regions, threshold=threshold)
+    inside = labels > 0
+    own, rows = labels[inside] - 1, image.reshape(*labels.shape, -1)[inside]
+    masses = np.bincount(own).astype(np.float64)
+    means = per_mass(sum_by_label(own, rows), masses)
+    rest = rows - means[own]
+    energy = float(np.einsum("nd,nd->", rest, rest))
+    return Segmentation(labels, means, masses, energy, (energy,), 0.0, True, hierarchy=hierarchy)
+
+
 def from_labels(
     values: PictureValues,
     field: Floats,
@@ -142,17 +161,3 @@ def from_labels(
         edge_weight=edge_weight,
         converged=iteration.converged,
     )
-
-
-def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
-    """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
-    order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
-    order = order[masses[order] > 0]
-    labels = np.zeros(len(generators), np.int32)
-    labels[order] = np.arange(1, len(order) + 1)
-    return labels
-
-
-def in_order(new_label: NDArray[np.int32]) -> NDArray[np.intp]:
-    """Segments with pixels, in the order of their new labels."""
-    return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]

@@ -27,12 +27,11 @@ from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath, scratch_folder
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, open_bands, write_bands
 from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
-from cvtimg.segmentation.disk_rows import DiskRows
-from cvtimg.segmentation.disk_values import DiskValues
+from cvtimg.segmentation.disk_values import DiskRows, DiskValues
 from cvtimg.segmentation.edge_weight import State, settle
 from cvtimg.segmentation.noise import BLOCK, block_covariances, quiet_covariance
 from cvtimg.segmentation.prepared import auto_weight, blur_at_start
-from cvtimg.segmentation.result import dark_to_bright, in_order
+from cvtimg.segmentation.values import dark_to_bright, in_order
 
 __all__ = ["SegmentedFile", "segment_file"]
 

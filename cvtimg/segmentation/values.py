@@ -29,28 +29,15 @@ _SOME = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureValues:
-    """Values of the pixels inside a mask.
+    """Values of the pixels inside a mask."""
 
-    Attributes
-    ----------
-    inside : (H, W) bool array
-        The n pixels that count.
-    samples : ColorSamples
-        Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces.
-    scale, offset : float
-        Values are scale times the colors of `samples`. In "rgb", the offset is the sample at level 0.
-    space : str
-        The color space.
-    dtype : numpy.dtype
-        Type of the image.
-    """
-
-    inside: NDArray[np.bool_]
+    inside: NDArray[np.bool_]  # (H, W): the n pixels that count
+    #: Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces
     samples: ColorSamples
-    scale: float
+    scale: float  # values are scale times the colors of `samples`. In "rgb", the offset is the sample at level 0.
     offset: float
-    space: SpaceName
-    dtype: np.dtype[Any]
+    space: SpaceName  # the color space
+    dtype: np.dtype[Any]  # type of the image
 
     @property
     def unit(self) -> float:
@@ -106,18 +93,10 @@ def picture_values(image: Any, space: SpaceName, mask: ArrayLike | None) -> Pict
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EvenLevels:
-    """Samples are ``offset + step * levels``.
+    """Samples are ``offset + step * levels``."""
 
-    Attributes
-    ----------
-    levels : array of uint8, uint16 or float32
-        Whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1.
-    offset, step : float
-        In the units of the samples.
-    """
-
-    levels: NDArray[Any]
-    offset: float
+    levels: NDArray[Any]  # whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1
+    offset: float  # in the units of the samples
     step: float
 
 
@@ -192,3 +171,17 @@ def _fitting(probes: NDArray[np.float64], rounding: float, first: int) -> int:
         if fits.any():
             return int(steps[np.argmax(fits)])
     return 0
+
+
+def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
+    """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
+    order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
+    order = order[masses[order] > 0]
+    labels = np.zeros(len(generators), np.int32)
+    labels[order] = np.arange(1, len(order) + 1)
+    return labels
+
+
+def in_order(new_label: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Segments with pixels, in the order of their new labels."""
+    return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]

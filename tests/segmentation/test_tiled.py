@@ -20,7 +20,7 @@ from cvtimg.pictures import tiles as _tiled
 from cvtimg.segmentation import Averaging, disk_values, segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation
 from cvtimg.segmentation.averaging import averaged
-from cvtimg.segmentation.disk_rows import DiskRows
+from cvtimg.segmentation.disk_values import DiskRows
 
 RNG = np.random.default_rng(8)
 zarr = pytest.importorskip("zarr")

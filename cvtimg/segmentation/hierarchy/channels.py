@@ -45,21 +45,12 @@ _LEAST_BLUR, _LARGEST_BLUR = 0.5, 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channels:
-    """What pixels are like.
+    """What pixels are like."""
 
-    Attributes
-    ----------
-    bins : (H, W, C) uint8 array
-        Bins of color, `N_LEVELS` for each channel but the last, which has the textons.
-    values : (H, W, D) float32 array
-        Where distances of colors are measured, at full contrast and centered; 0 outside.
-    inside : (H, W) bool array
-        Pixels that count.
-    """
-
-    bins: NDArray[np.uint8]
+    bins: NDArray[np.uint8]  # (H, W, C): bins of color, `N_LEVELS` for each channel but the last, which has the textons
+    #: (H, W, D): where distances of colors are measured, at full contrast and centered; 0 outside
     values: NDArray[np.float32]
-    inside: NDArray[np.bool_]
+    inside: NDArray[np.bool_]  # (H, W): pixels that count
 
 
 def find_channels(values: PictureValues) -> Channels:

@@ -30,30 +30,15 @@ _GLOBAL_WEIGHT = 0.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaves:
-    """N leaves, numbered from 0, and B borders between them.
+    """N leaves, numbered from 0, and B borders between them."""
 
-    Attributes
-    ----------
-    labels : (H, W) int32 array
-        The number of each leaf plus 1; 0 outside the mask.
-    sizes : (N,) float64 array
-        Pixels.
-    moments : (N, D + 1) float64 array
-        Sums over the pixels of each leaf: of their values about the center, and of the squares of these.
-    histograms : list of (N, bins) float64 arrays
-        Of each channel, textons last.
-    borders : Borders
-        Between the leaves.
-    strengths : (B,) float64 array
-        How strongly each border parts its sides.
-    """
-
-    labels: NDArray[np.int32]
-    sizes: NDArray[np.float64]
+    labels: NDArray[np.int32]  # (H, W): the number of each leaf plus 1; 0 outside the mask
+    sizes: NDArray[np.float64]  # (N,): pixels
+    #: (N, D + 1): sums over the pixels of each leaf: of their values about the center, and of the squares of these
     moments: NDArray[np.float64]
-    histograms: list[NDArray[np.float64]]
-    borders: Borders
-    strengths: NDArray[np.float64]
+    histograms: list[NDArray[np.float64]]  # (N, bins) each: of each channel, textons last
+    borders: Borders  # between the leaves
+    strengths: NDArray[np.float64]  # (B,): how strongly each border parts its sides
 
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""

@@ -12,40 +12,21 @@ from cvtimg.labels import _labels
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """What makes regions differ: strength of the border + color + texture, less what is shared, by their sizes.
+    """What makes regions differ: strength of the border + color + texture, less what is shared, by their sizes."""
 
-    Attributes
-    ----------
-    color : float
-        Of the chi-square distance between the histograms of the regions in each channel of color.
-    texture : float
-        The same of textons.
-    shared : float
-        Regions count as less different by this times the share of the border in the shorter of their perimeters.
-    size_power : float
-        Power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first.
-    """
-
-    color: float = 0.5
-    texture: float = 0.8
+    color: float = 0.5  # of the chi-square distance between the histograms of the regions in each channel of color
+    texture: float = 0.8  # the same of textons
+    #: Regions count as less different by this times the share of the border in the shorter of their perimeters
     shared: float = 0.3
-    size_power: float = 0.17
+    size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Merges:
-    """Merges of N regions in their order.
+    """Merges of N regions in their order."""
 
-    Attributes
-    ----------
-    pairs : (M, 2) int32 array
-        Numbers of the regions that merge, the lower first. Merge m makes region N + m.
-    altitudes : (M,) float64 array
-        How much they differ; the running maximum, so that it never falls.
-    """
-
-    pairs: NDArray[np.int32]
-    altitudes: NDArray[np.float64]
+    pairs: NDArray[np.int32]  # (M, 2): numbers of the regions that merge, the lower first. Merge m makes region N + m.
+    altitudes: NDArray[np.float64]  # (M,): how much they differ; the running maximum, so that it never falls
 
 
 def merge_regions(
@@ -58,22 +39,8 @@ def merge_regions(
 ) -> Merges:
     """Merge regions until no neighbors are left.
 
-    Parameters
-    ----------
-    pairs : (B, 2) int32 array
-        Regions at the two sides of each border.
-    lengths, strengths : (B,) array
-        Of the borders.
-    sizes : (N,) float64 array
-        Pixels of each region.
-    histograms : list of (N, H) float64 arrays
-        For each channel, textons last.
-    weights : Weights
-        How differences are weighed.
-
-    Returns
-    -------
-    Merges
+    Borders have (B, 2) pairs of regions at their sides, lengths and strengths; regions have sizes in pixels, and (N, H)
+    histograms for each channel, textons last.
     """
     found, altitudes = _labels.merge(
         pairs.copy(),

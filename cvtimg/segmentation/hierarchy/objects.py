@@ -20,23 +20,9 @@ from cvtimg.labels.borders import find_borders
 def cheapest_cut(
     merges: NDArray[np.int32], energies: NDArray[np.float64], price: float
 ) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """Find the cut with the least sum of energies and prices.
+    """Find the cut with the least sum of the energies (N + M,) of its nodes and of a price for each.
 
-    Parameters
-    ----------
-    merges : (M, 2) int32 array
-        Nodes that merge; merge m makes node N + m.
-    energies : (N + M,) float64 array
-        Of each node.
-    price : float
-        Of each region.
-
-    Returns
-    -------
-    nodes : (K,) array
-        The regions of the cut.
-    leaf_labels : (N,) int32 array
-        For each leaf the number, from 1, of its region.
+    Return the (K,) nodes, the regions of the cut, and for each of the N leaves the number, from 1, of its region.
     """
     n_leaves = len(energies) - len(merges)
     least = (energies + price).tolist()
@@ -57,23 +43,10 @@ def cheapest_cut(
 def shares_that_part(
     labels: NDArray[np.int32], means: NDArray[np.float64], brightness: NDArray[np.float64], contrast: float
 ) -> NDArray[np.float64]:
-    """Measure along how much of its border each region stands out from its neighbors.
+    """Measure along how much of its border each region 1..K stands out from its neighbors; 0 has no border.
 
-    Parameters
-    ----------
-    labels : (H, W) int32 array
-        Regions 1..K; 0 outside the mask, where there is no border.
-    means : (K, D) float64 array
-        Means of the regions.
-    brightness : (K,) float64 array
-        Of the regions.
-    contrast : float
-        Least distance of means.
-
-    Returns
-    -------
-    (K, 2) float64 array
-        Shares of the border with neighbors that are so far away and darker, and so far away and not darker.
+    Return (K, 2) shares of the border with neighbors whose means differ by the contrast or more and that are darker,
+    and with those that are not.
     """
     borders = find_borders(labels)
     lengths = np.tile(borders.lengths, 2).astype(np.float64)

@@ -140,19 +140,9 @@ def global_strengths(
     lengths: NDArray[np.int32],
     sizes: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """(B,) steps of the eigenvectors across borders (B, 2), summed.
+    """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these.
 
-    Parameters
-    ----------
-    pairs, lengths, strengths
-        Of the borders.
-    sizes : (N,) array
-        Pixels of each region.
-
-    Returns
-    -------
-    (B,) float64 array
-        Of the order of the strengths.
+    Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
     """
     if not len(pairs):
         return np.zeros(0)

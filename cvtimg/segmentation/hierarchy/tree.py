@@ -19,7 +19,7 @@ from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation._segments import label_pixels
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
-from cvtimg.segmentation.result import dark_to_bright
+from cvtimg.segmentation.values import dark_to_bright
 
 _KIND = "region hierarchy"
 _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
