@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
@@ -57,7 +58,6 @@ def test_a_field_around_a_slit_is_interpolated_better_from_a_tessellation(exampl
     Image.open(tmp_path / "s.png").verify()
 
 
-@pytest.mark.slow
 def test_residuals_lead_to_meshes_that_are_as_good_as_they_can_be(example: Any, tmp_path: Path) -> None:
     pytest.importorskip("skfem")
     for name, found in example("adaptive").main(["interfaces", "gear"], 1000, tmp_path).items():

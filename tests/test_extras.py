@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -54,8 +55,21 @@ def bare(script: str, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def command(*words: str) -> subprocess.CompletedProcess[str]:
-    return bare("from cvtimg.cli.app import main; sys.exit(main(sys.argv[1:]))", *words)
+def commands(*lines: str) -> dict[str, tuple[int, str]]:
+    """Run commands one after the other; return the status of each and what it complains of."""
+    script = """
+import contextlib, io, json
+from cvtimg.cli.app import main
+outcomes = []
+for line in sys.argv[1:]:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as error:
+        status = main(line.split())
+    outcomes.append((status, error.getvalue()))
+print(json.dumps(outcomes))
+"""
+    done = bare(script, *lines)
+    assert (done.returncode, done.stderr) == (0, "")
+    return dict(zip(lines, map(tuple, json.loads(done.stdout)), strict=True))
 
 
 @pytest.fixture(autouse=True)
@@ -100,23 +114,26 @@ curve.elbow("kneedle")
     assert "rule='kneedle' needs kneed: pip install 'cvtimg[kneedle]'" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "lzw.tif", "deep.png", "deep.tif", "folder"])
-def test_quantize_needs_no_extra(name: str) -> None:
-    folder = Path("folder")
-    folder.mkdir()
+def test_quantize_needs_no_extra() -> None:
+    Path("folder").mkdir()
     for path in ("a.png", "a.jpg", "a.tif", "folder/b.png"):
         write_image(path, RGB)
     for path in ("deep.png", "deep.tif"):
         write_image(path, DEEP)
     Image.fromarray(RGB).save("lzw.tif", compression="tiff_lzw")
-    done = command("quantize", name, "-k", "4", "--out-dir", "out")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(list(Path("out").iterdir())) == 1
+    names = ["a.png", "a.jpg", "a.tif", "lzw.tif", "deep.png", "deep.tif", "folder"]
+    done = commands(*(f"quantize {name} -k 4 --quiet --out-dir out/{name}" for name in names))
+    assert set(done.values()) == {(0, "")}, done
+    assert [len(list(Path("out", name).iterdir())) for name in names] == [1] * len(names)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
+def test_commands_need_no_extra_for_their_own_job() -> None:
+    Path("folder").mkdir()
+    write_image("a.png", RGB)
+    for name in ("b", "c", "d"):
+        write_image(f"folder/{name}.png", RGB[::-1] if name == "c" else RGB)
+    Path("table.csv").write_text("x,y\n0,0\n0,1\n9,9\n9,8\n")
+    done = commands(
         "palette a.png -k 4",
         "segment a.png -k 3 -o segments.png",
         "restore a.png -k 4 -o restored.png",
@@ -129,43 +146,35 @@ def test_quantize_needs_no_extra(name: str) -> None:
         "keyframes folder -n 2 --out-dir out",
         "basis folder -n 2 -o basis.npz",
         "info a.png",
-    ],
-)
-def test_commands_need_no_extra_for_their_own_job(words: str) -> None:
-    Path("folder").mkdir()
-    write_image("a.png", RGB)
-    for name in ("b", "c", "d"):
-        write_image(f"folder/{name}.png", RGB[::-1] if name == "c" else RGB)
-    Path("table.csv").write_text("x,y\n0,0\n0,1\n9,9\n9,8\n")
-    done = command(*words.split())
-    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    )
+    assert set(done.values()) == {(0, "")}, done
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "error"),
-    [
-        ("quantize a.png -k 4 --optimize", 2, "--optimize needs oxipng: pip install 'cvtimg[oxipng]'"),
-        ("quantize a.fits -k 4", 1, "a.fits: is a FITS file, which needs astropy: pip install 'cvtimg[fits]'"),
-        (
-            "quantize lzw.tif -k 4",
-            1,
-            "lzw.tif: is compressed in a way that needs imagecodecs: pip install 'cvtimg[codecs]'",
-        ),
-        (
-            "quantize profile.png -k 4",
-            1,
-            "profile.png: has a color profile at 16 bits, which needs imagecodecs: pip install 'cvtimg[codecs]'",
-        ),
-        ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
-        ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
-        ("elbow a.png --plot plot.svg", 1, "plots need matplotlib: pip install 'cvtimg[plot]'"),
-        ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
-        ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),
-        ("explore a.png", 2, "explore needs starlette: pip install 'cvtimg[explore]'"),
-        ("basis a.zarr -n 2 -o a.npz", 1, "a.zarr: needs zarr: pip install 'cvtimg[zarr]'"),
-    ],
-)
-def test_a_command_names_the_extra_that_it_needs(words: str, status: int, error: str) -> None:
+#: Commands that need an extra, the status with which they end without it, and what they say.
+NEED_EXTRAS = [
+    ("quantize a.png -k 4 --optimize", 2, "--optimize needs oxipng: pip install 'cvtimg[oxipng]'"),
+    ("quantize a.fits -k 4", 1, "a.fits: is a FITS file, which needs astropy: pip install 'cvtimg[fits]'"),
+    (
+        "quantize lzw.tif -k 4",
+        1,
+        "lzw.tif: is compressed in a way that needs imagecodecs: pip install 'cvtimg[codecs]'",
+    ),
+    (
+        "quantize profile.png -k 4",
+        1,
+        "profile.png: has a color profile at 16 bits, which needs imagecodecs: pip install 'cvtimg[codecs]'",
+    ),
+    ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
+    ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
+    ("elbow a.png --plot plot.svg", 1, "plots need matplotlib: pip install 'cvtimg[plot]'"),
+    ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
+    ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),
+    ("explore a.png", 2, "explore needs starlette: pip install 'cvtimg[explore]'"),
+    ("basis a.zarr -n 2 -o a.npz", 1, "a.zarr: needs zarr: pip install 'cvtimg[zarr]'"),
+]
+
+
+def test_a_command_names_the_extra_that_it_needs() -> None:
     write_image("a.png", RGB)
     mask = np.zeros((20, 20), np.uint8)
     mask[4:16, 4:16] = 255
@@ -178,18 +187,18 @@ def test_a_command_names_the_extra_that_it_needs(words: str, status: int, error:
     from cvtimg.pictures.files import Metadata
 
     write_image("profile.png", DEEP, metadata=Metadata(icc=profile))
-    given = words.split()
-    done = command(*given, *(["--out-dir", "out"] if given[0] == "quantize" else []))
-    assert done.returncode == status
-    assert error in done.stderr
-    assert len(done.stderr.splitlines()) == 1, done.stderr
+    lines = [f"{words} --out-dir out" if words.startswith("quantize") else words for words, _, _ in NEED_EXTRAS]
+    done = commands(*lines)
+    for line, (_, status, error) in zip(lines, NEED_EXTRAS, strict=True):
+        assert done[line][0] == status, line
+        assert error in done[line][1]
+        assert done[line][1].count("\n") == 1, done[line]
 
 
 def test_pages_with_lzw_need_no_extra() -> None:
     page = Image.fromarray(RGB)
     page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])
-    done = command("quantize", "pages.tif", "-k", "4", "-o", "few.tif")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert commands("quantize pages.tif -k 4 -o few.tif") == {"quantize pages.tif -k 4 -o few.tif": (0, "")}
     with Image.open("few.tif") as few:
         assert few.n_frames == 2
 
