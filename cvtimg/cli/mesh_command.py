@@ -46,7 +46,12 @@ Number = Annotated[
 ]
 EdgeLength = Annotated[
     float | None,
-    Option("--edge-length", metavar="H", parser=options.number(above=0), help="Length of edges, as coordinates are."),
+    Option(
+        "--edge-length",
+        metavar="H",
+        parser=options.number(above=0),
+        help="Edge length, in the units of the coordinates.",
+    ),
 ]
 Size = Annotated[
     Path | None,

@@ -59,9 +59,9 @@ def mosaic(
     reading: options.InputOptions,
     common: options.BatchOptions,
 ) -> int:
-    """Compose images of N tiles, each of one color.
+    """Turn images into mosaics of N convex, single-colored tiles.
 
-    Tiles move until the mosaic is as like the image as they can make it, so that their borders follow its edges.
+    Tiles move until the mosaic matches the image as closely as possible, so their borders follow its edges.
 
     The suffix of -o picks the format: .svg, .geojson with a polygon for each tile, or .png and other images. Without
     -o and --out-dir, one input gives NAME-mosaic.png beside it; with --out-dir each gives NAME.png.

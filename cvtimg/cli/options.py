@@ -217,7 +217,11 @@ Mask = Annotated[
 ]
 NoData = Annotated[
     float | None,
-    Option("--nodata", metavar="V", help="Leave out pixels that are V in all bands; by default as a GeoTIFF says."),
+    Option(
+        "--nodata",
+        metavar="V",
+        help="Ignore pixels with the value V in every band; by default the nodata value of a GeoTIFF.",
+    ),
 ]
 
 Missing = Annotated[Literal["error", "drop"], Option(help="What to do with rows of tables that lack a value.")]

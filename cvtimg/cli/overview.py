@@ -10,20 +10,20 @@ __all__ = ["COMMANDS", "overview", "version"]
 #: The commands in the order of ``--help``, each with its line there.
 COMMANDS = {
     "quantize": "Reduce images to a palette of N colors.",
+    "explore": "Try settings and see their results at once, in the browser.",
     "palette": "Print the palette of images and the share of the pixels that has each color.",
     "segment": "Divide images into N segments of similar color.",
     "restore": "Restore one image from several noisy or incomplete versions of it.",
     "stipple": "Reproduce the tones of images by N dots, for pen plotters and print.",
-    "mosaic": "Compose images of N convex tiles of one color each.",
+    "mosaic": "Turn images into mosaics of N convex, single-colored tiles.",
     "mesh": "Divide masks, label images and polygons into triangles.",
     "surface": "Place N points evenly on surfaces, and join them by triangles.",
     "sphere": "Place N points on the globe as the cells of a grid for ocean and atmosphere models.",
     "cluster": "Cluster the rows of tables into N groups.",
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",
-    "basis": "Find N modes that nearly contain all frames of a film or rows of an array.",
-    "keyframes": "Choose the N frames of a film that represent the others.",
-    "explore": "See results while choosing, on a page in the browser.",
+    "basis": "Find N modes that nearly contain all frames of an animation or rows of an array.",
+    "keyframes": "Choose the N frames of an animation that represent the others.",
     "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
 }
 _OPTIONS = {
@@ -32,7 +32,10 @@ _OPTIONS = {
     "--show-completion SHELL": "Show the completion script for bash, zsh or fish.",
     "-h, --help": "Show this message and exit. Each command has its own: cvtimg COMMAND --help.",
 }
-_ABOUT = "Centroidal Voronoi tessellations of images and tables: palettes, segments, restored images, clusters."
+_ABOUT = (
+    "Palettes, segments, restored images, drawings in dots, meshes, grids of the globe, designs of experiments and "
+    "clusters, by centroidal Voronoi tessellations."
+)
 _STATUS = "Exit status: 0 all inputs done; 1 some input failed, the others are done; 2 wrong usage; 130 interrupted."
 
 

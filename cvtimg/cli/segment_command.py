@@ -96,7 +96,7 @@ def segment(
     with --write each input gets the outputs listed. Contours are in pixels from the upper left corner, or in the
     coordinates of a GeoTIFF.
 
-    Each page of a TIFF is segmented by itself, or by --volume all of them alike, with -o FILE.tif for the labels.
+    Pages of a TIFF are segmented separately, or together with --volume; -o FILE.tif takes the labels of all.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """

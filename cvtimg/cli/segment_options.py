@@ -133,7 +133,7 @@ Threshold = Annotated[
 ]
 Tree = Annotated[Path | None, Option(metavar="FILE", help="With --hierarchy: write the tree of regions, .npz.")]
 Strengths = Annotated[
-    Path | None, Option(metavar="FILE", help="With --hierarchy: write how strongly borders part, .png, .tif or .npy.")
+    Path | None, Option(metavar="FILE", help="With --hierarchy: write the strength of each border, .png, .tif or .npy.")
 ]
 Cuts = Annotated[
     Path | None, Option(metavar="FILE", help="With --hierarchy: write a sheet of cuts into 5, 10, 20 and 50 regions.")

@@ -34,7 +34,7 @@ Number = Annotated[
         "-n",
         metavar="N",
         parser=options.whole_number(1, 1 << 28),
-        help="Number of points, of the new ones with --parent. 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
+        help="Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
     ),
 ]
 Density = Annotated[
