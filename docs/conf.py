@@ -1,5 +1,6 @@
 """Configuration of the documentation site, which ``make docs`` builds without a network."""
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -69,8 +70,9 @@ copyright = "the cvtimg developers, BSD-3-Clause"
 
 
 def _end_blocks(app: Any, name: str, source: list[str]) -> None:
-    """Take away the empty line that doctest needs at the end of a block."""
+    """Take away the empty line that doctest needs at the end of a block; link scripts of the gallery to its pages."""
     source[0] = source[0].replace("\n\n```", "\n```")
+    source[0] = re.sub(r"\.\./examples/gallery/(plot_\w+)\.py\)", r"generated/gallery/\1.rst)", source[0])
 
 
 def _skip(app: Any, kind: str, name: str, value: object, skip: bool, options: object) -> bool | None:

@@ -35,8 +35,8 @@ def page(name: str) -> str:
     """Return the page of a package: its functions and classes as tables with links, its registries with their keys."""
     package = importlib.import_module(name)
     public = {each: getattr(package, each) for each in package.__all__}
-    # A verb has its page in cvtimg, and the page of its subject links there.
-    verbs = set() if name == "cvtimg" else set(cvtimg.__all__).intersection(public)
+    # A name has one page: a verb in cvtimg, another in the package that defines it. Other packages link there.
+    homes = {each: home(each, value, name) for each, value in public.items()}
     functions = [each for each, value in public.items() if inspect.isroutine(value)]
     classes = [each for each, value in public.items() if inspect.isclass(value)]
     registries = {each: value for each, value in public.items() if isinstance(value, dict)}
@@ -48,12 +48,21 @@ def page(name: str) -> str:
     for heading, names in (("Functions", functions), ("Classes", classes)):
         if names:
             parts += [heading, "-" * len(heading), ""]
-            parts += table([f"~cvtimg.{each}" for each in sorted(names) if each in verbs])
-            parts += table([each for each in sorted(names) if each not in verbs], "   :toctree: names")
+            parts += table([f"~{homes[each]}.{each}" for each in sorted(names) if homes[each] != name])
+            parts += table([each for each in sorted(names) if homes[each] == name], "   :toctree: names")
     if registries:
         parts += ["Registries", "----------", ""]
         parts += [f"``{each}``: {', '.join(f'``{key}``' for key in value)}\n" for each, value in registries.items()]
     return "\n".join(parts) + "\n"
+
+
+def home(each: str, value: Any, name: str) -> str:
+    """Return the package in which a name has its page."""
+    if each in cvtimg.__all__ or name == "cvtimg":
+        return "cvtimg"
+    package = ".".join(getattr(value, "__module__", name).split(".")[:2])
+    defines = (PACKAGE.parent / package.replace(".", "/") / "__init__.pyi").exists()
+    return package if defines and each in importlib.import_module(package).__all__ else name
 
 
 def table(names: list[str], *options: str) -> list[str]:
