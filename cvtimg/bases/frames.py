@@ -13,6 +13,7 @@ from cvtimg.bases.reduction import nearest_members
 from cvtimg.bases.sketch import sketch
 from cvtimg.bases.snapshots import as_snapshots
 from cvtimg.elbow.curves import energy_curve
+from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 
 _OVERSAMPLING = 24
@@ -88,7 +89,12 @@ def key_frames(
         if n_frames == "auto"
         else n_frames
     )
-    cells = tessellate(rows, n_cells, init="k-means++", effort="best", rng=generator)
+    try:
+        cells = tessellate(rows, n_cells, init="k-means++", effort="best", rng=generator)
+    except TooFewSamplesError as error:
+        raise ValueError(
+            f"n_frames={n_frames} must be in 1..{error.n_distinct}, the number of frames that differ"
+        ) from error
     indices = nearest_members(rows, cells.labels.astype(np.int64), cells.generators)
     order = np.argsort(indices)
     labels = np.argsort(order)[cells.labels]

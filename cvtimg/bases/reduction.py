@@ -15,6 +15,7 @@ from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
 from cvtimg.bases.subspaces import distances, find_subspaces, principal_axes
 from cvtimg.elbow.rules import Scale, chord_linear
+from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
@@ -276,9 +277,17 @@ def reduced_basis(
     found = sketch(given, rank, passes, generator)
     make = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind]
     if n_modes == "auto":
-        trial = make(found, asked, cells, generator)
+        try:
+            trial = make(found, asked, cells, generator)
+        except TooFewSamplesError as error:
+            trial = make(found, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
         asked = chord_linear(trial.energies[1:] + found.missed, Scale(1.0, None)) if trial.energies[0] > 0 else 1
-    return _in_space(given, found, kind, make(found, asked, cells, generator))
+    try:
+        reduced = make(found, asked, cells, generator)
+    except TooFewSamplesError as error:
+        wrong = f"n_modes={n_modes}" if kind == "cvt" else f"n_cells={n_cells}"
+        raise ValueError(f"{wrong} must be in 1..{error.n_distinct}, the number of snapshots that differ") from error
+    return _in_space(given, found, kind, reduced)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -226,6 +226,8 @@ def _divide(
     """Segment an image; return the bands that count, and the result."""
     if header.has_alpha and image.shape[2:] == (4,):
         image, known = image[:, :, :3], known & (image[:, :, 3] > 0)
+    if not known.any():
+        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
     return image, how.segments(image, known)
 
 

@@ -203,6 +203,7 @@ class TooFewSamplesError(ValueError):
 
     def __init__(self, n_generators: int, n_distinct: int) -> None:
         super().__init__(f"n_generators={n_generators} must be in 1..{n_distinct}, the number of distinct samples")
+        self.n_distinct = n_distinct
 
 
 def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], cells: _Cells) -> None:

@@ -177,6 +177,8 @@ class Film:
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedFrames:
         """Map each frame to its palette, or to the one of all."""
+        if how.palette is not None and self.counted[0].alpha:  # which may need a transparent color, the same in all
+            palettes = [Palette(map_samples(self.counted[0], palettes[0].colors, how.space, None, 1.0).palette, None)]
         frames, results = self._frames, []
         of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
         for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):

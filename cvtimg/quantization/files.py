@@ -364,6 +364,9 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     result = _quantized(job, image, mask, hint, file)
     job.lap("cluster")
     pixels, how_stored = _content(result, file)
+    n_colors = len(result.palette) + (result.inside is not None)
+    if job.target.suffix.lower() == ".gif" and n_colors > MOST_INDEXED:
+        raise ValueError(f".gif holds images of at most {MOST_INDEXED} colors, and this one has {n_colors}")
     stored, notes = as_stored(pixels, job.target.suffix)
     for note in notes:
         warnings.warn(note, UserWarning, stacklevel=3)

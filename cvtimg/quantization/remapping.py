@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,8 @@ from cvtimg.quantization import dithering
 
 #: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
+#: Sizes of palettes of which indices of 1, 2, 4 and 8 bits are full.
+_FULL = (2, 4, 16, 256)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +150,8 @@ def map_to_palette(
     """Give each pixel of an image the nearest color of a palette.
 
     Opaque pixels get opaque colors if the palette has any. Fully transparent pixels stay fully transparent: if the
-    palette has no such color, one is appended.
+    palette has no such color, one is put first; in a palette of 2, 4, 16 or 256 colors, after which indices would need
+    more bits, it takes the place of a color that no pixel has, if there is one.
 
     Parameters
     ----------
@@ -171,6 +175,11 @@ def map_to_palette(
     -------
     Quantized
         With the given palette.
+
+    Warns
+    -----
+    UserWarning
+        If a transparent color was put into the palette.
 
     Raises
     ------
@@ -211,17 +220,19 @@ def map_samples(
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
     kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]
-    if (kinds[0] == CLEAR).any() and not (kinds[1] == CLEAR).any():
-        colors = np.concatenate([colors, np.zeros_like(colors[:1])])
+    lacks_clear = bool((kinds[0] == CLEAR).any() and not (kinds[1] == CLEAR).any())
+    if lacks_clear:
+        colors = np.concatenate([np.zeros_like(colors[:1]), colors])
     if len(colors) > MAX_COLORS:
         raise ValueError(f"palette must have at most {MAX_COLORS} colors, not {len(colors)}")
-    dtype = np.uint8 if len(colors) <= 256 else np.uint16
     if dither is None:
         labels, energy = _map(samples, colors, space)
-        indices = labels.astype(dtype)[samples.inverse]
     else:
         labels, energy = _dither(samples, colors, space, dither, dither_strength)
-        indices = labels.astype(dtype)
+    if lacks_clear:
+        colors, labels = _fitted(colors, labels)
+    labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
+    indices = labels[samples.inverse] if dither is None else labels
     if samples.inside is not None:
         indices[~samples.inside] = 0
     n_channels = colors.shape[1]
@@ -235,6 +246,21 @@ def map_samples(
         alpha=samples.alpha,
         inside=samples.inside,
     )
+
+
+def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[np.int32]]:
+    """Let a transparent color that was put first take the place of one without pixels, if indices would need more bits.
+
+    This is said in a warning, as the palette is no longer the one that was given.
+    """
+    n_given = len(colors) - 1
+    idle = np.flatnonzero(np.bincount(labels.ravel(), minlength=len(colors))[1:] == 0) + 1
+    said = "palette has no transparent color: one is put first, for the transparent pixels"
+    if n_given in _FULL and len(idle):
+        said += f", in place of entry {idle[-1] - 1} (from 0), which no pixel has"
+        colors, labels = np.delete(colors, idle[-1], axis=0), labels - (labels > idle[-1])
+    warnings.warn(said, UserWarning, stacklevel=4)
+    return colors, labels
 
 
 def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.int32], float]:

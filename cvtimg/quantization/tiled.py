@@ -77,7 +77,7 @@ class Strips:
         colors = check_colors("palette", palettes[0].colors, samples.colors.dtype)
         alpha = form.alpha and colors.shape[1] == samples.colors.shape[1]
         if alpha and CLEAR in kinds_of(samples.colors, True) and CLEAR not in kinds_of(colors, True):
-            colors = np.concatenate([colors, np.zeros_like(colors[:1])])
+            colors = map_to_palette(samples, colors, space=how.space).palette
         del samples
         mapping = _Mapping(self, colors, how)
         write_bands(self._target, mapping.form, mapping, palette=mapping.indexed, overwrite=self._overwrite)

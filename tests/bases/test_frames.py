@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cvtimg import key_frames
+from cvtimg import key_frames, reduced_basis
 
 RNG = np.random.default_rng(2)
 SHOTS = RNG.normal(size=(4, 500)) * 20
@@ -33,3 +33,14 @@ def test_auto_finds_the_number_of_shots() -> None:
 def test_more_key_frames_than_frames_are_refused() -> None:
     with pytest.raises(ValueError, match=r"n_frames=49 must be in 1\.\.48, the number of frames"):
         key_frames(FILM, 49)
+
+
+def test_frames_that_differ_limit_their_number() -> None:
+    film = np.repeat(np.eye(3)[:2], 5, axis=0)
+    with pytest.raises(ValueError, match=r"^n_frames=4 must be in 1\.\.2, the number of frames that differ"):
+        key_frames(film, 4)
+    with pytest.raises(ValueError, match=r"^n_modes=4 must be in 1\.\.2, the number of snapshots that differ"):
+        reduced_basis(film, 4, kind="cvt")
+    with pytest.raises(ValueError, match=r"^n_cells=4 must be in 1\.\.2, the number of snapshots that differ"):
+        reduced_basis(film, 1, kind="cvod", n_cells=4)
+    assert reduced_basis(film, "auto", kind="cvt").n_modes <= 2

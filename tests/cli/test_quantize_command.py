@@ -230,3 +230,30 @@ def test_an_indexed_image_keeps_its_indices(tmp_path: Path, monkeypatch: pytest.
     with Image.open("out.png") as image:
         np.testing.assert_array_equal(np.asarray(image), indices)
     np.testing.assert_array_equal(read_palette("out.png"), palette)
+
+
+def test_more_colors_than_a_gif_holds_are_refused_in_its_words(
+    picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["quantize", "in.png", "-k", "300", "-o", "out.gif"]) == 1
+    assert "in.png: .gif holds images of at most 256 colors, and this one has 300" in capsys.readouterr().err
+    assert not Path("out.gif").exists()
+
+
+def test_a_palette_of_16_colors_keeps_4_bits_where_pixels_are_transparent(run: Run) -> None:
+    image = np.zeros((20, 20, 4), np.uint8)
+    image[5:] = [200, 100, 50, 255]
+    write_image("in.png", image)
+    Path("a.hex").write_text("\n".join(f"{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)))
+    row = run("in.png", "--palette", "a.hex")
+    assert (row["k"], "one is put first" in row["warning"]) == (16, True)
+    with Image.open("out.png") as written:
+        assert written.info["transparency"] == 0
+    assert Path("out.png").read_bytes()[24] == 4  # bits
+
+
+def test_a_transparent_image_is_quantized_and_not_segmented(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    write_image("in.png", np.zeros((6, 6, 4), np.uint8))
+    assert run("in.png", "-k", "4")["k"] == 1
+    assert cli.main(["segment", "in.png", "-k", "2", "-o", "out.png", "--overwrite"]) == 1
+    assert "in.png: has no pixel that counts: all are transparent" in capsys.readouterr().err

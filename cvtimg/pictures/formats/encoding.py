@@ -145,7 +145,7 @@ def encoder(
         picture = picture.convert(_WIDER[picture.mode])
     mode = _mode(picture)
     if mode not in form.modes:
-        able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes)
+        able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes and one.lossless >= form.lossless)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
     if optimize and form.name != "PNG":
         raise ValueError(f"optimize is only for .png, not for {suffix}")
