@@ -40,6 +40,8 @@ class Plan:
         Other files that are read, such as masks. No output may replace them.
     joint : mapping of str to Path
         Files written once for all inputs together, by option.
+    folders : sequence of Path
+        Folders given as inputs, themselves or by a pattern.
     """
 
     tasks: list[Task]
@@ -47,6 +49,7 @@ class Plan:
     out_dir: Path | None = None
     also_read: Sequence[Path] = ()
     joint: Mapping[str, Path] = field(default_factory=dict)
+    folders: Sequence[Path] = ()
 
 
 def plan_each(
@@ -86,6 +89,8 @@ def plan_each(
         If an option names one file for several inputs, or if several inputs have no folder for outputs.
     """
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
+    inputs = list(inputs)
+    folders = [_root(text) for text in inputs if glob.has_magic(text) or Path(text).is_dir()]
     sources, missing = find(inputs, expand, out_dir, suffixes)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
     tasks = []
@@ -96,7 +101,7 @@ def plan_each(
             outputs_of["-o"] = Path(STANDARD + outputs_of["-o"].suffix)
         tasks.append(Task((source,), outputs_of))
     _keep_suffixes(tasks, wanted)
-    return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}))
+    return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}), folders)
 
 
 def plan_one(
@@ -236,32 +241,43 @@ def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Pa
 
 
 def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = False) -> None:
-    """Refuse outputs that would replace a file that is read, or each other.
+    """Refuse outputs that would replace a file that is read, or each other, or through a link a file elsewhere.
 
     With `in_place` an output may replace its own input.
     """
     inputs = {_identity(path) for task in plan.tasks for path in task.sources}
     inputs |= {_identity(path) for path in plan.also_read}
     wanted = [
-        (path, task.name)
-        for task in plan.tasks
-        for path in task.outputs.values()
-        if not (in_place and path == task.source)
+        (path, task.name, in_place and path == task.source) for task in plan.tasks for path in task.outputs.values()
     ]
-    wanted += [(path, option) for option, path in plan.joint.items()]
+    wanted += [(path, option, False) for option, path in plan.joint.items()]
     if report:
-        wanted.append((report, "--report"))
+        wanted.append((report, "--report", False))
     owners: dict[str, str] = {}
-    for path, owner in wanted:
+    for path, owner, replaces in wanted:
         if is_standard(path):
             continue
-        if _identity(path) in inputs - {None}:
+        _check_link(path, plan.folders, in_place=replaces)
+        if not replaces and _identity(path) in inputs - {None}:
             raise WrongUsageError(f"{url_of(path)} is an input, which is never replaced; choose another output")
         place = os.path.normcase(path.resolve())
         if place in owners:
             who = f"two outputs of {owner}" if owners[place] == owner else f"{owners[place]} and {owner}"
             raise WrongUsageError(f"{who} would both become {url_of(path)}")
         owners[place] = owner
+
+
+def _check_link(path: Path, folders: Sequence[Path], *, in_place: bool) -> None:
+    """Refuse to replace a file elsewhere through a symbolic link.
+
+    In place, the file may be anywhere in the folder that is an input; otherwise it may be beside the link.
+    """
+    given = [folder for folder in folders if folder in path.parents] if in_place else [path.parent]
+    if is_remote(path) or not (path.is_symlink() or (in_place and given)):
+        return
+    real = path.resolve()
+    if not any(folder.resolve() in real.parents for folder in given):
+        raise WrongUsageError(f"{path} is a link to {real}, a file elsewhere, which is not replaced; name that file")
 
 
 def _identity(path: Path) -> tuple[int, int] | str | None:

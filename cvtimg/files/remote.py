@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
@@ -84,8 +84,12 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
         elif not _is_whole(place) and Path(place).suffix.lower() not in suffixes and files.isdir(place):
             inside = dict.fromkeys(_whole(str(name)) for name in files.find(place))
             found = [name for name in inside if Path(name).suffix.lower() in suffixes]
+        elif files.exists(place):
+            found = [place]
         else:
-            found = [place] if files.exists(place) else []
+            with suppress(FileNotFoundError):
+                files.info(place)  # says why, where nothing answers
+            found = []
     if not found:
         raise FileNotFoundError(f"{url}: no such file")
     return [Path(files.unstrip_protocol(name)) for name in sorted(found)]

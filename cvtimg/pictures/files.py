@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
-from cvtimg._shared.pixels import with_mark
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suffixes
@@ -95,11 +94,7 @@ def read_image(
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
     with selecting(chosen), reading(source) as file:
         page = chosen.page
-        image = decode(file, keep_profile=keep_profile) if page is None else decode_page(file, page)
-        if image.shape[2:] != (4,):
-            return image
-        file.seek(0)
-        return with_mark(image, read_header(file).has_alpha)
+        return decode(file, keep_profile=keep_profile) if page is None else decode_page(file, page)
 
 
 def read_indices(source: Source) -> NDArray[Any]:
@@ -126,7 +121,7 @@ def read_indices(source: Source) -> NDArray[Any]:
     [[0, 1, 1]]
     """
     with reading(source) as file:
-        return decode(file, indices=True)
+        return decode(file, indices=True).view(np.ndarray)
 
 
 def image_info(source: Source) -> ImageInfo:

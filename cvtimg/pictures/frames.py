@@ -97,7 +97,7 @@ def read_frames(path: StrPath) -> Frames:
             if image is not None:
                 return _decode_frames(image)
         file.seek(0)
-        return Frames((decode(file),), (0.0,), 1)
+        return Frames((decode(file).view(np.ndarray),), (0.0,), 1)
 
 
 @contextmanager
@@ -163,6 +163,7 @@ def write_frames(
 
 
 def _decode_frames(image: ImageFile.ImageFile) -> Frames:
+    size = image.size
     check_size(image.width * image.height)
     plays = image.info.get("loop", 1)
     if image.format == "GIF" and "loop" in image.info:
@@ -175,7 +176,8 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
         image.seek(number)
         image.load()
         whole = image.convert("RGBA") if image.format == "GIF" else to_srgb(image)
-        images.append(upright(np.asarray(whole), turn))
+        # As browsers do, frames are cut at the canvas, which Pillow widens for those that leave it.
+        images.append(upright(np.asarray(whole)[: size[1], : size[0]], turn))
         durations.append(float(image.info.get("duration", 0)))
     return Frames(tuple(_alike(images)), tuple(durations), int(plays))
 

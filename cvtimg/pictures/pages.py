@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -15,6 +14,7 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, decode_planes
@@ -22,6 +22,7 @@ from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, open_picture, reading
 from cvtimg.pictures.formats.tiff import (
+    OF_IMAGEJ,
     Layout,
     colormap_of,
     finished,
@@ -29,6 +30,7 @@ from cvtimg.pictures.formats.tiff import (
     is_plain,
     is_subordinate,
     main_pages,
+    ome_scale,
     sample_options,
     tiff_tags,
 )
@@ -40,12 +42,9 @@ if TYPE_CHECKING:
 #: Suffixes of files that can hold several pages.
 PAGE_SUFFIXES = (".tif", ".tiff")
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
-#: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
-_OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
-_OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
 #: Sample types that ImageJ supports, by the number of channels.
 _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
-_ORDER_OF_IMAGEJ = "TZC"
+_ORDEROF_IMAGEJ = "TZC"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +193,8 @@ def _decode(file: BinaryIO) -> Pages:
     size = _count(file)
     if size == 1:
         file.seek(0)
-        return Pages((np.ascontiguousarray(decode(file)),))
+        image = decode(file)
+        return Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
     import tifffile
 
     with tifffile.TiffFile(file) as tiff:
@@ -223,10 +223,12 @@ def _decode(file: BinaryIO) -> Pages:
 
 def decode_page(file: BinaryIO, page: int) -> NDArray[Any]:
     """Decode one page, from 1, of a file that may have several."""
-    images = _decode(file).images
-    if page > len(images):
-        raise UnfitContentError(f"has {len(images)} page{'s' * (len(images) > 1)}, and no page {page}")
-    return images[page - 1].copy()
+    pages = _decode(file)
+    n_pages = len(pages.images)
+    if page > n_pages:
+        raise UnfitContentError(f"has {n_pages} page{'s' * (n_pages > 1)}, and no page {page}")
+    image = pages.images[page - 1].copy()
+    return with_mark(image, pages.has_alpha and image.shape[2:] == (4,))
 
 
 def _series(tiff: tifffile.TiffFile) -> tuple[str, NDArray[Any]]:
@@ -279,26 +281,9 @@ def _scale(tiff: tifffile.TiffFile) -> dict[str, Any]:
         scale["resolutionunit"] = int(tags.valueof(_RESOLUTION_UNIT, 1))
     if tiff.is_imagej:
         given = tiff.imagej_metadata or {}
-        scale |= {name: given[name] for name in _OF_IMAGEJ if name in given}
+        scale |= {name: given[name] for name in OF_IMAGEJ if name in given}
     elif tiff.is_ome:
-        scale |= _ome_scale(tiff.ome_metadata or "")
-    return scale
-
-
-def _ome_scale(description: str) -> dict[str, Any]:
-    from xml.etree import ElementTree
-
-    scale: dict[str, Any] = {}
-    with suppress(ElementTree.ParseError, ValueError):
-        for element in ElementTree.fromstring(description).iter():
-            if element.tag.rpartition("}")[2] != "Pixels":
-                continue
-            for name in _OF_OME:
-                if name in element.attrib:
-                    scale[name] = float(element.attrib[name])
-                if f"{name}Unit" in element.attrib:
-                    scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
-            break
+        scale |= ome_scale(tiff.ome_metadata or "")
     return scale
 
 
@@ -342,9 +327,9 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
 
 def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], NDArray[np.int64]]:
     """Reorder pages to ImageJ's order of axes; axes unknown to ImageJ count as depth."""
-    known = "".join(axis if axis in _ORDER_OF_IMAGEJ else "Z" for axis in axes)
+    known = "".join(axis if axis in _ORDEROF_IMAGEJ else "Z" for axis in axes)
     if len(set(known)) < len(known):
         return "Z", (math.prod(shape),), np.arange(math.prod(shape))
-    order = sorted(range(len(known)), key=lambda at: _ORDER_OF_IMAGEJ.index(known[at]))
+    order = sorted(range(len(known)), key=lambda at: _ORDEROF_IMAGEJ.index(known[at]))
     numbers = np.arange(math.prod(shape)).reshape(shape).transpose(order)
     return "".join(known[at] for at in order), numbers.shape, numbers.ravel()

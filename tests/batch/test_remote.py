@@ -245,3 +245,11 @@ def test_whatever_is_written_at_a_url_is_read_back_from_there(memory: object) ->
         write_bands(name, Form(picture.shape, picture.dtype), [picture])
         np.testing.assert_array_equal(np.concatenate(list(open_bands(name))), picture)
     assert [path.name for path in find_images("memory://in")] == ["a.png", "c.bmp", "b.png"]
+
+
+def test_a_server_that_does_not_answer_is_not_a_missing_file(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("aiohttp")
+    assert cli.main(["info", "http://127.0.0.1:9/a.png", "--quiet"]) == 1
+    err = capsys.readouterr().err
+    assert "http://127.0.0.1:9/a.png: cannot be read" in err
+    assert "no such file" not in err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -19,7 +20,7 @@ from PIL import Image
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.options import n_bytes
-from cvtimg.pictures import Frames, read_frames, write_frames
+from cvtimg.pictures import Frames, image_info, read_frames, write_frames
 
 pytestmark = pytest.mark.timeout(120)
 RNG = np.random.default_rng(21)
@@ -312,3 +313,48 @@ def test_no_option_lets_an_output_replace_a_mask_or_a_weight_map(
         assert run(command) == 2
         assert "map.png is an input, which is never replaced" in capsys.readouterr().err
     assert Path("map.png").read_bytes() == before
+
+
+@pytest.mark.parametrize("given", ["proj", "proj/*.png", "proj/a.png"])
+def test_in_place_replaces_no_file_elsewhere_through_a_link(
+    here: Path, capsys: pytest.CaptureFixture[str], given: str
+) -> None:
+    Path("proj").mkdir()
+    Path("orig").mkdir()
+    write_image("orig/master.png", read_image("a.png"))
+    Path("proj/a.png").symlink_to("../orig/master.png")
+    before = Path("orig/master.png").read_bytes()
+    assert cli.main(["quantize", given, "-k", "4", "--in-place", "--quiet"]) == 2
+    assert re.search(r"proj/a\.png is a link to .*/orig/master\.png, a file elsewhere", capsys.readouterr().err)
+    assert Path("orig/master.png").read_bytes() == before
+
+
+def test_in_place_follows_links_within_a_folder_that_is_given(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("proj/store").mkdir(parents=True)
+    write_image("proj/store/b.png", read_image("a.png"))
+    Path("proj/store/b.png").rename("proj/store/b.data")
+    Path("proj/a.png").symlink_to("store/b.data")
+    assert cli.main(["quantize", "proj", "-k", "4", "--in-place", "--quiet"]) == 0
+    assert len(image_info("proj/store/b.data").bands) == 1
+    assert Path("proj/a.png").is_symlink()
+    Path("proj/store/b.data").rename("proj/store/b.png")
+    Path("proj/a.png").unlink()
+    Path("proj/a.png").symlink_to("store/b.png")
+    assert cli.main(["quantize", "proj", "-k", "2", "--in-place", "--quiet"]) == 2
+    assert "proj/a.png and proj/store/b.png would both become" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "outputs", [["--out-dir", "out"], ["-o", "out/a.png"], ["-o", "b.png", "--report", "out/r.csv"]]
+)
+def test_outputs_replace_no_file_elsewhere_through_a_link(
+    here: Path, capsys: pytest.CaptureFixture[str], outputs: list[str]
+) -> None:
+    Path("out").mkdir()
+    for name in ("a.png", "r.csv"):
+        Path("orig").mkdir(exist_ok=True)
+        Path("orig", name).write_text("mine")
+        Path("out", name).symlink_to(f"../orig/{name}")
+    assert cli.main(["quantize", "a.png", "-k", "4", "--overwrite", "--quiet", *outputs]) == 2
+    assert "a file elsewhere, which is not replaced" in capsys.readouterr().err
+    assert [Path("orig", name).read_text() for name in ("a.png", "r.csv")] == ["mine"] * 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import shutil
+import struct
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
-from PIL import Image, ImageSequence
+from PIL import GifImagePlugin, Image, ImageSequence
 
 from cvtimg import find_palette, quantize, quantize_frames, read_image
 from cvtimg.colors import color_samples
@@ -367,3 +368,17 @@ def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photog
     assert palettes is None
     write_frames(tmp_path / "a.png", shown)
     assert_same(tmp_path / "a.png", [one.image for one in result.results], result.durations)
+
+
+@pytest.mark.parametrize("boxes", [((0, 0, 20, 10), (10, 5, 20, 10)), ((0, 0, 5, 5), (18, 8, 10, 10))])
+def test_frames_that_leave_the_canvas_are_cut_at_it(tmp_path: Path, boxes: tuple[tuple[int, ...], ...]) -> None:
+    content = b"GIF89a" + struct.pack("<HHBBB", 20, 10, 0xF0, 0, 0) + bytes([0, 0, 0, 255, 255, 255])
+    for left, top, width, height in boxes:
+        picture = Image.fromarray(np.ones((height, width), np.uint8))
+        picture.putpalette([0, 0, 0, 255, 255, 255])
+        content += b"".join(GifImagePlugin.getdata(picture, (left, top), include_color_table=False))
+    (tmp_path / "a.gif").write_bytes(content + b";")
+    frames = read_frames(tmp_path / "a.gif")
+    assert [image.shape[:2] for image in frames.images] == [(10, 20)] * 2
+    assert (frames.images[1][9, 19, :3] == 255).all()
+    write_image(tmp_path / "b.png", frames.images[1])

@@ -193,3 +193,42 @@ def test_a_turned_geotiff_and_other_formats_have_no_place(tmp_path: Path) -> Non
     tifffile.imwrite(tmp_path / "b.tif", RGB, photometric="rgb", extratags=GEO)
     write_image(tmp_path / "b.png", RGB, metadata=read_metadata(tmp_path / "b.tif"))
     assert image_info(tmp_path / "b.png").geo_transform is None
+
+
+@pytest.mark.parametrize("unit", ["um", "\\u00B5m", "furlong"])
+def test_resolution_unit_and_spacing_of_imagej_travel_together(tmp_path: Path, unit: str) -> None:
+    path, near = tmp_path / "a.tif", pytest.approx(40 / 13, rel=1e-6)
+    scale = {"unit": unit, "spacing": 2.5}
+    tifffile.imwrite(path, GREY, imagej=True, resolution=(40 / 13, 40 / 13), metadata=scale)
+    metadata = read_metadata(path)
+    write_image(tmp_path / "b.tif", GREY, metadata=metadata)
+    with tifffile.TiffFile(tmp_path / "b.tif") as tiff:
+        tags = tiff.pages.first.aspage().tags
+        across, down = (tags[name].value for name in ("XResolution", "YResolution"))
+        assert (across[0] / across[1], down[0] / down[1]) == (near, near)
+        assert (int(tags["ResolutionUnit"].value), tiff.imagej_metadata) == (1, {"ImageJ": "1.11a", **scale})
+    write_image(tmp_path / "b.png", GREY, metadata=metadata)
+    again = read_metadata(tmp_path / "b.png")
+    assert again.exif is None or b"ImageJ" not in again.exif
+    assert again.dpi == (None if unit == "furlong" else (pytest.approx(25400 * 40 / 13, rel=1e-4),) * 2)
+
+
+def test_a_unit_without_a_resolution_is_not_kept(tmp_path: Path) -> None:
+    description = "ImageJ=1.53t\nunit=um\nimages=5\n"
+    tifffile.imwrite(tmp_path / "a.tif", GREY, description=description, metadata=None, resolution=(0, 0))
+    metadata = read_metadata(tmp_path / "a.tif")
+    assert not metadata.scale
+    assert metadata.exif is None or b"unit" not in metadata.exif
+
+
+def test_the_size_of_a_pixel_of_an_ome_file_is_kept_but_not_its_description(tmp_path: Path) -> None:
+    sizes = {"axes": "YX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.25, "PhysicalSizeXUnit": "um"}
+    tifffile.imwrite(tmp_path / "a.ome.tif", GREY, metadata=sizes)
+    metadata = read_metadata(tmp_path / "a.ome.tif")
+    assert metadata.dpi == pytest.approx((2 * 25400, 4 * 25400))
+    assert metadata.exif is None or b"OME" not in metadata.exif
+
+
+def test_a_resolution_that_jpeg_cannot_hold_is_left_out(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.jpg", GREY, metadata=Metadata(dpi=(78153.8, 78153.8)))
+    assert read_metadata(tmp_path / "a.jpg").dpi is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,15 @@ from PIL import Image
 
 from cvtimg import read_image, write_image
 from cvtimg.cli.app import main
-from cvtimg.pictures import encode_image, image_info, read_metadata, read_pages, write_pages
+from cvtimg.pictures import (
+    encode_image,
+    image_info,
+    read_frames,
+    read_indices,
+    read_metadata,
+    read_pages,
+    write_pages,
+)
 
 RNG = np.random.default_rng(6)
 RGB = RNG.integers(0, 256, (5, 7, 3), np.uint8)
@@ -158,3 +167,9 @@ def test_keep_metadata_keeps_a_wide_profile_and_its_colors(tmp_path: Path, deep:
     np.testing.assert_array_equal(read_image(tmp_path / "b.png", keep_profile=True), stored)  # of few colors
     with Image.open(tmp_path / "b.png") as image:
         assert image.info["icc_profile"] == wide
+
+
+@pytest.mark.parametrize("read", [read_image, image_info, read_metadata, read_indices, read_frames, read_pages])
+def test_an_array_is_no_source(read: Callable[[Any], Any]) -> None:
+    with pytest.raises(TypeError, match="source of type ndarray must be a path, bytes or a binary file"):
+        read(np.zeros((2, 3), np.uint8))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
+from cvtimg._shared.pixels import with_mark
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_fits, decode_npy
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
@@ -30,7 +31,10 @@ _UPRIGHT = {
 
 
 def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
-    """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors."""
+    """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors.
+
+    An array of four bands says whether the last is alpha, for Pillow may have closed the file by then.
+    """
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
@@ -43,17 +47,24 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
         if not magic.startswith(TIFF_MAGICS):
             raise
         _check_alone(file)
-        return decode_tiff(file, keep_profile=keep_profile)
+        return _marked_tiff(file, keep_profile)
     with image:
         if image.format == "TIFF":
             _check_alone(file)
         if indices and image.mode == "P" and orientation(image) == 1:
             return np.array(image)
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
-            return decode_tiff(file, keep_profile=keep_profile)
+            return _marked_tiff(file, keep_profile)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
-            return decode_deep_png(file, image, keep_profile=keep_profile)
-        return decode_opened(image, keep_profile=keep_profile)
+            values = decode_deep_png(file, image, keep_profile=keep_profile)
+        else:
+            values = decode_opened(image, keep_profile=keep_profile)
+        return with_mark(values, values.shape[2:] == (4,))
+
+
+def _marked_tiff(file: BinaryIO, keep_profile: bool) -> NDArray[Any]:
+    values, has_alpha = decode_tiff(file, keep_profile=keep_profile)
+    return with_mark(values, has_alpha and values.shape[2:] == (4,))
 
 
 def _check_alone(file: BinaryIO) -> None:

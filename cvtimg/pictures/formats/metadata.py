@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import zlib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 
-from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, geo_tags
+from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.png import chunk
-from cvtimg.pictures.formats.tiff import TIFF_MAGICS, tags_of, tiff_tags
+from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags_of, tiff_tags
 
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -22,8 +24,15 @@ _EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: artist, copyright, and the title, comment, author, keywords and subject of Windows.
 _ABOUT_THE_PICTURE = (270, 271, 272, 305, 306, 315, 33432, *range(0x9C9B, 0x9CA0), _EXIF_PART, _GPS_PART)
 _SIZE = (0xA002, 0xA003)
+#: How descriptions begin by which programs describe the file: its pages, axes and sizes, which are others in a new one.
+_OF_THE_FILE = ("ImageJ=", "SCIFIO=", "<?xml", "<OME", '{"shape"', '{"axes"')
 _ASCII = 2
 _INCHES_A_METER = 39.3701
+_MOST_OF_JPEG = 65535
+_DESCRIPTION, _ACROSS, _DOWN, _UNIT = 270, 282, 283, 296
+#: Units of length, in inches.
+_LENGTHS = {"nm": 1 / 25.4e6, "um": 1 / 25400, "micron": 1 / 25400, "mm": 1 / 25.4, "cm": 1 / 2.54, "m": 1 / 0.0254}
+_LENGTHS |= {"\u00b5m": 1 / 25400, "\u03bcm": 1 / 25400, "\\u00B5m": 1 / 25400, "inch": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +52,9 @@ class Metadata:
         Georeferencing tags of a GeoTIFF; stored only in .tif files.
     nodata : float or None
         Value that marks missing pixels in a GeoTIFF; stored only in .tif files.
+    scale : mapping of str
+        Pixels per unit, unit and spacing of an ImageJ file, as in `Pages`; stored only in .tif files of gray or RGB.
+        Others have the same size of a pixel by `dpi`.
     """
 
     icc: bytes | None = None
@@ -50,14 +62,19 @@ class Metadata:
     exif: bytes | None = None
     geo: GeoTags = field(default_factory=dict)
     nodata: float | None = None
+    scale: Mapping[str, Any] = field(default_factory=dict)
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
         icc = self.icc if _serves(self.icc, mode) else None
         values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
+        if form == "JPEG" and self.dpi and max(self.dpi) > _MOST_OF_JPEG:
+            values["dpi"] = None
         given = {name: values[name] for name in kept if values[name]}
         if form == "TIFF":
             given["tiffinfo"] = self._tiff_tags(given.pop("exif", None))
+            if self.scale:
+                given.pop("dpi", None)
         return given
 
     def _tiff_tags(self, exif: bytes | None) -> ImageFileDirectory_v2:
@@ -76,6 +93,11 @@ class Metadata:
         for code in about:
             if code not in (_EXIF_PART, _GPS_PART):
                 tags[code] = about[code]
+        if self.scale:
+            tags[_ACROSS], tags[_DOWN] = self.scale["resolution"]
+            tags[_UNIT] = 1  # that of the description
+            named = [f"{name}={value}" for name, value in self.scale.items() if name in OF_IMAGEJ]
+            tags[_DESCRIPTION] = "\n".join(["ImageJ=1.11a", *named, ""]).replace("\u00b5", "\\u00B5")
         return tags
 
     def png_chunks(self, mode: str) -> bytes:
@@ -118,7 +140,9 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
 
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
-        return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata)
+        scale = _scale_of_imagej(tags)
+        dpi = _dpi_of(scale, str(tags.get(_DESCRIPTION, ""))) or dpi
+        return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata, scale)
 
 
 def _of_tiff(file: BinaryIO) -> Metadata:
@@ -141,6 +165,38 @@ def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
     return None
 
 
+def _scale_of_imagej(tags: Tags) -> dict[str, Any]:
+    """Return the pixels per unit of an ImageJ file with what names the unit; empty without either."""
+    description = str(tags.get(_DESCRIPTION, ""))
+    if not description.startswith("ImageJ="):
+        return {}
+    with suppress(UnicodeError):
+        description = description.encode("latin-1").decode()  # Pillow reads bytes as Latin-1
+    pairs = (line.partition("=")[::2] for line in description.splitlines())
+    scale: dict[str, Any] = {name: value for name, value in pairs if name in OF_IMAGEJ}
+    with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
+        across, down = float(tags[_ACROSS]), float(tags[_DOWN])
+        if scale.get("unit") and 0 < across < math.inf and 0 < down < math.inf:
+            return {"resolution": (across, down), **scale}
+    return {}
+
+
+def _dpi_of(scale: Mapping[str, Any], description: str) -> tuple[float, float] | None:
+    """Return the pixels per inch of an ImageJ or OME file whose unit is one of length."""
+    inches = _LENGTHS.get(str(scale.get("unit")))
+    across, down = scale.get("resolution", (0.0, 0.0))
+    if "<OME" in description:
+        sizes = ome_scale(description)
+        inches = _LENGTHS.get(str(sizes.get("PhysicalSizeXUnit", "um")))
+        sides = sizes.get("PhysicalSizeX", 0.0), sizes.get("PhysicalSizeY", 0.0)
+        across, down = (1 / side if side > 0 else 0.0 for side in sides)
+        if sizes.get("PhysicalSizeYUnit", "um") != sizes.get("PhysicalSizeXUnit", "um"):
+            return None
+    if inches is None or not (0 < across / inches < 1e6 and 0 < down / inches < 1e6):
+        return None
+    return across / inches, down / inches
+
+
 def _about_the_picture(exif: Image.Exif) -> bytes | None:
     kept = Image.Exif()
     for tag in _ABOUT_THE_PICTURE:
@@ -148,6 +204,6 @@ def _about_the_picture(exif: Image.Exif) -> bytes | None:
             part = {name: value for name, value in exif.get_ifd(tag).items() if name not in _SIZE}
             if part:
                 kept[tag] = part
-        elif tag in exif:
+        elif tag in exif and not (tag == _DESCRIPTION and str(exif[tag]).lstrip().startswith(_OF_THE_FILE)):
             kept[tag] = exif[tag]
     return kept.tobytes() if len(kept) else None

@@ -78,6 +78,8 @@ Source: TypeAlias = StrPath | bytes | bytearray | memoryview | BinaryIO
 def reading(source: Source) -> Iterator[BinaryIO]:
     """Open a source for reading an image; any error in the block becomes an `OSError` that names the source."""
     path = name_of(source)
+    if not isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) and not hasattr(source, "read"):
+        raise TypeError(f"source of type {type(source).__name__} must be a path, bytes or a binary file")
     try:
         with _QUIET, _opened(source) as file:
             yield file

@@ -33,6 +33,9 @@ _PREMULTIPLIED = 1
 #: The description of an ImageJ file begins within this many bytes.
 _START = 1 << 12
 _SUBFILE, _REDUCED, _MASK = 254, 1, 4
+#: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
+OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
+_OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
 #: Values of ExtraSamples for transparency: premultiplied, not premultiplied, and that of CorelDRAW.
 _ALPHA = ((1,), (2,), (999,))
 
@@ -77,15 +80,16 @@ class Layout:
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
 
 
-def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
-    """Read the first page: (H, W) for one sample per pixel, else (H, W, C), or with transparency (H, W, 4)."""
+def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> tuple[NDArray[Any], bool]:
+    """Read the first page: (H, W) for one sample per pixel, else (H, W, C); and whether the last is transparency."""
     import tifffile
 
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
         values = _channels_last(page.asarray(maxworkers=n_threads()), page.axes)
-    return upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(_ORIENTATION, 1)))
+    values = upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(_ORIENTATION, 1)))
+    return values, Layout.of(tags).alpha
 
 
 def is_plain(tags: Tags) -> bool:
@@ -240,6 +244,24 @@ def encode_tiff(
         software=False,
         maxworkers=n_threads(),
     )
+
+
+def ome_scale(description: str) -> dict[str, Any]:
+    """Return the physical sizes in the description of an OME file."""
+    from xml.etree import ElementTree
+
+    scale: dict[str, Any] = {}
+    with suppress(ElementTree.ParseError, ValueError):
+        for element in ElementTree.fromstring(description).iter():
+            if element.tag.rpartition("}")[2] != "Pixels":
+                continue
+            for name in _OF_OME:
+                if name in element.attrib:
+                    scale[name] = float(element.attrib[name])
+                if f"{name}Unit" in element.attrib:
+                    scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
+            break
+    return scale
 
 
 def colormap_of(palette: NDArray[np.uint8]) -> NDArray[np.uint16]:

@@ -20,6 +20,7 @@ from picture_files import (
 )
 from PIL import Image
 
+from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures.files import (
     image_info,
     read_image,
@@ -162,3 +163,13 @@ def test_damaged_exif_does_not_spoil_the_picture(tmp_path: Path) -> None:
     path = save(tmp_path / "a.png", RGB, exif=b"Exif\0\0MM\0*\xff\xff\xff\xff garbage")
     np.testing.assert_array_equal(read_image(path), RGB)
     assert image_info(path).width == 7
+
+
+def test_a_texture_whose_file_pillow_closes_is_read(tmp_path: Path) -> None:
+    block = struct.pack("<HHI", 0xFFFF, 0, 0)  # DXT1: 4 x 4 pixels of white
+    header = b"FTEX" + struct.pack("<iiiii", 0, 4, 4, 1, 1) + struct.pack("<ii", 0, 32)
+    (tmp_path / "a.ftc").write_bytes(header.ljust(32, b"\0") + struct.pack("<i", len(block)) + block)
+    image = read_image(tmp_path / "a.ftc")
+    assert image.shape == (4, 4, 4)
+    assert (image == 255).all()
+    assert says_alpha(image)
