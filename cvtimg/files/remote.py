@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
@@ -84,15 +84,22 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
         elif not _is_whole(place) and Path(place).suffix.lower() not in suffixes and files.isdir(place):
             inside = dict.fromkeys(_whole(str(name)) for name in files.find(place))
             found = [name for name in inside if Path(name).suffix.lower() in suffixes]
-        elif files.exists(place):
-            found = [place]
         else:
-            with suppress(FileNotFoundError):
-                files.info(place)  # says why, where nothing answers
-            found = []
+            found = [place] if files.exists(place) else []
+            if not found:
+                _raise_if_silent(files, place)
     if not found:
         raise FileNotFoundError(f"{url}: no such file")
     return [Path(files.unstrip_protocol(name)) for name in sorted(found)]
+
+
+def _raise_if_silent(files: Any, place: str) -> None:
+    """Raise why there is no answer, which `exists` and `info` of HTTP take for a missing file."""
+    try:
+        files.info(place)
+    except FileNotFoundError as error:
+        if error.__cause__ is not None and not isinstance(error.__cause__, FileNotFoundError):
+            raise error.__cause__ from error
 
 
 def _is_whole(name: str) -> bool:
