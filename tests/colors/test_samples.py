@@ -58,6 +58,7 @@ def test_more_colors_than_the_first_table_holds_are_all_found() -> None:
     np.testing.assert_array_equal(samples.colors[samples.inverse][..., 0], image)
 
 
+@pytest.mark.slow
 def test_every_24_bit_color_is_counted() -> None:
     values = np.arange(1 << 24, dtype=np.uint32).view(np.uint8).reshape(4096, 4096, 4)
     samples = color_samples(np.ascontiguousarray(values[..., :3]))

@@ -25,7 +25,7 @@ def test_latin_designs_have_one_point_in_each_slice_of_each_axis(n_dims: int) ->
     assert found.latin
 
 
-@pytest.mark.parametrize("n_dims", [2, 3, 4])
+@pytest.mark.parametrize("n_dims", [2, 3, pytest.param(4, marks=pytest.mark.slow)])
 def test_designs_have_less_energy_than_sequences_and_latin_hypercubes(n_dims: int) -> None:
     plain, latin = (design(40, n_dims, latin=latin, effort="fast").measures().energy for latin in (False, True))
     others = [qmc.Halton(n_dims, rng=0).random(40), qmc.LatinHypercube(n_dims, rng=0).random(40)]
@@ -73,7 +73,7 @@ def test_points_lie_where_they_are_feasible_and_are_dense_where_they_are_asked_t
     assert (right.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.04)
 
 
-@pytest.mark.parametrize("n_dims", [2, 4])
+@pytest.mark.parametrize("n_dims", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_periodic_designs_take_no_account_of_walls(n_dims: int) -> None:
     found = design(30, n_dims, periodic=True, latin=False, effort="fast")
     assert found.measures().energy < design(30, n_dims, latin=False, effort="fast").measures().energy

@@ -35,7 +35,15 @@ def volume_of_surface(mesh: VolumeMesh) -> float:
 
 
 @pytest.mark.parametrize(
-    ("name", "n"), [("sphere", 800), ("torus", 800), ("gyroid", 3000), ("box", 800), ("two", 800), ("whole", 800)]
+    ("name", "n"),
+    [
+        ("sphere", 800),
+        ("torus", 800),
+        pytest.param("gyroid", 3000, marks=pytest.mark.slow),
+        ("box", 800),
+        ("two", 800),
+        ("whole", 800),
+    ],
 )
 def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: str, n: int) -> None:
     mask = shapes()[name]

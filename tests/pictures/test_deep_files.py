@@ -181,13 +181,13 @@ def test_the_profile_of_a_deep_picture_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-@pytest.mark.parametrize("n_bands", [1, 2, 3, 4, 5, 224])
 @pytest.mark.parametrize("suffix", [".tif", ".npy"])
-def test_bands_of_any_number_and_type_come_back(tmp_path: Path, suffix: str, n_bands: int, dtype: type) -> None:
-    image = (RNG.random((6, 9, n_bands)) * 250).astype(dtype)
-    write_image(tmp_path / f"a{suffix}", image)
-    expected = image[..., 0] if n_bands == 1 else image
-    np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), expected, strict=True)
+def test_bands_of_any_number_and_type_come_back(tmp_path: Path, suffix: str, dtype: type) -> None:
+    for n_bands in (1, 2, 3, 4, 5, 224):
+        image = (RNG.random((6, 9, n_bands)) * 250).astype(dtype)
+        write_image(tmp_path / f"{n_bands}{suffix}", image)
+        expected = image[..., 0] if n_bands == 1 else image
+        np.testing.assert_array_equal(read_image(tmp_path / f"{n_bands}{suffix}"), expected, strict=True)
 
 
 @pytest.mark.parametrize("compression", [None, "zlib", "lzw", "zstd"])

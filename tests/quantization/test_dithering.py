@@ -102,8 +102,7 @@ def test_errors_go_where_floyd_and_steinberg_send_them(
 
 
 @pytest.mark.parametrize("method", DITHERS)
-@pytest.mark.parametrize("n_entries", [1, 2, 16, 256, 1000])
-@pytest.mark.parametrize("n_dims", [1, 3, 4])
+@pytest.mark.parametrize(("n_entries", "n_dims"), [(1, 3), (16, 1), (1000, 4)])
 def test_at_strength_0_every_pixel_has_its_nearest_entry(method: str, n_entries: int, n_dims: int) -> None:
     rng = np.random.default_rng(n_entries)
     # Most entries crowd in a corner, where cells have many candidates.
@@ -156,14 +155,14 @@ def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -
 
 
 @pytest.mark.parametrize("method", DITHERS)
-@pytest.mark.parametrize("shape", [(1, 1), (1, 17), (17, 1), (2, 3), (65, 67)])
-def test_any_size_is_dithered(method: str, shape: tuple[int, int]) -> None:
+def test_any_size_is_dithered(method: str) -> None:
     rng = np.random.default_rng(0)
     palette = rng.random((5, 3))
-    labels = of_image(rng.random((*shape, 3)), palette, method=method)
-    assert labels.shape == shape
-    assert labels.dtype == np.int32
-    assert 0 <= labels.min() <= labels.max() < 5
+    for shape in ((1, 1), (1, 17), (17, 1), (2, 3), (65, 67)):
+        labels = of_image(rng.random((*shape, 3)), palette, method=method)
+        assert labels.shape == shape
+        assert labels.dtype == np.int32
+        assert 0 <= labels.min() <= labels.max() < 5
 
 
 @pytest.mark.parametrize("method", DITHERS)
@@ -319,9 +318,9 @@ def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
         assert power[radius < 0.15].mean() < 0.05 * power.mean()
 
 
-@pytest.mark.parametrize("method", DITHERS)
+@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer-16"])
 def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    image = read_image(SAMPLES / "coffee.png")
+    image = read_image(SAMPLES / "coffee.png")[:200, :300]
     samples = color_samples(image)
     palette = samples.colors[:: samples.n_colors // 30]
     found = []

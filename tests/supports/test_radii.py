@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -41,15 +42,22 @@ def distances(region: Region, slits: Any, points: NDArray[Any], places: NDArray[
     return np.where(seen_by_segments(sight_in(region, slits), points, places), apart, np.inf)
 
 
+@cache
+def scene(case: int, n_points: int, n_places: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return points in a region, and the distances to them of many places."""
+    region, slits = CASES[case]
+    points = region.draw(n_points, 5)
+    return points, distances(region, slits, points, region.draw(n_places, 2))
+
+
 @pytest.mark.parametrize("order", [1, 3])
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(case: int, order: int) -> None:
     region, slits = CASES[case]
-    points, places = region.draw(40, 3), region.draw(4000, 1)
+    points, apart = scene(case, 40, 4000)
     outline = sight_in(region, slits)
     assert outline is not None
     found = find_reaches(points, outline, order)
-    apart = distances(region, slits, points, places)
     nearest = np.argsort(apart, axis=1)[:, :order]
     sampled = np.zeros(len(points))
     np.maximum.at(sampled, nearest.ravel(), np.take_along_axis(apart, nearest, axis=1).ravel())
@@ -63,10 +71,10 @@ def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(c
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_a_proved_cover_holds_at_each_of_many_places(case: int, order: int) -> None:
     region, slits = CASES[case]
-    points, places = region.draw(60, 5), region.draw(4000, 2)
+    points, apart = scene(case, 40, 4000)
     supports = support_radii(points, region, order, visible=slits)
     assert supports.proved
-    assert ((distances(region, slits, points, places) <= supports.radii).sum(axis=1) >= order).all()
+    assert ((apart <= supports.radii).sum(axis=1) >= order).all()
     loose = support_radii(points, region, order, visible=slits, tighten=False)
     assert supports.overlap.nnz <= loose.overlap.nnz
 
@@ -82,11 +90,10 @@ def test_covers_by_three_get_tighter(region: Region) -> None:
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_the_proof_finds_a_gap_where_samples_do_and_no_others(case: int, order: int) -> None:
     region, slits = CASES[case]
-    points, places = region.draw(40, 5), region.draw(4000, 2)
+    points, apart = scene(case, 40, 4000)
     outline = sight_in(region, slits)
     assert outline is not None
     radii = find_reaches(points, outline, order) * (1 + 1e-6)
-    apart = distances(region, slits, points, places)
     n_with_gaps = 0
     for seed in range(8):
         smaller = radii * np.where(np.random.default_rng(seed).random(40) < 0.1, 0.85, 1)

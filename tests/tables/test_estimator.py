@@ -41,9 +41,16 @@ def test_every_check_of_scikit_learn_passes(estimator: CVT, check: Callable[[CVT
 # The engine's results under scikit-learn's names
 
 
-@pytest.mark.parametrize("effort", EFFORTS)
-@pytest.mark.parametrize("method", [name for name in METHODS if name != "optimal1d"])  # that takes one dimension
-@pytest.mark.parametrize("init", [*SEEDINGS, SAMPLES[:6]], ids=lambda init: init if isinstance(init, str) else "given")
+# One at a time; optimal1d takes one dimension.
+@pytest.mark.parametrize(
+    ("init", "method", "effort"),
+    [
+        *(("split", "lloyd", effort) for effort in EFFORTS),
+        *(("random", method, "fast") for method in METHODS if method != "optimal1d"),
+        *((init, "lloyd", "fast") for init in SEEDINGS),
+        pytest.param(SAMPLES[:6], "transfer", "balanced", id="given"),
+    ],
+)
 def test_it_finds_what_tessellate_finds(init: Any, method: str, effort: str) -> None:
     options: dict[str, Any] = {"init": init, "method": method, "effort": effort}
     cvt = CVT(6, random_state=5, **options).fit(SAMPLES, sample_weight=WEIGHTS)

@@ -89,19 +89,16 @@ def indexed(k: int, bands: int = 3) -> tuple[NDArray[np.int64], NDArray[np.uint8
 
 
 @pytest.mark.parametrize("suffix", LOSSLESS)
-@pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 16, 17, 255, 256])
-def test_an_indexed_picture_loses_no_color(tmp_path: Path, k: int, suffix: str) -> None:
-    indices, palette = indexed(k)
-    write_image(tmp_path / f"a{suffix}", indices, palette=palette)
-    np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), palette[indices])
+def test_an_indexed_picture_loses_no_color(tmp_path: Path, suffix: str) -> None:
+    for k in (1, 2, 5, 16, 17, 256):
+        indices, palette = indexed(k)
+        write_image(tmp_path / f"{k}{suffix}", indices, palette=palette)
+        np.testing.assert_array_equal(read_image(tmp_path / f"{k}{suffix}"), palette[indices])
 
 
-@pytest.mark.parametrize("bands", [3, 4])
 @pytest.mark.parametrize(("k", "bits"), [(1, 1), (2, 1), (3, 2), (4, 2), (5, 4), (16, 4), (17, 8), (255, 8), (256, 8)])
-def test_an_indexed_png_has_the_smallest_bit_depth_and_keeps_the_indices(
-    tmp_path: Path, k: int, bits: int, bands: int
-) -> None:
-    indices, palette = indexed(k, bands)
+def test_an_indexed_png_has_the_smallest_bit_depth_and_keeps_the_indices(tmp_path: Path, k: int, bits: int) -> None:
+    indices, palette = indexed(k, 3 + k % 2)
     write_image(tmp_path / "a.png", indices, palette=palette)
     file = (tmp_path / "a.png").read_bytes()
     assert (file[24], file[25]) == (bits, 3)
@@ -111,11 +108,11 @@ def test_an_indexed_png_has_the_smallest_bit_depth_and_keeps_the_indices(
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
-@pytest.mark.parametrize("k", [1, 2, 5, 16, 256])
-def test_an_indexed_picture_keeps_its_transparency(tmp_path: Path, k: int, suffix: str) -> None:
-    indices, palette = indexed(k, 4)
-    write_image(tmp_path / f"a{suffix}", indices, palette=palette)
-    np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), palette[indices])
+def test_an_indexed_picture_keeps_its_transparency(tmp_path: Path, suffix: str) -> None:
+    for k in (1, 2, 5, 16, 256):
+        indices, palette = indexed(k, 4)
+        write_image(tmp_path / f"{k}{suffix}", indices, palette=palette)
+        np.testing.assert_array_equal(read_image(tmp_path / f"{k}{suffix}"), palette[indices])
 
 
 @pytest.mark.parametrize("suffix", [".bmp", ".ppm", ".png", ".npy"])
