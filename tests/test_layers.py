@@ -24,6 +24,7 @@ LAYERS: list[set[str]] = [
     {"quantization", "segmentation", "bases"},
     {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
     {"supports", "surfaces"},
+    {"options"},
     {"explore"},
     {"cli"},
     {"__main__"},

@@ -2,13 +2,13 @@
 
 How a command is added:
 
-1. ``cli/NAME_command.py`` has ``EXAMPLES`` and a function ``NAME``: its parameters are options (common ones in
-   `cli.options`, groups of them as ``*, common: options.BatchOptions``), its docstring is the help.
-2. It checks what makes no sense, makes a plan (`plan_each`: a task for each input; `plan_one`: one for all, or for
-   none), and returns ``run_plan(plan, work, COLUMNS, common)``, which prints, reports and gives the exit status.
-3. ``work(task, stopwatch)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by option
-   (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns the
-   columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
-4. `COMMANDS` in `cli.overview` has its name and its line of ``cvtimg --help``; ``meson.build`` lists the file.
-5. Heavy modules are imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
+1. `cvtimg.options` has its options, each a record: what it takes, its default and help, what it needs and excludes.
+2. ``cli/NAME_command.py`` has ``EXAMPLES`` and a function ``NAME`` of their values; its docstring is the help.
+3. The function makes a plan (`plan_each`: a task for each input; `plan_one`: one for all; `plan_alone`: without inputs)
+   and returns ``run_plan(plan, work, COLUMNS, given)``, which prints, reports and gives the exit status.
+4. ``work(task, stopwatch, given)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by
+   option (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns
+   the columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
+5. `COMMANDS` in `cli.overview` has its name and its line of ``cvtimg --help``.
+6. Heavy modules are imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
 """

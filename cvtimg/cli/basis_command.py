@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING
 
-from typer import Option
-
-from cvtimg.batch import Row, Stopwatch, Task, check_suffix, plan_one
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
-from cvtimg.cli.snapshots import Frames, Passes, as_given
+from cvtimg.batch import Row, Stopwatch, Task, plan_one
+from cvtimg.cli.running import run_plan
+from cvtimg.cli.snapshots import as_given
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from cvtimg.bases import Basis
@@ -29,76 +25,34 @@ COLUMNS = ("snapshots", "kind", "n", "cells", "explained", "energy", "seconds", 
 #: Modes of a sheet, in rows of so many.
 _MOST_SHOWN, _IN_A_ROW = 23, 6
 
-Number = Annotated[
-    Any,
-    Option(
-        "-n",
-        metavar="N|auto",
-        parser=options.or_auto(options.whole_number(1, 1 << 16)),
-        help="Number of modes, of each cell for cvod; auto picks it at the elbow of the energy.",
-    ),
-]
-Output = Annotated[Path, Option("--output", "-o", metavar="FILE", help="Write the basis, .npz.")]
-Kind = Annotated[
-    Literal["pod", "cvt", "cvod"],
-    Option(help="Principal components, generators of a tessellation, or principal components of each of its cells."),
-]
-Cells = Annotated[
-    int, Option(metavar="C", parser=options.whole_number(1, 1 << 16), help="Number of cells of --kind cvod.")
-]
-Sheet = Annotated[Path | None, Option(metavar="FILE", help="Draw the mean and the modes as images.")]
-Plot = Annotated[Path | None, Option(metavar="FILE", help="Plot what the modes leave unexplained, .png or .svg.")]
 
-
-def basis(
-    frames: Frames,
-    number: Number,
-    output: Output,
-    kind: Kind = "pod",
-    cells: Cells = 8,
-    sheet: Sheet = None,
-    plot: Plot = None,
-    passes: Passes = 4,
-    seed: options.Seed = 0,
-    max_pixels: options.MaxPixels = None,
-    *,
-    common: options.CommonOptions,
-) -> int:
+def basis(given: Given) -> int:
     """Find N modes that nearly contain all frames of a film, or all rows of an array.
 
     The file has the arrays of cvtimg.bases.Basis; cvtimg.bases.read_basis reads it. Arrays may be larger than memory.
     """
     from cvtimg import find_images
-    from cvtimg.pictures.files import lossless_suffixes
-    from cvtimg.plotting.charts import PLOT_SUFFIXES
 
-    check_suffix("-o", output, (".npz",))
-    check_suffix("--sheet", sheet, lossless_suffixes())
-    check_suffix("--plot", plot, PLOT_SUFFIXES)
-    plan = plan_one(frames, find_images, {"-o": output, "--sheet": sheet, "--plot": plot})
-    how = {"n_modes": number, "kind": kind, "n_cells": cells, "passes": passes, "rng": seed}
-    work = partial(_basis, how=how, overwrite=common.overwrite)
-    return run_plan(plan, work, COLUMNS, common, max_pixels=max_pixels)
+    plan = plan_one(given.inputs, find_images, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
+    return run_plan(plan, _basis, COLUMNS, given)
 
 
-def _basis(task: Task, stopwatch: Stopwatch, *, how: dict[str, Any], overwrite: bool) -> Row:
+def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import reduced_basis, write_image
-    from cvtimg.files.whole import write_whole
 
     snapshots = as_given(task.sources)
     stopwatch.lap("read")
-    found = reduced_basis(snapshots, **how)
+    found = reduced_basis(snapshots, **given.arguments)
     stopwatch.lap("reduce")
-    found.save(task.outputs["-o"], overwrite=overwrite)
+    found.save(task.outputs["-o"], overwrite=given.overwrite)
     if "--sheet" in task.outputs:
         from cvtimg.plotting.sheets import contact_sheet
 
-        write_image(task.outputs["--sheet"], contact_sheet(_panels(found), panel_width=200), overwrite=overwrite)
+        write_image(task.outputs["--sheet"], contact_sheet(_panels(found), panel_width=200), overwrite=given.overwrite)
     if "--plot" in task.outputs:
-        from cvtimg.plotting.charts import draw_spectrum
+        from cvtimg.plotting import draw_spectrum, save_plot
 
-        path = task.outputs["--plot"]
-        write_whole(path, draw_spectrum(found.energies, found.variance, path.suffix.lower()), overwrite=overwrite)
+        save_plot(task.outputs["--plot"], draw_spectrum, found.energies, found.variance, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
         "snapshots": len(found.labels),

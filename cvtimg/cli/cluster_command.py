@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-from typer import Option
-
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
+from cvtimg.cli.running import run_plan
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from cvtimg.elbow import EnergyCurve
@@ -35,57 +31,8 @@ EXAMPLES = """Examples:
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
-Tables = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="TABLE...",
-        help="Tables (.csv, .tsv, .npy, .parquet, .zarr), URLs of them, folders, patterns like 'a/*.csv', - for "
-        "standard input, or @FILE for a list of names.",
-    ),
-]
-Number = Annotated[
-    Any,
-    Option(
-        "-k",
-        metavar="N|auto",
-        parser=options.or_auto(options.whole_number(1, 2**31 - 1)),
-        help="Number of clusters; auto picks it at the elbow of the energy.",
-    ),
-]
-Labels = Annotated[
-    Path | None,
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        parser=options.output_file(".csv"),
-        help="Write the labels, .csv, .npy or .parquet; for one table; - for standard output.",
-    ),
-]
-OutDir = Annotated[Path | None, Option(metavar="DIR", help="Folder for outputs NAME-labels.csv.")]
-Generators = Annotated[
-    Path | None, Option(metavar="FILE", help="Write the mean and the weight of each cluster, .csv; for one table.")
-]
-Columns = Annotated[str | None, Option(metavar="A,B,C", help="Columns to use; by default all but the weight.")]
-Weight = Annotated[str | None, Option(metavar="COLUMN", help="Column with the weight of each row.")]
-Standardize = Annotated[bool, Option("--standardize", help="Scale each column to mean 0 and variance 1.")]
 
-
-def cluster(
-    inputs: Tables,
-    number: Number,
-    output: Labels = None,
-    out_dir: OutDir = None,
-    generators: Generators = None,
-    columns: Columns = None,
-    weight: Weight = None,
-    standardize: Standardize = False,
-    missing: options.Missing = "error",
-    skip_existing: options.SkipExisting = False,
-    *,
-    engine: options.EngineOptions,
-    common: options.BatchOptions,
-) -> int:
+def cluster(given: Given) -> int:
     """Cluster the rows of tables: find the N means that represent them with the least error.
 
     A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
@@ -99,20 +46,15 @@ def cluster(
     NAME-labels.parquet, or to NAME-labels.npy for a Zarr array. -k auto then looks at a sample of a million rows.
     """
     from cvtimg.blocks.opening import BLOCK_SUFFIXES
-    from cvtimg.tables.files import LABEL_SUFFIXES, TABLE_SUFFIXES, find_tables
+    from cvtimg.tables.files import TABLE_SUFFIXES, find_tables
 
-    names = _split(columns) if columns is not None else None
-    check_suffix("-o", output, LABEL_SUFFIXES)
-    check_suffix("--generators", generators, [".csv"])
-    outputs = {"-o": output or _labels_of, "--generators": generators}
-    plan = plan_each(inputs, find_tables, outputs, out_dir=out_dir, suffixes=frozenset(TABLE_SUFFIXES))
-    shown = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if number == "auto" else COLUMNS
-    read = {"columns": names, "weight": weight, "missing": missing}
-    how = _Clustering(read, number, engine, standardize, common.overwrite)
-    work = partial(_cluster, how=how)
+    names = _split(given.columns) if given.columns is not None else None
+    given.read = {"columns": names, "weight": given.weight, "missing": given.missing}
+    outputs = {"-o": given.output or _labels_of, "--generators": given.generators}
+    plan = plan_each(given.inputs, find_tables, outputs, out_dir=given.out_dir, suffixes=frozenset(TABLE_SUFFIXES))
+    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
-    by_url = tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
-    return run_plan(plan, work, shown, common, skip_existing=skip_existing, by_url=by_url)
+    return run_plan(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))
 
 
 def _labels_of(source: Path) -> str:
@@ -129,22 +71,11 @@ def _split(columns: str) -> list[str]:
     return names
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Clustering:
-    """How tables are clustered: what is read of them, and how many means are found in which way."""
-
-    read: Mapping[str, Any]
-    number: int | str
-    engine: options.EngineOptions
-    standardize: bool
-    overwrite: bool
-
-
-def _cluster(task: Task, stopwatch: Stopwatch, *, how: _Clustering) -> Row:
+def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.tables.blocked import is_large_table
 
     work = _cluster_in_blocks if is_large_table(task.source) else _cluster_in_memory
-    found = work(task, stopwatch, how)
+    found = work(task, stopwatch, given)
     stopwatch.lap("write")
     result, total = found.result, found.total
     return {
@@ -171,51 +102,51 @@ class _Found:
     curve: EnergyCurve | None
 
 
-def _cluster_in_memory(task: Task, stopwatch: Stopwatch, how: _Clustering) -> _Found:
+def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
     from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_row_labels
 
-    table = read_table(task.source, **how.read)
+    table = read_table(task.source, **given.read)
     stopwatch.lap("read")
-    scaling = Scaling.of(table.rows, table.weights) if how.standardize else None
+    scaling = Scaling.of(table.rows, table.weights) if given.standardize else None
     rows = scaling.apply(table.rows) if scaling else table.rows
-    n_generators, curve = _count(how, rows, table.weights)
-    result = tessellate(rows, n_generators, density=table.weights, **how.engine.keywords)
+    n_generators, curve = _count(given, rows, table.weights)
+    result = tessellate(rows, n_generators, density=table.weights, **given.arguments)
     stopwatch.lap("cluster")
-    write_row_labels(task.output, result.labels, table.kept, overwrite=how.overwrite)
-    _write_means(task, table.names, result, scaling, how.overwrite)
+    write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
+    _write_means(task, table.names, result, scaling, given.overwrite)
     return _Found(result, table.names, len(table.kept), energy_about_mean(rows, table.weights), curve)
 
 
-def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, how: _Clustering) -> _Found:
+def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
     from cvtimg.batch.on_dask import on_cluster_of_task
     from cvtimg.blocks import open_blocks
     from cvtimg.tables.blocked import sample_rows, spread_of, standardized, write_block_labels
 
     with on_cluster_of_task():
-        given = open_blocks(task.source, **how.read)
-        spread = spread_of(given)
+        opened = open_blocks(task.source, **given.read)
+        spread = spread_of(opened)
         stopwatch.lap("read")
-        scaling = spread.scaling if how.standardize else None
-        blocks = standardized(given, scaling) if scaling else given
-        rows, weights = sample_rows(blocks, how.engine.seed) if how.number == "auto" else (None, None)
-        n_generators, curve = _count(how, rows, weights)
-        result = tessellate(blocks, n_generators, **how.engine.keywords)
+        scaling = spread.scaling if given.standardize else None
+        blocks = standardized(opened, scaling) if scaling else opened
+        rows, weights = sample_rows(blocks, given.seed) if given.number == "auto" else (None, None)
+        n_generators, curve = _count(given, rows, weights)
+        result = tessellate(blocks, n_generators, **given.arguments)
         stopwatch.lap("cluster")
-        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=how.overwrite)
-    _write_means(task, blocks.names, result, scaling, how.overwrite)
+        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=given.overwrite)
+    _write_means(task, blocks.names, result, scaling, given.overwrite)
     total = spread.squares / scaling.deviations**2 if scaling else spread.squares
     return _Found(result, blocks.names, n_rows, float(total.sum()), curve)
 
 
-def _count(how: _Clustering, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
+def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
     """Return the number of clusters, and with "auto" the curve from which it is read."""
     from cvtimg.elbow.curves import auto_count
 
-    if how.number != "auto":
-        return int(how.number), None
-    return auto_count(rows, density=weights, volume_power=how.engine.volume_power, rng=how.engine.seed)
+    if given.number != "auto":
+        return int(given.number), None
+    return auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
 
 
 def _write_means(

@@ -1,21 +1,31 @@
-"""The Typer application: imports each command only when it is run, and prints errors in one line."""
+"""The Typer application: imports each command only when it is run, and prints errors in one line.
+
+A command is a function of the values that its options have; its docstring is the help. Three things differ from what
+Typer does by itself:
+
+- Parameters are made from the records of `cvtimg.options`, which the page uses, too.
+- Values are converted by these records: Typer's own conversion imports pydantic and builds an adapter for each option,
+  which takes longer than importing NumPy, half of what it takes to quantize a small image.
+- Help shows arguments as INPUT..., not as {INPUT...}... <list[str]>.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from importlib import import_module
-from typing import Annotated, Any, Literal
+from inspect import Parameter, Signature
+from typing import Annotated, Any, Literal, cast
 
 import typer
-from typer import Option
-from typer.core import TyperArgument, TyperCommand, TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
-from cvtimg.cli.frame import with_groups
 from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text
-from cvtimg.cli.plain_values import convert_plainly
+from cvtimg.options import options_of
+from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
 __all__ = ["app", "run"]
 
@@ -23,7 +33,32 @@ _NAMES = {"help_option_names": ["-h", "--help"]}
 
 
 class _Command(TyperCommand):
-    """A command whose help shows arguments as INPUT..., not as {INPUT...}... <list[str]>."""
+    """A command whose parameters are made from records."""
+
+    options: dict[str, Option]
+    function: Callable[[Any], int]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Convert values by the records; Typer sees to --help, and to arguments that are missing."""
+        parser = self.make_parser(ctx)
+        given, rest, _ = parser.parse_args(args=args)
+        for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
+            option, value = self.options.get(param.name or ""), given.get(param.name)
+            if option is None or (option.required and not value):
+                if option or value:
+                    param.handle_parse_result(ctx, given, rest)
+                continue
+            try:
+                ctx.params[option.name] = option.parse(value)
+            except ValueError as error:
+                if not ctx.resilient_parsing:  # a command line that is being completed
+                    raise typer.BadParameter(str(error), ctx=ctx, param=cast("TyperOption", param)) from None
+        if rest and not ctx.resilient_parsing:
+            ctx.fail(f"Got unexpected extra argument(s) ({' '.join(rest)})")
+        return rest
+
+    def invoke(self, ctx: Any) -> int:
+        return self.function(collected(self.options.values(), ctx.params))
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [self.options_metavar or "", *(argument.display_name_raw for argument in self._arguments())]
@@ -40,6 +75,39 @@ class _Command(TyperCommand):
         return [one for one in self.params if isinstance(one, TyperArgument)]
 
 
+def _parameter(option: Option) -> Parameter:
+    """Describe an option to Typer."""
+    annotation: Any = str
+    if isinstance(option.kind, Switch):
+        annotation = bool
+    elif isinstance(option.kind, Choice):
+        annotation = Literal[tuple(option.kind.names)]  # completed by shells
+    elif isinstance(option.kind, Pair):
+        annotation = tuple[float, float]
+    annotation = list[annotation] if option.many else annotation
+    make = typer.Option if option.words else typer.Argument
+    about = make(*option.words, metavar=option.metavar or None, help=option.help)
+    default = Parameter.empty if option.required else option.default
+    return Parameter(option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, about])
+
+
+def _made(verb: str) -> Any:
+    """Make the command of a verb."""
+    module, options = import_module(f"cvtimg.cli.{verb}_command"), options_of(verb)
+
+    def described(**values: Any) -> None:
+        """See the function of the verb; `_Command.invoke` calls it."""
+
+    described.__doc__ = getattr(module, verb).__doc__
+    described.__dict__["__signature__"] = Signature([_parameter(option) for option in options])
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(verb, cls=_Command, epilog=module.EXAMPLES, context_settings=_NAMES)(described)
+    command: Any = typer.main.get_command(alone)
+    command.options = {option.name: option for option in options}
+    command.function = getattr(module, verb)
+    return command
+
+
 class _Commands(TyperGroup):
     """Imports a command when it is needed."""
 
@@ -47,15 +115,9 @@ class _Commands(TyperGroup):
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in COMMANDS:
-            return None
-        if cmd_name not in self.commands:
-            module = import_module(f"cvtimg.cli.{cmd_name}_command")
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            command = with_groups(getattr(module, cmd_name))
-            alone.command(cmd_name, cls=_Command, epilog=module.EXAMPLES, context_settings=_NAMES)(command)
-            self.commands[cmd_name] = convert_plainly(typer.main.get_command(alone))
-        return self.commands[cmd_name]
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            self.commands[cmd_name] = _made(cmd_name)
+        return self.commands.get(cmd_name)
 
     def get_help(self, ctx: Any) -> str:
         return overview()
@@ -93,11 +155,11 @@ _Shell = Literal["bash", "zsh", "fish"]
 
 @app.callback()
 def _cvtimg(
-    version: Annotated[bool, Option("--version", callback=_show_version, is_eager=True)] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True)] = False,
     install: Annotated[
-        _Shell | None, Option("--install-completion", callback=_install_completion, is_eager=True)
+        _Shell | None, typer.Option("--install-completion", callback=_install_completion, is_eager=True)
     ] = None,
-    show: Annotated[_Shell | None, Option("--show-completion", callback=_show_completion, is_eager=True)] = None,
+    show: Annotated[_Shell | None, typer.Option("--show-completion", callback=_show_completion, is_eager=True)] = None,
 ) -> None:
     """See `overview`."""
 
@@ -109,8 +171,11 @@ def run(given: list[str]) -> int:
 
         get_completion_inspect_parameters()  # registers the shells
     try:
-        command = convert_plainly(typer.main.get_command(app))
-        code = int(command.main(args=given, prog_name="cvtimg", standalone_mode=False) or 0)
+        # A command that is named needs no group, whose own options Typer would convert.
+        alone = bool(given) and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ
+        command: Any = _made(given[0]) if alone else typer.main.get_command(app)
+        words, name = (given[1:], f"cvtimg {given[0]}") if alone else (given, "cvtimg")
+        return int(command.main(args=words, prog_name=name, standalone_mode=False) or 0)
     except (KeyboardInterrupt, typer.Abort):
         complain("interrupted")
         return 130
@@ -128,4 +193,3 @@ def run(given: list[str]) -> int:
         path = getattr(error, "filename", None) or unnamed
         complain(str(error) if named else f"{path}: {reason(path, error)}")
         return 1
-    return code

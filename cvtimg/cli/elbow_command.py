@@ -5,19 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import typer
-from typer import Option
-
-from cvtimg._shared.choices import EffortName
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_each
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.batch.runner import INTERRUPTED
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
 from cvtimg.cli.pages import read_whole
+from cvtimg.cli.running import run_plan
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,56 +29,11 @@ EXAMPLES = """Examples:
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
-TABLE_SUFFIXES = (".csv", ".tsv", ".npy")  # as in tables.py
-
-Inputs = Annotated[
-    list[str],
-    typer.Argument(metavar="INPUT...", help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
-]
-KMax = Annotated[
-    int, Option(metavar="N", parser=options.whole_number(1, 4096), help="Largest number of generators to try.")
-]
-RuleName = Annotated[
-    Literal["chord", "chord-linear", "kneedle", "variance", "psnr"],
-    Option("--rule", help="Rule that picks the number of generators."),
-]
-Target = Annotated[
-    float | None,
-    Option(
-        metavar="X",
-        parser=options.number(0),
-        help="Target of --rule variance (share explained, 0.95 by default) or psnr (decibels, 30 by default).",
-    ),
-]
-Averaging = Annotated[options.AveragingChoice, Option(help="Measure segments made with this --averaging.")]
-EdgeWeight = Annotated[
-    float | None, Option(metavar="L", parser=options.number(0), help="Measure segments made with this --edge-weight.")
-]
-Effort = Annotated[
-    EffortName, Option(help="fast: all numbers in one pass; balanced, best: also search each by itself.")
-]
-CsvFile = Annotated[Path | None, Option("--csv", metavar="FILE", help="Write all curves, one line for each k.")]
-PlotFile = Annotated[Path | None, Option("--plot", metavar="FILE", help="Plot all curves, .png or .svg.")]
+#: Tables; all other inputs are images. A table of blocks has no curve.
+TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
 
 
-def elbow(
-    inputs: Inputs,
-    k_max: KMax = 64,
-    rule: RuleName = "chord",
-    target: Target = None,
-    space: options.Space = "rgb",
-    volume_power: options.VolumePower = 0,
-    averaging: Averaging = "none",
-    edge_weight: EdgeWeight = None,
-    effort: Effort = "fast",
-    missing: options.Missing = "error",
-    csv_file: CsvFile = None,
-    plot: PlotFile = None,
-    seed: options.Seed = 0,
-    max_pixels: options.MaxPixels = None,
-    *,
-    common: options.BatchOptions,
-) -> int:
+def elbow(given: Given) -> int:
     """Suggest how many colors or clusters images and tables need, by the elbow of the energy.
 
     The energy falls with each generator: fast up to the number of colors that an image really has, slowly beyond it.
@@ -91,33 +41,22 @@ def elbow(
     its whole curve. All columns of a table are used, as by cvtimg cluster -k auto without --columns.
     """
     from cvtimg import find_images
-    from cvtimg.elbow.rules import TARGETED
-    from cvtimg.plotting.charts import PLOT_SUFFIXES
 
-    if target is not None and rule not in TARGETED:
-        raise WrongUsageError(f"--target is for --rule {' and '.join(TARGETED)}, not {rule}")
-    if rule == "psnr" and space != "rgb":
-        raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {space} have no peak")
-    check_suffix("--plot", plot, PLOT_SUFFIXES)
-    report = _Curves(COLUMNS, as_json=common.as_json, quiet=common.quiet)
-    plan = plan_each(inputs, find_images, joint={"--csv": csv_file, "--plot": plot})
-    curve: dict[str, Any] = {"n_max": k_max, "space": space, "volume_power": volume_power, "rng": seed}
-    segments: dict[str, Any] = {"averaging": averaging} if averaging != "none" else {}
-    if edge_weight:
-        segments["edge_weight"] = edge_weight
-    if segments and effort != "fast":
+    if given.rule == "psnr" and given.space != "rgb":
+        raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
+    report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
+    plan = plan_each(given.inputs, find_images, joint={"--csv": given.csv, "--plot": given.plot})
+    given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
+    if given.edge_weight:
+        given.segments["edge_weight"] = given.edge_weight
+    if given.segments and given.effort != "fast":
         raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
-    if not segments:
-        curve["effort"] = effort
-    work = partial(
-        _measure, curve=curve, segments=segments, rule=rule, target=target, missing=missing, keep=plot is not None
-    )
-    status = run_plan(plan, work, report, common, max_pixels=max_pixels)
+    status = run_plan(plan, _measure, report, given)
     done = report.plotted
-    if len(done) == 1 and not (common.as_json or common.quiet):
-        _print_curve(done[0].curve, {**done[0].curve.elbows(), rule: done[0].k})
+    if len(done) == 1 and not (given.as_json or given.quiet):
+        _print_curve(done[0].curve, {**done[0].curve.elbows(), given.rule: done[0].k})
     if done and status != INTERRUPTED:
-        _write(csv_file, plot, done, rule, common.overwrite)
+        _write(done, given)
     return status
 
 
@@ -134,52 +73,48 @@ class _Curves(Report):
         super().done(row)
 
 
-def _measure(
-    task: Task,
-    stopwatch: Stopwatch,
-    *,
-    curve: Mapping[str, Any],
-    segments: Mapping[str, Any],
-    rule: str,
-    target: float | None,
-    missing: str,
-    keep: bool,
-) -> Row:
+def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import energy_curve
     from cvtimg.plotting.energy_curves import Plotted
     from cvtimg.segmentation import segment_curve
 
-    samples, image = _read(task.source, curve["space"], missing)
+    samples, image = _read(task.source, given)
     stopwatch.lap("read")
-    if segments and image is None:
+    curve = given.arguments
+    if not given.segments:
+        result = energy_curve(samples, **curve)
+    elif image is None:
         raise ValueError("--averaging and --edge-weight are for images, not for tables")
-    result = segment_curve(image, **curve, **segments) if segments else energy_curve(samples, **curve)
-    k = result.elbow(rule, target)
+    else:
+        curve.pop("effort")  # each number of segments is searched anyway
+        result = segment_curve(image, **curve, **given.segments)
+    k = result.elbow(given.rule, given.target)
     stopwatch.lap("cluster")
     psnr = None if result.psnr is None else [value if math.isfinite(value) else None for value in result.psnr.tolist()]
+    shown = image if given.plot and not given.segments else None
     return {
         "k": k,
-        "rule": rule,
+        "rule": given.rule,
         "energy": float(result.energies[k - 1]),
         "explained": float(result.explained[k - 1]),
         "psnr": psnr[k - 1] if psnr else None,
         "elbow": result.elbows(),
         "n_max": result.n_max,
         "energies": result.energies.tolist(),
-        "plotted": Plotted(task.source.stem, result, k, image if keep and not segments else None, curve["space"]),
+        "plotted": Plotted(task.source.stem, result, k, shown, given.space),
     }
 
 
-def _read(source: Path, space: str, missing: str) -> tuple[NDArray[Any], NDArray[Any] | None]:
+def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """Read the samples, and the image if the file is one."""
     from cvtimg.tables.files import read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:
         image = read_whole(source)
         return image, image
-    if space != "rgb":
-        raise ValueError(f"--space {space} is for images; a table has no color space")
-    return read_table(source, missing=missing).rows, None
+    if given.space != "rgb":
+        raise ValueError(f"--space {given.space} is for images; a table has no color space")
+    return read_table(source, missing=given.missing).rows, None
 
 
 def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
@@ -192,11 +127,10 @@ def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
         print(f"{k:>5}  {energy:>11.5g}  {share:>9.2%}  {decibels:>6}  {by}".rstrip())
 
 
-def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: str, overwrite: bool) -> None:
+def _write(done: list[Plotted], given: Given) -> None:
     from cvtimg.files.text_tables import write_csv
-    from cvtimg.files.whole import write_whole
 
-    if csv_file:
+    if given.csv:
         lines = [
             (one.name, k, energy, share, int(k == one.k))
             for one in done
@@ -204,8 +138,8 @@ def _write(csv_file: Path | None, plot: Path | None, done: list[Plotted], rule: 
                 itertools.count(1), one.curve.energies.tolist(), one.curve.explained.tolist(), strict=False
             )
         ]
-        write_csv(csv_file, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=overwrite)
-    if plot:
-        from cvtimg.plotting.energy_curves import draw_curves
+        write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
+    if given.plot:
+        from cvtimg.plotting import draw_curves, save_plot
 
-        write_whole(plot, draw_curves(done, plot.suffix.lower(), rule), overwrite=overwrite)
+        save_plot(given.plot, draw_curves, done, rule=given.rule, overwrite=given.overwrite)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
-
-from typer import Argument, Option
 
 from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
-from cvtimg.cli import options
+from cvtimg.options.record import Given
 
 EXAMPLES = """Examples:
 
@@ -21,20 +18,8 @@ EXAMPLES = """Examples:
   cvtimg explore --port 8000 --no-browser
 """
 
-Pictures = Annotated[
-    list[str] | None,
-    Argument(metavar="[PICTURE...]", help="Images to open: files, folders or patterns; more can be dropped."),
-]
-Port = Annotated[
-    int,
-    Option(
-        "--port", metavar="N", parser=options.whole_number(0, 65535), help="Port of the server; 0 for any that is free."
-    ),
-]
-NoBrowser = Annotated[bool, Option("--no-browser", help="Print the address of the page without opening it.")]
 
-
-def explore(inputs: Pictures = None, port: Port = 0, no_browser: NoBrowser = False) -> int:
+def explore(given: Given) -> int:
     """See results while choosing: a page in the browser, served by this machine for this machine alone.
 
     Prints the address of the page. Everything stays here: the page loads nothing from elsewhere, and sends nothing
@@ -47,17 +32,17 @@ def explore(inputs: Pictures = None, port: Port = 0, no_browser: NoBrowser = Fal
             raise WrongUsageError(f"explore needs {needs(name, 'explore')}")
     paths: list[Path] = []
     n_failed = 0
-    for given in inputs or []:
+    for text in given.inputs or []:
         try:
-            paths += find_images(given)
+            paths += find_images(text)
         except OSError as error:
             n_failed += 1
-            complain(f"{given}: {reason(given, error)}")
+            complain(f"{text}: {reason(text, error)}")
     if n_failed and not paths:
         return 1
     from cvtimg.explore import serve
 
-    serve(paths, port=port, browser=not no_browser, say=_say)
+    serve(paths, port=given.port, browser=not given.no_browser, say=_say)
     return int(n_failed > 0)
 
 

@@ -6,29 +6,23 @@ import math
 from dataclasses import asdict
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
 from cvtimg.cli.pages import read_whole
+from cvtimg.cli.running import run_plan
+from cvtimg.options.record import Given
 
 EXAMPLES = "Example:  cvtimg info photos/ --json"
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
 
 
-def info(
-    inputs: options.Images,
-    max_pixels: options.MaxPixels = None,
-    *,
-    reading: options.InputOptions,
-    common: options.BatchOptions,
-) -> int:
+def info(given: Given) -> int:
     """Show the size, format, bands, bit depth and number of distinct colors of images."""
     from cvtimg import find_images
 
-    return run_plan(plan_each(inputs, find_images), reading.chosen(_info), COLUMNS, common, max_pixels=max_pixels)
+    return run_plan(plan_each(given.inputs, find_images), _info, COLUMNS, given)
 
 
-def _info(task: Task, _: Stopwatch) -> Row:
+def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     from cvtimg.colors import color_samples

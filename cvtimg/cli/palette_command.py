@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from typer import Option
-
-from cvtimg.batch import Report, Row, Stopwatch, Task, check_suffix, plan_each
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
+from cvtimg.batch import Report, Row, Stopwatch, Task, plan_each
 from cvtimg.cli.pages import read_whole
+from cvtimg.cli.running import run_plan
+from cvtimg.options.quantize_options import DEFAULT_COLORS
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,51 +22,22 @@ EXAMPLES = """Examples:
   cvtimg palette sprite.png --save-palette sprite.hex
   cvtimg palette photos/ --json
 """
-DEFAULT_COLORS = 16
-
-Colors = Annotated[
-    int | None,
-    Option(
-        "--colors",
-        "-k",
-        metavar="N",
-        parser=options.whole_number(1, options.MAX_COLORS),
-        help=f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
-    ),
-]
-SavePalette = Annotated[
-    Path | None, Option(metavar="FILE", help=f"Write the palette, {options.PALETTE_NAMES}; for one input.")
-]
-
 _MOST_OWN = 256
 
 
-def palette(
-    inputs: options.Images,
-    colors: Colors = None,
-    save_palette: SavePalette = None,
-    skip_existing: options.SkipExisting = False,
-    max_pixels: options.MaxPixels = None,
-    *,
-    reading: options.InputOptions,
-    common: options.BatchOptions,
-) -> int:
+def palette(given: Given) -> int:
     """Print the palette of images, and the share of the pixels that has each color.
 
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
     cvtimg quantize. The most frequent color comes first.
     """
     from cvtimg import find_images
-    from cvtimg.palettes.files import PALETTE_FORMATS
 
-    check_suffix("--save-palette", save_palette, PALETTE_FORMATS)
-    plan = plan_each(inputs, find_images, {"--save-palette": save_palette})
-    report = _Palettes((), as_json=common.as_json, quiet=common.quiet)
-    work = partial(_palette, n_colors=colors, overwrite=common.overwrite)
-    return run_plan(plan, reading.chosen(work), report, common, skip_existing=skip_existing, max_pixels=max_pixels)
+    plan = plan_each(given.inputs, find_images, {"--save-palette": given.save_palette})
+    return run_plan(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
 
 
-def _palette(task: Task, stopwatch: Stopwatch, *, n_colors: int | None, overwrite: bool) -> Row:
+def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     from cvtimg import quantize, write_palette
@@ -82,14 +50,14 @@ def _palette(task: Task, stopwatch: Stopwatch, *, n_colors: int | None, overwrit
         raise ValueError(f"has {image.shape[2]} bands, which are no colors")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
-    wanted = n_colors or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
+    wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
     result = quantize(image, wanted)
     counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
     order = np.argsort(-counts, kind="stable")
     found, counts = result.palette[order], counts[order]
     stopwatch.lap("cluster")
     if "--save-palette" in task.outputs:
-        write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=overwrite)
+        write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=given.overwrite)
         stopwatch.lap("write")
     return {"distinct_colors": n_distinct, "k": len(found), "colors": _entries(found, counts)}
 

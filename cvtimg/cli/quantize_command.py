@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg._shared.extras import needs
-from cvtimg.batch import WrongUsageError, check_suffix, plan_each
+from cvtimg.batch import Plan, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
+from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.report import reason
-from cvtimg.cli import options
-from cvtimg.cli import quantize_options as own
-from cvtimg.cli.frame import run_plan
-from cvtimg.cli.quantize_images import quantize_image
-from cvtimg.cli.sharing import count_known, share
+from cvtimg.batch.runner import check_plan
+from cvtimg.cli.running import run_plan, running_of, selected
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,41 +38,16 @@ EXAMPLES = """Examples:
   cvtimg quantize icons/*.png --psnr 40 --in-place --skip-if-larger
   curl -s example.org/photo.jpg | cvtimg quantize - -k 32 > small.png
 """
+#: Arguments of a search, for which there is none where the palette is known.
+_FINDING = ("n_colors", "locked", "effort", "method", "init", "volume_power", "rng")
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
+#: Options by their names in Python, where these differ.
+_FLAGS = {"weights": "--weight-map", "n_colors='auto'": "-k auto", "depth='16'": "--depth 16"}
 
-def quantize(
-    inputs: options.Images,
-    colors: own.Colors = None,
-    psnr: own.Psnr = None,
-    max_bytes: own.MaxBytes = None,
-    palette: own.PaletteFile = None,
-    lock: own.Lock = None,
-    space: options.Space = "rgb",
-    dither: own.Dither = "none",
-    dither_strength: own.DitherStrength = None,
-    weight_map: own.WeightMap = None,
-    mask: options.Mask = None,
-    nodata: options.NoData = None,
-    depth: own.Depth = None,
-    shared_palette: own.SharedPalette = False,
-    output: options.Output = None,
-    out_dir: options.OutDir = None,
-    ext: own.Ext = None,
-    in_place: own.InPlace = False,
-    skip_if_larger: own.SkipIfLarger = False,
-    save_palette: own.SavePalette = None,
-    keep_metadata: own.KeepMetadata = False,
-    optimize: own.Optimize = False,
-    per_frame: own.PerFrame = False,
-    skip_existing: options.SkipExisting = False,
-    max_pixels: options.MaxPixels = None,
-    *,
-    reading: options.InputOptions,
-    engine: options.EngineOptions,
-    common: options.BatchOptions,
-) -> int:
+
+def quantize(given: Given) -> int:
     """Reduce images to the N colors that represent them with the least error.
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
@@ -86,109 +62,90 @@ def quantize(
     pages, with -o FILE.tif.
     """
     from cvtimg import find_images, read_palette, write_palette
-    from cvtimg.palettes.files import PALETTE_FORMATS
     from cvtimg.pictures.files import lossless_suffixes
 
-    _check_aims(
-        {"-k": colors, "--psnr": psnr, "--max-bytes": max_bytes, "--lock": lock, "--weight-map": weight_map},
-        palette,
-        shared_palette,
-    )
-    if dither_strength is not None and dither == "none":
-        raise WrongUsageError("--dither-strength needs --dither")
-    check_suffix("-o", output, [*lossless_suffixes(), ".zarr"])
-    check_suffix("--save-palette", save_palette, PALETTE_FORMATS)
-    if optimize:
-        _check_optimize(output)
-    if save_palette and per_frame:
-        raise WrongUsageError("--save-palette and --palette-per-frame exclude each other")
-    _check_names(output, out_dir, ext, in_place, lossless_suffixes())
-    saved = {"--save-palette": save_palette}
+    if given.palette is None and given.number is None and given.psnr is None and given.max_bytes is None:
+        raise WrongUsageError("one of -k, --psnr, --max-bytes and --palette must be given")
+    if given.optimize:
+        _check_optimize(given.output)
+    if given.ext is not None:
+        check_suffix("--ext", Path(f"NAME{given.ext}"), lossless_suffixes())
+        if os.sep in given.ext or "{" in given.ext or "}" in given.ext:
+            raise WrongUsageError(f"--ext: {given.ext!r} must be the end of a file name")
+    saved = {"--save-palette": given.save_palette}
     plan = plan_each(
-        inputs,
+        given.inputs,
         find_images,
-        {
-            "-o": output or partial(_name, out_dir=out_dir, ext=ext, in_place=in_place),
-            **({} if shared_palette else saved),
-        },
-        out_dir=out_dir,
-        beside=in_place or ext is not None,
-        also_read=[palette, weight_map, mask, *(one for one in lock or [] if isinstance(one, Path))],
-        joint=saved if shared_palette else None,
+        {"-o": given.output or partial(_name, given=given), **({} if given.shared_palette else saved)},
+        out_dir=given.out_dir,
+        beside=given.in_place or given.ext is not None,
+        also_read=[
+            given.palette,
+            given.weight_map,
+            given.mask,
+            *(one for one in given.lock or [] if isinstance(one, Path)),
+        ],
+        joint=saved if given.shared_palette else None,
     )
-    finding = {"n_colors": colors, "space": space, "locked": _locked(lock) if lock else None, **engine.keywords}
-    how = {
-        **({"palette": _read("--palette", palette, read_palette), "space": space} if palette else finding),
-        "psnr": psnr,
-        "max_bytes": max_bytes,
-        "dither": None if dither == "none" else dither,
-        "dither_strength": dither_strength,
-        "weights": weight_map and _read("--weight-map", weight_map, _read_weights),
-        "mask": mask,
-        "nodata": nodata,
-        "depth": depth,
-        "per_frame": per_frame,
-        "keep_metadata": keep_metadata,
-        "optimize": optimize,
-        "max_pixels": max_pixels,
-        "overwrite": common.overwrite,
-    }
-    if shared_palette:
-        running = common.running(skip_existing=skip_existing, in_place=in_place)
-        find = partial(_palette_of_all, options=finding)
-        count = partial(count_known, depth=depth, mask=mask, nodata=nodata, max_pixels=max_pixels)
-        shared = share(plan, find, reading.chosen(count), running=running)
-        how = {"palette": shared, **{name: value for name, value in how.items() if name not in finding}, "space": space}
-        if save_palette and shared is not None:
-            write_palette(save_palette, shared, overwrite=running.overwrite or skip_existing)
+    how = given.arguments | {"overwrite": given.overwrite}
+    if given.dither == "none":
+        del how["dither"]
+    if given.weight_map:
+        how["weights"] = _read("--weight-map", given.weight_map, _read_weights)
+    if given.lock:
+        how["locked"] = _locked(given.lock)
+    palette = _read("--palette", given.palette, read_palette) if given.palette else None
+    if given.shared_palette:
+        running = running_of(given)
+        find = partial(_palette_of_all, options={name: how[name] for name in (*_FINDING, "space") if name in how})
+        palette = _share(plan, find, partial(_count_known, given=given), running=running)
+        if given.save_palette and palette is not None:
+            write_palette(given.save_palette, palette, overwrite=running.overwrite or given.skip_existing)
             plan.joint = {}
-    work = partial(quantize_image, options=how)
-    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if colors == "auto" else COLUMNS
-    return run_plan(
-        plan,
-        reading.chosen(work),
-        columns,
-        common,
-        max_pixels=max_pixels,
-        skip_existing=skip_existing,
-        in_place=in_place,
-        skip_if_larger=skip_if_larger,
-    )
+    if palette is not None:
+        how = {"palette": palette, **{name: value for name, value in how.items() if name not in _FINDING}}
+    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    return run_plan(plan, partial(_quantize, options=how), columns, given)
 
 
-def _check_names(output: Path | None, out_dir: Path | None, ext: str | None, in_place: bool, known: list[str]) -> None:
-    """Refuse naming options that exclude each other, and formats that cannot be written."""
-    ways = {"-o": output, "--out-dir": out_dir, "--ext": ext, "--in-place": in_place}
-    given = [option for option, value in ways.items() if value]
-    if len(given) > 1 and given != ["--out-dir", "--ext"]:
-        raise WrongUsageError(f"{given[0]} and {given[1]} exclude each other")
-    if ext is not None:
-        check_suffix("--ext", Path(f"NAME{ext}"), known)
-        if os.sep in ext or "{" in ext or "}" in ext:
-            raise WrongUsageError(f"--ext: {ext!r} must be the end of a file name")
+def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
+    """Quantize an input, and write the outputs; the options are those of `quantize_file`."""
+    from cvtimg.quantization import UnfitOptionError, quantize_file
+
+    saved = task.outputs.get("--save-palette")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
+        except UnfitOptionError as error:
+            flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
+            raise ValueError(error.reason.format(flag)) from error
+    is_one = result.kind in ("picture", "tiles")
+    return {
+        "width": result.shape[1],
+        "height": result.shape[0],
+        "channels": result.palette.shape[1],
+        **({} if is_one else {result.kind: result.n_images}),
+        "left_out": result.n_left_out,
+        "distinct_colors": result.n_distinct,
+        **({"exact": result.exact} if result.kind == "tiles" else {}),
+        "k": result.n_colors,
+        **({} if result.kind == "tiles" else {"elbow": result.curve.elbows() if result.curve else None}),
+        "energy": result.energy,
+        "mse": result.mse,
+        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
+        "n_iter": max((one.n_iter for one in result.tessellations), default=0),
+        "converged": all(one.converged for one in result.tessellations),
+        **({"warning": "; ".join(str(one.message) for one in caught)} if caught else {}),
+    }
 
 
-def _name(source: Path, *, out_dir: Path | None, ext: str | None, in_place: bool) -> str:
+def _name(source: Path, *, given: Given) -> str:
     """Return the name pattern of the output; GIF stays GIF, because it may be an animation."""
-    if in_place:
+    if given.in_place:
         return f"{{}}{source.suffix}"
     suffix = ".gif" if source.suffix.lower() == ".gif" else ".png"
-    return f"{{}}{ext or ('' if out_dir else '-quantized') + suffix}"
-
-
-def _check_aims(aims: Mapping[str, Any], palette: Path | None, shared: bool) -> None:
-    """Require a target, and refuse targets that exclude each other."""
-    given = [option for option, value in aims.items() if value not in (None, [])]
-    if palette and given:
-        raise WrongUsageError(f"--palette and {given[0]} exclude each other")
-    if aims["-k"] == "auto" and {"--psnr", "--max-bytes"} & set(given):
-        raise WrongUsageError("-k auto and --psnr or --max-bytes exclude each other")
-    if shared and (palette or given not in (["-k"], ["-k", "--lock"])):
-        raise WrongUsageError("--shared-palette needs -k, and goes with no other aim but --lock")
-    if "--psnr" in given and "--max-bytes" in given:
-        raise WrongUsageError("--psnr and --max-bytes exclude each other")
-    if not palette and not {"-k", "--psnr", "--max-bytes"} & set(given):
-        raise WrongUsageError("one of -k, --psnr, --max-bytes and --palette must be given")
+    return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + suffix}"
 
 
 def _check_optimize(output: Path | None) -> None:
@@ -200,15 +157,58 @@ def _check_optimize(output: Path | None) -> None:
         raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
 
 
+def _share(
+    plan: Plan,
+    find: Callable[[ColorSamples], NDArray[Any]],
+    count: Callable[[Task], ColorSamples],
+    *,
+    running: Running,
+) -> NDArray[Any] | None:
+    """Find the palette of all images together, and move those that cannot be read to the missing of the plan.
+
+    Returns
+    -------
+    array or None
+        What `find` makes of the sum of what `count` returns for each image; None if no image is left.
+    """
+    from cvtimg.colors.counting import add_samples, in_fixed_order
+
+    check_plan(plan, running)
+    if any(is_pipe(task.source) for task in plan.tasks):
+        raise WrongUsageError("--shared-palette reads each input twice: standard input and pipes cannot be used")
+    palette = None
+    try:
+        total, failed = fold(plan.tasks, count, add_samples, running)
+        if total is not None:
+            palette = find(in_fixed_order(total))
+    except ValueError as error:
+        raise WrongUsageError(f"--shared-palette: {error}") from error
+    plan.missing += [(str(task.source), OSError(failed[task.source])) for task in plan.tasks if task.source in failed]
+    plan.tasks = [task for task in plan.tasks if task.source not in failed]
+    return palette
+
+
+def _count_known(task: Task, *, given: Given) -> ColorSamples:
+    """Count the colors of the pixels of an image that are not left out."""
+    from cvtimg import read_image
+    from cvtimg.colors.counting import count_picture
+    from cvtimg.pictures import image_info
+    from cvtimg.pictures.known import known_pixels
+
+    with selected(given):
+        image = read_image(task.source)
+        known = known_pixels(image, image_info(task.source), given.mask, given.nodata)
+    return count_picture(image, given.depth, mask=None if known.all() else known)
+
+
 def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> NDArray[Any]:
     """Find a palette as `quantize` would for one image."""
     from cvtimg import find_palette
     from cvtimg.colors.spaces import to_depth
 
-    locked = options["locked"]
-    if locked is not None:
-        locked = to_depth(locked, samples.colors.dtype)
-    return find_palette(samples, **{**options, "locked": locked}).colors
+    if "locked" in options:
+        options = {**options, "locked": to_depth(options["locked"], samples.colors.dtype)}
+    return find_palette(samples, **options).colors
 
 
 def _locked(colors: list[str | Path]) -> NDArray[np.uint8]:

@@ -5,19 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import typer
-from typer import Option
-
-from cvtimg._shared.choices import AutoEffortName
-from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, check_suffix, plan_one
+from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli import options
-from cvtimg.cli.frame import run_plan
+from cvtimg.cli.running import run_plan
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,108 +35,6 @@ COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
 _ACROSS = 4
 
 
-def _weights(text: str) -> list[float]:
-    """Parse weights separated by commas."""
-    with suppress(ValueError):
-        weights = [float(word) for word in text.split(",")]
-        if all(0 < weight < math.inf for weight in weights):
-            return weights
-    raise typer.BadParameter(f"{text!r} must be numbers > 0 with commas between them")
-
-
-VersionFiles = Annotated[
-    list[str],
-    typer.Argument(metavar="VERSION...", help="Versions of one image, all of one size: files, folders or patterns."),
-]
-Segments = Annotated[
-    Any,
-    Option(
-        "--segments",
-        "-k",
-        metavar="N|auto",
-        # More segments than this no file of labels holds.
-        parser=options.or_auto(options.whole_number(1, options.MAX_COLORS - 1)),
-        help="Number of segments; auto picks it by the energy. With --detail, kinds of patches; auto is 32.",
-    ),
-]
-Output = Annotated[
-    Path,
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        parser=options.output_file(".png"),
-        help="Write the restored image; - for standard output.",
-    ),
-]
-Masks = Annotated[
-    list[Path] | None,
-    Option(
-        "--mask",
-        metavar="FILE",
-        help="Image that is black where a version is missing; once per version, in their order.",
-    ),
-]
-Nodata = Annotated[
-    float | None,
-    Option("--nodata", metavar="V", parser=options.number(), help="Treat pixels that are V in all bands as missing."),
-]
-Weights = Annotated[
-    str | None,
-    Option("--weights", metavar="W,W,..", parser=_weights, help="Weight of each version; by default from its noise."),
-]
-EdgeWeight = Annotated[
-    Any,
-    Option(
-        "--edge-weight",
-        metavar="L|auto",
-        parser=options.or_auto(options.number(0)),
-        help="Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
-    ),
-]
-Radius = Annotated[
-    float,
-    Option(
-        metavar="PIXELS",
-        parser=options.number(above=0, high=1000),
-        help="Standard deviation of the --averaging kernel.",
-    ),
-]
-Renormalize = Annotated[
-    Literal["range", "median", "none"],
-    Option(help="How to undo the loss of contrast where some versions are painted over."),
-]
-Hidden = Annotated[
-    Literal["outliers", "background", "none"],
-    Option(help="Where versions disagree, leave out the outliers, or those that show the background, or none."),
-]
-Align = Annotated[bool, Option("--align", help="Shift each version onto the first.")]
-Channels = Annotated[
-    bool, Option("--channels", help="Versions share segments but not colors, as channels do; the first is restored.")
-]
-Detail = Annotated[
-    bool, Option("--detail", help="Restore texture too, patch by patch; for photographs, and to denoise a single one.")
-]
-Effort = Annotated[
-    AutoEffortName, Option(help="How long to search for a better result; auto: with --detail, less for large images.")
-]
-Seed = Annotated[
-    int,
-    Option(
-        "--seed",
-        metavar="N",
-        parser=options.whole_number(0, 2**63 - 1),
-        help="With --detail: seed of the sample of patches that large images are learned from.",
-    ),
-]
-Labels = Annotated[
-    Path | None, Option(metavar="FILE", help="Write the segment of each pixel, from 1: .png, .tif or .npy.")
-]
-Sheet = Annotated[
-    Path | None, Option(metavar="FILE", help="Draw the versions and the restored image on one sheet, to compare.")
-]
-
-
 class Versions(NamedTuple):
     """Versions and masks as read, and the names of their files."""
 
@@ -153,31 +45,7 @@ class Versions(NamedTuple):
     alpha: bool | None  # False: no version has any
 
 
-def restore(
-    versions: VersionFiles,
-    output: Output,
-    segments: Segments = "auto",
-    mask: Masks = None,
-    nodata: Nodata = None,
-    weights: Weights = None,
-    align: Align = False,
-    channels: Channels = False,
-    detail: Detail = False,
-    hidden: Hidden = "outliers",
-    renormalize: Renormalize = "range",
-    averaging: options.Averaging = "none",
-    radius: Radius = 2,
-    edge_weight: EdgeWeight = "auto",
-    volume_power: options.VolumePower = 0,
-    space: options.Space = "rgb",
-    effort: Effort = "auto",
-    seed: Seed = 0,
-    labels: Labels = None,
-    sheet: Sheet = None,
-    max_pixels: options.MaxPixels = None,
-    *,
-    common: options.CommonOptions,
-) -> int:
+def restore(given: Given) -> int:
     """Restore one image from several noisy or incomplete versions of it.
 
     Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
@@ -185,34 +53,14 @@ def restore(
     flat colors; photographs need --detail.
     """
     from cvtimg import find_images
-    from cvtimg.pictures.files import lossless_suffixes
-    from cvtimg.segmentation import Averaging
 
-    check_suffix("-o", output, lossless_suffixes())
-    check_suffix("--labels", labels, (".png", ".tif", ".tiff", ".npy"))
-    outputs = {"-o": output, "--labels": labels, "--sheet": sheet}
-    plan = plan_one(versions, find_images, outputs, also_read=mask or [])
+    outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
+    masks = given.mask or []
+    plan = plan_one(given.versions, find_images, outputs, also_read=masks)
     n_versions = sum(len(task.sources) for task in plan.tasks)
-    if mask and plan.tasks and len(mask) != n_versions:
-        raise WrongUsageError(f"--mask is given {len(mask)} times, for {n_versions} versions")
-    how = {
-        "n_generators": segments,
-        "nodata": nodata,
-        "weights": weights,
-        "align": align,
-        "channels": channels,
-        "detail": detail,
-        "hidden": hidden,
-        "renormalize": renormalize,
-        "averaging": None if averaging == "none" else Averaging(averaging, radius=radius),
-        "edge_weight": edge_weight,
-        "volume_power": volume_power,
-        "space": space,
-        "effort": effort,
-        "rng": seed,
-    }
-    work = partial(_restore, masks=mask or [], how=how, overwrite=common.overwrite)
-    return run_plan(plan, work, COLUMNS, common, max_pixels=max_pixels)
+    if masks and plan.tasks and len(masks) != n_versions:
+        raise WrongUsageError(f"--mask is given {len(masks)} times, for {n_versions} versions")
+    return run_plan(plan, _restore, COLUMNS, given)
 
 
 def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
@@ -241,19 +89,19 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     return Versions(images, known or None, names[: len(images)], names[len(images) :], alpha)
 
 
-def _restore(
-    task: Task, stopwatch: Stopwatch, *, masks: Sequence[Path], how: Mapping[str, Any], overwrite: bool
-) -> Row:
+def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import restore
+    from cvtimg.segmentation import Averaging
 
-    read = _read(task.sources, masks)
+    read = _read(task.sources, given.mask or [])
     stopwatch.lap("read")
     try:
-        result = restore(read.images, masks=read.masks, alpha=read.alpha, **how)
+        averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
+        result = restore(read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
-    notes = _write(task.outputs, result, read, how, overwrite)
+    notes = _write(task.outputs, result, read, given)
     stopwatch.lap("write")
     return {
         "inputs": read.names,
@@ -281,9 +129,7 @@ def _with_names(message: str, read: Versions) -> str:
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
 
-def _write(
-    outputs: Mapping[str, Path], result: Restoration, read: Versions, how: Mapping[str, Any], overwrite: bool
-) -> list[str]:
+def _write(outputs: Mapping[str, Path], result: Restoration, read: Versions, given: Given) -> list[str]:
     """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
@@ -291,18 +137,18 @@ def _write(
     from cvtimg.pictures.formats.encoding import as_stored
 
     stored, notes = as_stored(result.image, outputs["-o"].suffix)
-    write_image(outputs["-o"], stored, overwrite=overwrite)
+    write_image(outputs["-o"], stored, overwrite=given.overwrite)
     if "--labels" in outputs:
         kind = np.uint8 if len(result.colors) < 256 else np.uint16
-        write_image(outputs["--labels"], result.labels.astype(kind), overwrite=overwrite)
+        write_image(outputs["--labels"], result.labels.astype(kind), overwrite=given.overwrite)
     if "--sheet" in outputs:
         from cvtimg.plotting.sheets import contact_sheet
 
-        write_image(outputs["--sheet"], contact_sheet(_panels(result, read, how)), overwrite=overwrite)
+        write_image(outputs["--sheet"], contact_sheet(_panels(result, read, given)), overwrite=given.overwrite)
     return notes
 
 
-def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list[list[Panel]]:
+def _panels(result: Restoration, read: Versions, given: Given) -> list[list[Panel]]:
     """Arrange the versions in rows, with the result below them."""
     import numpy as np
 
@@ -310,7 +156,7 @@ def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.versions import stack_versions
 
-    stack = stack_versions(read.images, read.masks, how["nodata"], channels=how["channels"], alpha=read.alpha)
+    stack = stack_versions(read.images, read.masks, given.nodata, channels=given.channels, alpha=read.alpha)
     panels = []
     for number, name in enumerate(read.names):
         values, known = stack.bands(number), stack.known[:, :, number]
@@ -319,7 +165,7 @@ def _panels(result: Restoration, read: Versions, how: Mapping[str, Any]) -> list
         shown = np.concatenate([colors, alpha], axis=2).astype(stack.dtypes[number])
         about = f"{known.mean():.0%} known, noise {result.noise[number]:.3g}, weight {result.weights[number]:.2f}"
         panels.append(Panel(shown, (Path(name).name, about)))
-    count = f"{len(result.colors)} kinds of patches" if how["detail"] else f"{len(result.colors)} segments"
+    count = f"{len(result.colors)} kinds of patches" if given.detail else f"{len(result.colors)} segments"
     unknown = f"{(result.coverage == 0).mean():.1%} was known in none"
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     shares = (result.coverage - result.left_out) / len(panels)

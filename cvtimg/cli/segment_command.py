@@ -6,13 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli import options
-from cvtimg.cli import segment_options as own
-from cvtimg.cli.frame import run_plan
+from cvtimg.cli.hierarchies import cut_regions
 from cvtimg.cli.pages import segment_pages
+from cvtimg.cli.running import run_plan
 from cvtimg.cli.segment_outputs import Style, Subject, kind_of, outputs_of
 from cvtimg.cli.tiled import check_fit, segment_in_tiles
-from cvtimg.pictures.known import known_in_all, known_pixels
+from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
-    from cvtimg.segmentation.touching import Objects as ObjectOptions
 
 EXAMPLES = """Examples:
 
@@ -35,60 +33,13 @@ EXAMPLES = """Examples:
   cvtimg segment photo.jpg --hierarchy --overlay regions.png --cuts cuts.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
+#: Arguments of `segment` that do not need the whole image at a time.
+_IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
 
-def segment(
-    inputs: options.Images,
-    number: own.Number = None,
-    output: own.Labels = None,
-    out_dir: own.OutDir = None,
-    write: own.Write = "",
-    mean: own.Mean = None,
-    edges: own.Edges = None,
-    overlay: own.Overlay = None,
-    contours: own.ContourFile = None,
-    table: own.Table = None,
-    coco: own.Coco = None,
-    edge_mode: own.EdgeMode = "inner",
-    line_color: own.LineColor = "#ffff00",
-    line_width: own.LineWidth = 1,
-    subpixel: own.Subpixel = False,
-    simplify: own.Simplify = 0,
-    space: options.Space = "rgb",
-    averaging: options.Averaging = "none",
-    kernel: own.Kernel = "gaussian",
-    radius: own.Radius = 2,
-    edge_weight: own.EdgeWeight = 0,
-    edge_radius: own.EdgeRadius = 3,
-    components: own.Components = False,
-    min_size: own.MinSize = 0,
-    border_price: own.BorderPrice = 0,
-    objects: own.Objects = False,
-    background: own.Background = "largest",
-    neck_depth: own.NeckDepth = 0.5,
-    object_border: own.ObjectBorder = "segment",
-    properties: own.Properties = "",
-    hierarchy: own.Hierarchy = False,
-    threshold: own.Threshold = None,
-    tree: own.Tree = None,
-    strengths: own.Strengths = None,
-    cuts: own.Cuts = None,
-    superpixels: own.Superpixels = False,
-    compactness: own.Compactness = None,
-    mask: options.Mask = None,
-    nodata: options.NoData = None,
-    volume: own.Volume = False,
-    volume_power: options.VolumePower = 0,
-    effort: options.Effort = "balanced",
-    seed: options.Seed = 0,
-    skip_existing: options.SkipExisting = False,
-    max_pixels: options.MaxPixels = None,
-    *,
-    reading: options.InputOptions,
-    common: options.BatchOptions,
-) -> int:
+def segment(given: Given) -> int:
     """Divide images into N segments of similar color.
 
     Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, transparent ones,
@@ -102,109 +53,51 @@ def segment(
     """
     from cvtimg import find_images
 
-    if volume:
-        _exclude(
-            "--volume",
-            hierarchy=hierarchy,
-            superpixels=superpixels,
-            components=components,
-            min_size=min_size,
-            objects=objects,
-        )
-        _exclude("--volume", edge_weight=edge_weight, averaging=averaging != "none")
-    if number is None:
-        if not hierarchy:
+    if given.number is None:
+        if not given.hierarchy:
             raise WrongUsageError("-k is needed without --hierarchy: a number of segments, or auto")
-        number = "auto"
-    if threshold is not None and not (hierarchy and number == "auto"):
-        raise WrongUsageError("--threshold needs --hierarchy, and excludes -k N")
-    if hierarchy:
-        _exclude("--hierarchy", superpixels=superpixels, components=components, min_size=min_size, objects=objects)
-        _exclude("--hierarchy", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
-        keywords: dict[str, Any] = {}
-    elif superpixels:
-        _exclude("--superpixels", averaging=averaging != "none", edge_weight=edge_weight, volume_power=volume_power)
-        _exclude("--superpixels", components=components, min_size=min_size, border_price=border_price, objects=objects)
-        if number == "auto":
-            raise WrongUsageError("-k auto and --superpixels exclude each other")
-        keywords = {} if compactness is None else {"compactness": compactness}
-    elif compactness is not None:
-        raise WrongUsageError("--compactness needs --superpixels")
-    elif border_price and not components:
-        raise WrongUsageError("--border-price needs --components")
-    elif objects and components:
-        raise WrongUsageError("--objects and --components exclude each other")
-    else:
-        keywords = {"volume_power": volume_power, "effort": effort, "rng": seed}
-        keywords |= {"edge_weight": edge_weight, "edge_radius": edge_radius}
-        keywords |= {"components": components, "min_size": min_size, "border_price": border_price}
-        keywords["averaging"] = _averaging(averaging, kernel, radius)
-        keywords["objects"] = _objects(background, neck_depth, object_border) if objects else False
-    if not hierarchy or space != "rgb":  # a hierarchy has a space of its own by default
-        keywords["space"] = space
-    how = own.SegmentOptions(number, keywords, superpixels, mask, nodata, volume, hierarchy, threshold)
-    style = Style(
-        edge_mode=edge_mode,
-        line_color=tuple(bytes.fromhex(line_color)[:3]),
-        line_width=line_width,
-        subpixel=subpixel,
-        simplify=simplify,
-        ignore=None if objects else 0,
-        properties=tuple(filter(None, (name.strip() for name in properties.split(",")))),
-    )
-    files = {"-o": output, "--mean": mean, "--edges": edges, "--overlay": overlay, "--contours": contours}
-    files |= {"--table": table, "--coco": coco, "--tree": tree, "--strengths": strengths, "--cuts": cuts}
-    outputs = outputs_of(write, files, hierarchy=hierarchy)
-    plan = plan_each(inputs, find_images, outputs, out_dir=out_dir, also_read=[mask])
-    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if number == "auto" and not hierarchy else COLUMNS
-    work = partial(_segment, how=how, style=style, overwrite=common.overwrite, max_pixels=max_pixels)
-    return run_plan(plan, reading.chosen(work), columns, common, skip_existing=skip_existing, max_pixels=max_pixels)
+        given.number = "auto"
+    if given.threshold is not None and given.number != "auto":
+        raise WrongUsageError("--threshold and -k N exclude each other")
+    given.averaging = _averaging(given)
+    given.style = Style.of(given)
+    plan = plan_each(given.inputs, find_images, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
+    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if given.number == "auto" and not given.hierarchy else COLUMNS
+    return run_plan(plan, _segment, columns, given)
 
 
-def _exclude(option: str, **others: Any) -> None:
-    """Refuse options that would have no effect together with another."""
-    for name, given in others.items():
-        if given:
-            raise WrongUsageError(f"--{name.replace('_', '-')} and {option} exclude each other")
-
-
-def _averaging(when: str, kernel: str, radius: float) -> Averaging | None:
+def _averaging(given: Given) -> Averaging | None:
     from cvtimg.segmentation.averaging import Averaging
 
     try:
-        return None if when == "none" else Averaging(when, kernel, radius)
+        return None if given.averaging == "none" else Averaging(given.averaging, given.kernel, given.radius)
     except ValueError as error:
         raise WrongUsageError(f"--radius: {error}") from error
 
 
-def _objects(background: str, neck_depth: float, border: str) -> ObjectOptions:
-    from cvtimg.segmentation.touching import Objects
-
-    return Objects(background, neck_depth, border)
-
-
-def _segment(
-    task: Task, stopwatch: Stopwatch, *, how: own.SegmentOptions, style: Style, overwrite: bool, max_pixels: int | None
-) -> Row:
+def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import read_image
     from cvtimg.pictures import image_info
+    from cvtimg.pictures.known import known_in_all, known_pixels
 
     if _needs_tiles(task):
-        check_fit(task.source, how.unfit, max_pixels)
-        given = {**how.in_tiles, "mask": how.mask, "overwrite": overwrite}
-        return segment_in_tiles(task, stopwatch, int(how.number), how.nodata, given)
+        check_fit(task.source, _needing_memory(given), given.max_pixels)
+        options = {name: value for name, value in given.arguments.items() if name in _IN_TILES}
+        options |= {"mask": given.mask, "overwrite": given.overwrite}
+        return segment_in_tiles(task, stopwatch, given.number, given.nodata, options)
     header = image_info(task.source)
-    divide = partial(_divide, how=how, header=header)
+    divide = partial(_divide, given=given, header=header)
     if header.has_pages:
         if [kind_of(option) for option in task.outputs] != ["labels"]:
             raise ValueError("has several pages, of which only labels are written")
-        find = partial(known_in_all, header=header, mask=how.mask, nodata=how.nodata, noun="page")
-        return segment_pages(task, stopwatch, divide, find, volume=how.volume, overwrite=overwrite)
+        find = partial(known_in_all, header=header, mask=given.mask, nodata=given.nodata, noun="page")
+        return segment_pages(task, stopwatch, divide, find, volume=given.volume, overwrite=given.overwrite)
     image = read_image(task.source)
     stopwatch.lap("read")
-    image, result = divide(image, known_pixels(image, header, how.mask, how.nodata))
+    image, result = divide(image, known_pixels(image, header, given.mask, given.nodata))
     stopwatch.lap("cluster")
-    Subject(task.source, image, result.labels, header, style, overwrite, result.hierarchy).write(task.outputs)
+    subject = Subject(task.source, image, result.labels, header, given.style, given.overwrite, result.hierarchy)
+    subject.write(task.outputs)
     stopwatch.lap("write")
     return {
         "width": image.shape[1],
@@ -221,14 +114,41 @@ def _segment(
 
 
 def _divide(
-    image: NDArray[Any], known: NDArray[np.bool_], *, how: own.SegmentOptions, header: ImageInfo
+    image: NDArray[Any], known: NDArray[np.bool_], *, given: Given, header: ImageInfo
 ) -> tuple[NDArray[Any], Segmentation]:
     """Segment an image; return the bands that count, and the result."""
+    import cvtimg
+    from cvtimg.segmentation.touching import Objects
+
     if header.has_alpha and image.shape[2:] == (4,):
         image, known = image[:, :, :3], known & (image[:, :, 3] > 0)
     if not known.any():
         raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
-    return image, how.segments(image, known)
+    options = given.arguments
+    if given.hierarchy:
+        space = {} if given.space is None else {"space": given.space}
+        return image, cut_regions(image, known, given.number, given.threshold, space)
+    if given.superpixels:
+        options = {name: value for name, value in options.items() if name in ("space", "compactness")}
+        return image, cvtimg.superpixels(image, given.number, mask=known, **options)
+    objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
+    return image, cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
+
+
+def _needing_memory(given: Given) -> dict[str, Any]:
+    """Return the options that need the whole image, by their names on the command line."""
+    names = (
+        "superpixels",
+        "hierarchy",
+        "volume_power",
+        "components",
+        "min_size",
+        "border_price",
+        "averaging",
+        "objects",
+    )
+    options = {f"--{name.replace('_', '-')}": getattr(given, name) for name in names}
+    return {name: True for name, value in {"-k auto": given.number == "auto", **options}.items() if value}
 
 
 def _needs_tiles(task: Task) -> bool:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cvtimg.batch import WrongUsageError, check_suffix
-from cvtimg.labels.formats import CONTOUR_FORMATS
+from cvtimg.options.record import Given
+from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,26 +19,6 @@ if TYPE_CHECKING:
     from cvtimg.pictures import Metadata
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
-
-_AVIF = (".avif",) if find_spec("PIL._avif") else ()
-_PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
-#: Kinds of output and their suffixes, the default first.
-KINDS = {
-    "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
-    "mean": _PICTURES,
-    "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
-    "overlay": _PICTURES,
-    "contours": tuple(CONTOUR_FORMATS),
-    "table": (".csv",),
-    "coco": (".json",),
-}
-KIND_NAMES = ", ".join(KINDS)
-#: Kinds of output that need --hierarchy.
-HIERARCHY_KINDS = {
-    "tree": (".npz",),
-    "strengths": (".png", ".tif", ".tiff", ".npy"),
-    "cuts": (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg"),
-}
 
 
 class Style(NamedTuple):
@@ -54,15 +34,25 @@ class Style(NamedTuple):
     #: More columns of the table.
     properties: tuple[str, ...]
 
+    @classmethod
+    def of(cls, given: Given) -> Style:
+        """Take the style from the options of the command."""
+        return cls(
+            given.edge_mode,
+            tuple(bytes.fromhex(given.line_color)[:3]),
+            given.line_width,
+            given.subpixel,
+            given.simplify,
+            None if given.objects else 0,
+            tuple(filter(None, (name.strip() for name in (given.properties or "").split(",")))),
+        )
 
-def outputs_of(written: str, files: Mapping[str, Path | None], *, hierarchy: bool) -> dict[str, Path | str]:
-    """Name the outputs of each image, by option.
 
-    `written` is the option ``--write``, `files` are the options that name one file.
-    """
-    kinds = KINDS | HIERARCHY_KINDS if hierarchy else KINDS
+def outputs_of(given: Given) -> dict[str, Path | str]:
+    """Name the outputs of each image, by option."""
+    kinds = KINDS | HIERARCHY_KINDS if given.hierarchy else KINDS
     outputs: dict[str, Path | str] = {}
-    for item in filter(None, (part.strip() for part in written.split(","))):
+    for item in filter(None, (part.strip() for part in (given.write or "").split(","))):
         kind, dot, end = item.partition(".")
         if kind not in kinds:
             needs = " without --hierarchy" if kind in HIERARCHY_KINDS else ""
@@ -70,12 +60,9 @@ def outputs_of(written: str, files: Mapping[str, Path | None], *, hierarchy: boo
         suffix = dot + end.lower() if dot else kinds[kind][0]
         check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), kinds[kind])
         outputs[f"--write {kind}{suffix}"] = f"{{}}-{kind}{suffix}"
-    for option, path in files.items():
-        if path:
-            if kind_of(option) not in kinds:
-                raise WrongUsageError(f"{option} needs --hierarchy")
-            check_suffix(option, path, kinds[kind_of(option)])
-            outputs[option] = path
+    for kind in kinds:
+        if path := given.output if kind == "labels" else getattr(given, kind):
+            outputs["-o" if kind == "labels" else f"--{kind}"] = path
     return outputs or {"-o": "{}-labels.png"}
 
 

@@ -1,4 +1,4 @@
-from .charts import draw_pairs, draw_spectrum, draw_supports
+from .charts import draw_pairs, draw_spectrum, draw_supports, save_plot
 from .energy_curves import Plotted, draw_curves
 from .globes import draw_globe, draw_map, draw_surface
 from .meshes import draw_mesh
@@ -20,5 +20,6 @@ __all__ = [
     "draw_supports",
     "draw_surface",
     "palette_strip",
+    "save_plot",
     "shown_colors",
 ]

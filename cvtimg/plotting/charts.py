@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import needs
+from cvtimg.files.whole import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,6 +144,26 @@ def draw_supports(
         axes.set_aspect("equal")
         axes.autoscale_view()
     return content.getvalue()
+
+
+def save_plot(path: Path, draw: Callable[..., bytes], *given: Any, overwrite: bool = False, **more: Any) -> None:
+    """Write what a function of this package draws to a file whose suffix is the format.
+
+    Parameters
+    ----------
+    path : Path
+        The file, .png or .svg.
+    draw : callable
+        Such as `draw_mesh`; gets all other arguments, and the suffix.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    write_whole(path, draw(*given, suffix=path.suffix.lower(), **more), overwrite=overwrite)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import re
@@ -11,7 +10,7 @@ import sys
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,14 +21,15 @@ from PIL import Image
 
 import cvtimg
 from cvtimg import read_image, write_image
-from cvtimg._shared import choices as named
 from cvtimg.cli import app as cli
-from cvtimg.cli import commands, elbow_command, quantize_options, restore_command, segment_options
-from cvtimg.cli import options as _options
+from cvtimg.cli import commands
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
 from cvtimg.labels.edges import EDGE_MODES
+from cvtimg.options import options_of
+from cvtimg.options.common import MAX_COLORS
+from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io
 from cvtimg.pictures import image_info
 from cvtimg.quantization import remapping
@@ -529,31 +529,32 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
 @pytest.mark.parametrize(
     ("choices", "registry"),
     [
-        (named.EffortName, cvtimg.engine.EFFORTS),
-        (named.AutoEffortName, ["auto", *cvtimg.engine.EFFORTS]),
-        (named.MethodName, cvtimg.engine.METHODS),
-        (named.InitName, cvtimg.engine.SEEDINGS),
-        (named.SpaceName, SPACES),
-        (_options.AveragingChoice, ["none", *WHEN]),
-        (segment_options.Kernel, KERNELS),
-        (segment_options.EdgeMode, EDGE_MODES),
-        (quantize_options.Dither, ["none", *DITHERS]),
-        (elbow_command.RuleName, RULES),
-        (restore_command.Renormalize, RENORMALIZATIONS),
-        (_options.Missing, MISSING),
+        ("quantize effort", cvtimg.engine.EFFORTS),
+        ("restore effort", ["auto", *cvtimg.engine.EFFORTS]),
+        ("quantize method", cvtimg.engine.METHODS),
+        ("quantize init", cvtimg.engine.SEEDINGS),
+        ("quantize space", SPACES),
+        ("quantize dither", ["none", *DITHERS]),
+        ("segment averaging", ["none", *WHEN]),
+        ("segment kernel", KERNELS),
+        ("segment edge_mode", EDGE_MODES),
+        ("elbow rule", RULES),
+        ("restore renormalize", RENORMALIZATIONS),
+        ("cluster missing", MISSING),
     ],
-    ids=itertools.count(),  # the text of a type has addresses in it, and differs between processes
 )
-def test_choices_are_those_of_the_registries(choices: Any, registry: Collection[str]) -> None:
-    literal = get_args(choices)[0] if hasattr(choices, "__metadata__") else choices
-    assert sorted(get_args(literal)) == sorted(registry)
+def test_choices_are_those_of_the_registries(choices: str, registry: Collection[str]) -> None:
+    verb, name = choices.split()
+    option = next(option for option in options_of(verb) if option.name == name)
+    assert isinstance(option.kind, Choice)
+    assert sorted(option.kind.names) == sorted(registry)
 
 
 def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     text = " ".join(run("quantize", "--help").out.split())
-    assert _options.MAX_COLORS == remapping.MAX_COLORS
-    assert f"at most {_options.MAX_COLORS}" in text
+    assert MAX_COLORS == remapping.MAX_COLORS
+    assert f"at most {MAX_COLORS}" in text
     suffixes = re.findall(r"\.[a-z]+", text.split("can also end in")[1].split("The same seed")[0])
     assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())
 
@@ -689,7 +690,7 @@ def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, argumen
     assert done.returncode == 1
 
 
-@pytest.mark.parametrize("when", ["cvtimg.quantize", "PIL.Image.Image.save"])
+@pytest.mark.parametrize("when", ["cvtimg.quantization.quantize_file", "PIL.Image.Image.save"])
 def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
     run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, when: str
 ) -> None:

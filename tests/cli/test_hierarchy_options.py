@@ -54,10 +54,10 @@ def test_auto_cuts_at_the_threshold(small: NDArray[Any], capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--tree", "t.npz"], "-k is needed without --hierarchy"),
+        (["--edges", "e.png"], "-k is needed without --hierarchy"),
         (["-k", "3", "--tree", "t.npz"], "--tree needs --hierarchy"),
         (["-k", "3", "--write", "cuts"], "'cuts' must be one of"),
-        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold needs --hierarchy, and excludes -k N"),
+        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold and -k N exclude each other"),
         (["-k", "3", "--hierarchy", "--superpixels"], "--superpixels and --hierarchy exclude each other"),
         (["-k", "3", "--hierarchy", "--edge-weight", "2"], "--edge-weight and --hierarchy exclude each other"),
     ],

@@ -19,7 +19,7 @@ from PIL import Image
 
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli.options import n_bytes
+from cvtimg.options.common import n_bytes
 from cvtimg.pictures import Frames, image_info, read_frames, write_frames
 
 pytestmark = pytest.mark.timeout(120)
@@ -280,9 +280,9 @@ def test_animations_reach_a_quality_or_a_size(here: Path, capsys: pytest.Capture
     assert Path("out.gif").stat().st_size == found["output_bytes"] <= 2048
     assert row("-k", str(int(found["k"]) + 1))["output_bytes"] > 2048
     assert cli.main(["quantize", "film.gif", "--psnr", "60", "-k", "3", *options]) == 1
-    assert "--psnr 60 is not reached by 3 colors" in capsys.readouterr().err
+    assert "--psnr 60.0 must be at most" in capsys.readouterr().err
     assert cli.main(["quantize", "film.gif", "--max-bytes", "20", *options]) == 1
-    assert "--max-bytes 20 is not reached" in capsys.readouterr().err
+    assert "--max-bytes 20 must be at least" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", ["csv", "jsonl"])

@@ -14,7 +14,7 @@ from PIL import Image
 
 from cvtimg import quantize, read_image, read_palette, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli.options import color
+from cvtimg.options.common import color
 
 Run = Callable[..., dict[str, Any]]
 

@@ -149,7 +149,7 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
         (["--kernel", "round"], "--kernel': 'round' must be one of gaussian, box"),
         (["--space", "hsv"], "--space': 'hsv' must be one of rgb, linear, lab, oklab"),
         (["--averaging", "after", "--radius", "0"], "--radius: radius=0.0 must be > 0"),
-        (["-k", "auto", "--superpixels"], "-k auto and --superpixels exclude each other"),
+        (["-k", "auto", "--superpixels"], "--superpixels and -k auto exclude each other"),
         (["--effort", "much"], "--effort': 'much' must be one of fast, balanced, best"),
         (["--edge-weight", "some"], "'some' must be"),
         (["--min-size", "-1"], "'-1' must be a whole number in 0.."),

@@ -1,0 +1,85 @@
+"""Run the plan of a command with the options that all commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+
+from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, plan_one, run
+from cvtimg.batch.pipes import is_standard
+from cvtimg.options.record import Given
+
+__all__ = ["plan_alone", "run_plan", "running_of", "selected"]
+
+
+def run_plan(
+    plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, by_url: tuple[str, ...] = ()
+) -> int:
+    """Run a plan and report it.
+
+    Parameters
+    ----------
+    plan : Plan
+        Tasks to do.
+    work : callable
+        Does a task, given with its stopwatch and the options, and returns the columns of its row; picklable if run in
+        other processes.
+    report : Report or sequence of str
+        Report, or the columns of its table.
+    given : Given
+        Values of the options of the command.
+    by_url : tuple of str
+        As in `Running`.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
+    if sends and given.as_json:
+        raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")
+    if not isinstance(report, Report):
+        report = Report(report, as_json=given.as_json, quiet=given.quiet)
+    report.quiet |= sends  # a table would mix with the output
+    return run(plan, partial(_with_selection, work=work, given=given), report, running_of(given, by_url))
+
+
+def plan_alone(outputs: Mapping[str, Path | None], also_read: Iterable[Path | None] = ()) -> Plan:
+    """Plan the single task of a command that has no inputs."""
+    return plan_one((), lambda name: [Path(name)], outputs, also_read=also_read)
+
+
+def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:
+    """Return how a batch is run, by the options that the command has."""
+    names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger")
+    jobs = given.jobs if hasattr(given, "jobs") else 1
+    own = {name: getattr(given, name) for name in names if hasattr(given, name)}
+    return Running(jobs, report_file=given.report, by_url=by_url, **own)
+
+
+def _with_selection(task: Task, stopwatch: Stopwatch, *, work: Callable[..., Row], given: Given) -> Row:
+    with selected(given):
+        try:
+            return work(task, stopwatch, given)
+        except ValueError as error:
+            if (text := given.worded(str(error))) == str(error):
+                raise
+            raise ValueError(text) from error
+
+
+def selected(given: Given) -> ExitStack:
+    """Return a context in which images are read as --page, --channel-axis and --max-pixels say."""
+    stack = ExitStack()
+    page, axis, most = (getattr(given, name, None) for name in ("page", "channel_axis", "max_pixels"))
+    if page is not None or axis is not None:
+        from cvtimg.pictures.formats.opening import Selection, selecting
+
+        stack.enter_context(selecting(Selection(page, axis)))
+    if most is not None:
+        from cvtimg.pictures.formats.opening import pixels_limited
+
+        stack.enter_context(pixels_limited(most))
+    return stack

@@ -1,0 +1,238 @@
+"""Options that several verbs share, each declared once, and the groups of them that verbs take together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from string import hexdigits
+from typing import Any, get_args
+
+from cvtimg._shared.choices import AutoEffortName, AveragingName, EffortName, InitName, MethodName, SpaceName
+from cvtimg.options.record import Choice, File, Option, Page, Real, Switch, Text, Whole
+
+__all__ = ["MAX_COLORS", "PALETTE_NAMES", "color", "color_or_file", "n_bytes", "number_of"]
+
+MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
+PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .pal, .txt, .aseprite or .png"
+
+
+def color(text: str) -> str:
+    """Check a color in the notation of CSS, and return its eight hexadecimal digits, alpha included."""
+    digits = text.removeprefix("#")
+    if len(digits) in (3, 4):
+        digits = "".join(2 * digit for digit in digits)
+    if len(digits) in (6, 8) and set(digits) <= set(hexdigits):
+        return f"{digits:f<8}"
+    from PIL import ImageColor
+
+    if isinstance(known := ImageColor.colormap.get(text.lower()), str):
+        return f"{known.removeprefix('#'):f<8}"
+    raise ValueError(f"{text!r} must be a color as '#rgb', '#rrggbb', '#rrggbbaa', or a name as 'white'")
+
+
+def color_or_file(text: str | Path) -> str | Path:
+    """Check that an argument is a color or an existing file."""
+    try:
+        return color(str(text))
+    except ValueError as error:
+        if Path(text).is_file():
+            return Path(text)
+        raise ValueError(f"{error!s}, or a palette file") from None
+
+
+def n_bytes(text: str | int) -> int:
+    """Parse a size such as 60000, 60K (1024 bytes each), 60kB (1000 bytes each) or 1.5M."""
+    match = re.fullmatch(r"(\d+(?:\.\d*)?)([kKMG]?)(B?)", str(text).strip())
+    if match:
+        unit = (1000 if match[3] else 1024) ** " KMG".index(match[2].upper() or " ")
+        if 1 <= (size := int(float(match[1]) * unit)) < 1 << 62:
+            return size
+    raise ValueError(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60K or 1.5M")
+
+
+# What files may end in, known to modules that import NumPy.
+
+
+def lossless() -> Sequence[str]:
+    """Return the suffixes of images that keep all values."""
+    from cvtimg.pictures.files import lossless_suffixes
+
+    return lossless_suffixes()
+
+
+def palettes() -> Sequence[str]:
+    """Return the suffixes of palettes."""
+    from cvtimg.palettes.files import PALETTE_FORMATS
+
+    return list(PALETTE_FORMATS)
+
+
+def meshes() -> Sequence[str]:
+    """Return the suffixes of meshes."""
+    from cvtimg.meshes.files import suffixes
+
+    return suffixes()
+
+
+PLOTS = (".png", ".svg")
+
+# Inputs and outputs
+
+IMAGES = Option(
+    "inputs",
+    Text(),
+    "Images, URLs, folders, patterns like 'a/*.tif', - for standard input, or @FILE for a list of names (@- for one on "
+    "standard input).",
+    flags="",
+    metavar="INPUT...",
+    required=True,
+    many=True,
+)
+
+
+def output(help: str, suffixes: Any = (), *, standard: str = "", required: bool = False) -> Option:
+    """Return the option of the main output."""
+    excludes = ("out_dir", "ext", "in_place")  # where a verb has them
+    return Option("output", File(suffixes, standard), help, "--output -o", "FILE", required=required, excludes=excludes)
+
+
+def out_dir(help: str) -> Option:
+    """Return the option of the folder for outputs."""
+    return Option("out_dir", File(), help, metavar="DIR", excludes=("in_place",))
+
+
+def file(name: str, help: str, suffixes: Any = (), **more: Any) -> Option:
+    """Return an option that names a file."""
+    return Option(name, File(suffixes), help, **{"metavar": "FILE", **more})
+
+
+def switch(name: str, help: str, **more: Any) -> Option:
+    """Return an option that is on or off."""
+    return Option(name, Switch(), help, default=False, **more)
+
+
+def number_of(noun: str, high: int, flags: str, **more: Any) -> Option:
+    """Return the option of a number of generators, called by a noun."""
+    return Option("number", Whole(1, high), f"Number of {noun}.", flags, "N", required=True, **more)
+
+
+OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of the inputs.")
+IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
+SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
+MAX_PIXELS = Option(
+    "max_pixels",
+    Whole(1, 1 << 62),
+    "Refuse larger images, for safety; 178956970 by default.",
+    metavar="N",
+)
+READING = (
+    Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages.", metavar="N"),
+    Option(
+        "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
+    ),
+)
+MASK = file("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.")
+NODATA = Option(
+    "nodata",
+    Real(),
+    "Ignore pixels with the value V in every band; by default the nodata value of a GeoTIFF.",
+    metavar="V",
+)
+MISSING = Option(
+    "missing", Choice(("error", "drop")), "What to do with rows of tables that lack a value.", default="error"
+)
+PALETTE_OUTPUT = file("save_palette", f"Write the palette, {PALETTE_NAMES}; for one input.", palettes)
+
+# The method
+
+EFFORT = Option(
+    "effort",
+    Choice(get_args(EffortName)),
+    "How long to search for a better result.",
+    default="balanced",
+    keyword="effort",
+    page=Page("Effort"),
+)
+AUTO_EFFORT = Choice(get_args(AutoEffortName))
+SPACE = Option(
+    "space",
+    Choice(get_args(SpaceName), {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}),
+    "Color space in which distances are measured.",
+    default="rgb",
+    keyword="space",
+    page=Page("Color space"),
+)
+SEED = Option(
+    "seed", Whole(0, 2**63 - 1), "Seed of the random number generator.", metavar="N", default=0, keyword="rng"
+)
+VOLUME_POWER = Option(
+    "volume_power",
+    Real(0),
+    "Weight cells by their size to this power (0: all cells count the same).",
+    metavar="P",
+    default=0,
+    keyword="volume_power",
+)
+AVERAGING_NAMES = ("none", *get_args(AveragingName))
+AVERAGING = Option(
+    "averaging",
+    Choice(AVERAGING_NAMES, {"before": "of the picture, before", "after": "of the segments, after"}),
+    "Smooth noise, before or after pixels are assigned to segments.",
+    default="none",
+    page=Page("Averaging", about="Against noise."),
+)
+#: How generators are found: options of `cvtimg.tessellate`.
+ENGINE = (
+    EFFORT,
+    Option(
+        "method",
+        Choice(get_args(MethodName)),
+        "Algorithm that moves the generators; by default the one that suits.",
+        keyword="method",
+    ),
+    VOLUME_POWER,
+    Option("init", Choice(get_args(InitName)), "How initial generators are chosen.", default="split", keyword="init"),
+    SEED,
+)
+
+# The run
+
+#: Of every verb: whether to replace files, and what to print.
+RUN = (
+    switch("overwrite", "Replace existing outputs, but never an input."),
+    switch("as_json", "Print one JSON object per line and input, not a table.", flags="--json", excludes=("quiet",)),
+    switch("quiet", "Print nothing but errors."),
+    file("report", "Write a row for each input, .csv or .jsonl.", (".csv", ".jsonl")),
+)
+#: Of verbs that process each input separately.
+BATCH = (
+    *RUN,
+    Option(
+        "jobs",
+        Whole(1, 1024),
+        "Number of inputs processed at the same time; by default one per core where that is faster.",
+        "--jobs -j",
+        "N",
+    ),
+    Option(
+        "dask",
+        Text(),
+        "Run on a Dask cluster: tcp://HOST:PORT, or local to start one on this machine.",
+        metavar="ADDRESS",
+    ),
+)
+
+#: Of ``cvtimg explore``.
+EXPLORE = (
+    Option(
+        "inputs",
+        Text(),
+        "Images to open: files, folders or patterns; more can be dropped.",
+        flags="",
+        metavar="[PICTURE...]",
+        many=True,
+    ),
+    Option("port", Whole(0, 65535), "Port of the server; 0 for any that is free.", metavar="N", default=0),
+    switch("no_browser", "Print the address of the page without opening it."),
+)

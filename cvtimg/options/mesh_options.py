@@ -1,0 +1,143 @@
+"""Options of ``cvtimg mesh``, ``cvtimg surface`` and ``cvtimg sphere``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cvtimg.options import common
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Option, Page, Pair, Real, Text, Whole
+
+OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
+#: Growth of sizes, as in `mesh_region`.
+GRADE = 0.2
+
+MESH = (
+    replace(
+        common.IMAGES,
+        help="Masks (images of black and one more value), images of labels (0 is not meshed), or polygons: .geojson, "
+        ".json, .wkt, .wkb, or .csv with columns x and y. Stacks of voxels, filled with tetrahedra: .tif of several "
+        "pages, or .npy.",
+    ),
+    Option(
+        "number",
+        Whole(1, 1 << 26),
+        "Number of vertices.",
+        "-n",
+        "N",
+        excludes=("edge_length",),
+        keyword="n",
+        page=Page("Vertices", slider=(100, 20_000), log=True, most=10**6, default=2000),
+    ),
+    Option(
+        "edge_length",
+        Real(above=0),
+        "Edge length, in the units of the coordinates.",
+        metavar="H",
+        excludes=("size",),
+        keyword="edge_length",
+        page=Page("Edge length", slider=(2, 100), step=0.5, unit="px", most=10_000, default=10.0),
+    ),
+    file("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
+    Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
+    Option(
+        "grade",
+        Real(above=0),
+        "Growth of sizes for each unit of length, at most.",
+        metavar="G",
+        default=GRADE,
+        keyword="grade",
+        page=Page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, most=10),
+    ),
+    Option(
+        "min_size",
+        Real(0),
+        "Least size; smaller details are left out.",
+        metavar="H",
+        default=0.0,
+        keyword="min_size",
+        page=Page("Least edge", slider=(0, 20), step=0.5, unit="px", most=1000),
+    ),
+    common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
+    OUT_DIR,
+    switch("measures", "Report the eight measures of mesh quality."),
+    file("plot", "Plot the mesh, .png or .svg, with triangles colored by quality.", common.PLOTS),
+    file("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",)),
+    common.EFFORT,
+    common.SEED,
+    common.SKIP_EXISTING,
+    common.MAX_PIXELS,
+    *common.BATCH,
+)
+
+SURFACE = (
+    replace(common.IMAGES, help="Surfaces of triangles: .stl, .obj, .ply or .off."),
+    Option("number", Whole(4, 1 << 24), "Number of points.", "-n", "N", required=True),
+    common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
+    OUT_DIR,
+    Option(
+        "density",
+        Text(),
+        "Gather points by this property of the vertices in PLY files: distances go as NAME^(-1/4).",
+        metavar="NAME",
+    ),
+    file("plot", "Plot the triangles, .png or .svg, colored by quality and shaded.", common.PLOTS),
+    Option(
+        "view",
+        Pair(),
+        "Direction to the viewer of the plot, in degrees; z points up.",
+        metavar="LON LAT",
+        default=(-60.0, 30.0),
+    ),
+    common.EFFORT,
+    common.SKIP_EXISTING,
+    *common.BATCH,
+)
+
+SPHERE = (
+    Option(
+        "number",
+        Whole(1, 1 << 28),
+        "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
+        "-n",
+        "N",
+        required=True,
+    ),
+    common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
+    file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
+    Option(
+        "refine",
+        Text(),
+        "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. Repeat it "
+        "for more.",
+        metavar="LON,LAT,RADIUS,RATIO",
+        many=True,
+    ),
+    file(
+        "coast",
+        "Place points on the coasts of a map with white land and black sea.",
+        metavar="MASK",
+        excludes=("parent",),
+    ),
+    file("parent", "Grid (.nc or .csv) that keeps all points outside of --within.", (".nc", ".csv"), needs=("within",)),
+    Option(
+        "within",
+        Text(),
+        "Circle of --parent that gets new points, in degrees.",
+        metavar="LON,LAT,RADIUS",
+        needs=("parent",),
+    ),
+    Option("radius", Real(above=0), "Radius of the sphere in the file.", metavar="R", default=1.0),
+    file("plot", "Plot the cells on a map, .png or .svg, colored by size.", common.PLOTS),
+    Option(
+        "view",
+        Pair(Real(), Real(-90, 90)),
+        "Plot the globe as seen from above this place instead.",
+        metavar="LON LAT",
+        needs=("plot",),
+    ),
+    file("over", "Map to show below the cells in --plot.", metavar="IMAGE", needs=("plot",)),
+    common.EFFORT,
+    common.SEED,
+    *common.RUN,
+)

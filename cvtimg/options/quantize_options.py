@@ -1,0 +1,144 @@
+"""Options of ``cvtimg quantize``, ``cvtimg palette`` and ``cvtimg info``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import get_args
+
+from cvtimg._shared.choices import DitherName
+from cvtimg.options import common
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Choice, Option, Page, Real, Text, Whole
+
+#: Colors of `cvtimg palette` for images that have more than it lists.
+DEFAULT_COLORS = 16
+_AIMS = ("number", "psnr", "max_bytes")
+
+
+def _images() -> Sequence[str]:
+    return [*common.lossless(), ".zarr"]
+
+
+QUANTIZE = (
+    common.IMAGES,
+    Option(
+        "number",
+        Whole(1, common.MAX_COLORS, auto=True),
+        f"Number of colors, at most {common.MAX_COLORS}; auto picks it at the elbow of the energy.",
+        "--colors -k",
+        "N|auto",
+        keyword="n_colors",
+        page=Page("Colors", slider=(2, 256), log=True, default=16),
+    ),
+    Option(
+        "psnr",
+        Real(0),
+        "Use as few colors as reach this quality, in decibels.",
+        metavar="DB",
+        excludes=("number=auto", "max_bytes"),
+        page=Page("Quality at least", slider=(20, 50), step=0.5, unit="dB", most=100, default=35.0),
+        keyword="psnr",
+    ),
+    Option(
+        "max_bytes",
+        Text(common.n_bytes),
+        "Use as many colors, up to 256 or -k, as fit into a file of this size, such as 60000, 60K or 1.5M.",
+        metavar="SIZE",
+        keyword="max_bytes",
+        excludes=("number=auto",),
+    ),
+    file(
+        "palette",
+        "Use the colors of a palette file or of an image.",
+        excludes=(*_AIMS, "lock", "weight_map"),
+    ),
+    Option(
+        "lock",
+        Text(common.color_or_file),
+        "Keep a color ('#fff', '#rrggbb', '#rrggbbaa', 'white') or those of a palette file in the palette; can be "
+        "repeated.",
+        metavar="COLOR|FILE",
+        many=True,
+    ),
+    replace(common.SPACE, page=Page("Color space", about="Where distances between colors are measured.")),
+    Option(
+        "dither",
+        Choice(("none", *get_args(DitherName))),
+        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, or bayer-2, -4, -8 or "
+        "-16.",
+        metavar="NAME",
+        default="none",
+        keyword="dither",
+        page=Page("Dither"),
+    ),
+    Option(
+        "dither_strength",
+        Real(0, 1),
+        "Strength of dithering, 0 to 1.",
+        metavar="S",
+        needs=("dither",),
+        keyword="dither_strength",
+        page=Page("Dither strength", step=0.05),
+    ),
+    file("weight_map", "Gray image of the same size: the weight of each pixel."),
+    replace(common.MASK, keyword="mask"),
+    replace(common.NODATA, keyword="nodata"),
+    Option(
+        "depth",
+        Choice(("8", "16")),
+        "Bits per channel to work and write with; by default those of the image.",
+        keyword="depth",
+    ),
+    switch(
+        "shared_palette",
+        "Use one palette for all images together.",
+        needs=("number",),
+        excludes=("psnr", "max_bytes", "palette", "weight_map"),
+    ),
+    common.output(common.IMAGE_OUTPUT, _images, standard=".png"),
+    common.OUT_DIR,
+    Option(
+        "ext",
+        Text(),
+        "End of the names of outputs, such as -small.png or .webp; without --out-dir they go beside the inputs.",
+        metavar="END",
+        excludes=("in_place",),
+    ),
+    switch(
+        "in_place",
+        "Replace each input by its output, in the same format, once that is complete.",
+    ),
+    switch("skip_if_larger", "Write no output that is not smaller than its input."),
+    replace(common.PALETTE_OUTPUT, excludes=("palette_per_frame",)),
+    switch(
+        "keep_metadata",
+        "Keep the color profile, resolution, EXIF and georeference where still valid.",
+        keyword="keep_metadata",
+    ),
+    switch("optimize", "Make PNG files smaller with oxipng; slower.", keyword="optimize"),
+    switch("palette_per_frame", "Use a palette for each frame or page, not one for all.", keyword="per_frame"),
+    common.SKIP_EXISTING,
+    replace(common.MAX_PIXELS, keyword="max_pixels"),
+    *common.READING,
+    *common.ENGINE,
+    *common.BATCH,
+)
+
+PALETTE = (
+    common.IMAGES,
+    Option(
+        "number",
+        Whole(1, common.MAX_COLORS),
+        f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
+        "--colors -k",
+        "N",
+    ),
+    common.PALETTE_OUTPUT,
+    common.SKIP_EXISTING,
+    common.MAX_PIXELS,
+    *common.READING,
+    *common.BATCH,
+)
+
+INFO = (common.IMAGES, common.MAX_PIXELS, *common.READING, *common.BATCH)

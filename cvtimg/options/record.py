@@ -1,0 +1,293 @@
+"""The record of an option: what values it takes, its default, its help, and what it needs and excludes.
+
+The parameters of the command line (`cvtimg.cli.commands`), the controls of the page (`cvtimg.explore.controls`) and the
+commands that the page shows are made from these records.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+from cvtimg.batch import WrongUsageError, check_suffix
+from cvtimg.batch.pipes import STANDARD
+
+__all__ = ["Choice", "File", "Given", "Kind", "Option", "Page", "Pair", "Real", "Switch", "Text", "Whole", "collected"]
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """A whole number in low..high, or "auto" where that is allowed."""
+
+    low: int
+    high: int
+    auto: bool = False
+    even: bool = False
+
+    def parse(self, text: Any) -> Any:
+        """Return the number that a text stands for."""
+        if self.auto and text == "auto":
+            return text
+        with suppress(ValueError):
+            value = int(text)
+            if self.low <= value <= self.high and not (self.even and value % 2):
+                return value
+        noun = "an even number" if self.even else "a whole number"
+        raise ValueError(f"{str(text)!r} must be {'auto or ' if self.auto else ''}{noun} in {self.low}..{self.high}")
+
+
+@dataclass(frozen=True, slots=True)
+class Real:
+    """A finite number in low..high that is greater than `above`, or "auto" where that is allowed."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    auto: bool = False
+
+    def parse(self, text: Any) -> Any:
+        """Return the number that a text stands for."""
+        if self.auto and text == "auto":
+            return text
+        with suppress(ValueError):
+            value = float(text)
+            if math.isfinite(value) and self.low <= value <= self.high and value > self.above:
+                return value
+        raise ValueError(f"{str(text)!r} must be {'auto or ' if self.auto else ''}{self._allowed()}")
+
+    def _allowed(self) -> str:
+        limits = [f"> {self.above:g}"] if self.above > -math.inf else []
+        if self.low > -math.inf:
+            limits = [f"in {self.low:g}..{self.high:g}" if self.high < math.inf else f">= {self.low:g}"]
+        elif self.high < math.inf:
+            limits.append(f"at most {self.high:g}")
+        return " ".join(["a number", " and ".join(limits)]).strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of a few names; the page shows those in `labels` by their labels."""
+
+    names: Sequence[str]
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def parse(self, text: Any) -> Any:
+        """Check that a text is one of the names."""
+        if text not in self.names:
+            raise ValueError(f"{str(text)!r} must be one of {', '.join(self.names)}")
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """On or off."""
+
+    def parse(self, value: Any) -> bool:
+        """Return whether it is on."""
+        return bool(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A text, or what `parse` makes of it."""
+
+    parse: Callable[[Any], Any] = str
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file; `suffixes` is what its name may end in: a sequence, or a function, so that --help imports little.
+
+    With `standard`, "-" stands for standard output in the format of that suffix, and "FORM:-" for another format.
+    """
+
+    suffixes: Sequence[str] | Callable[[], Sequence[str]] = ()
+    standard: str = ""
+
+    def parse(self, text: Any) -> Path:
+        """Return the path; for standard output one whose suffix is the format."""
+        if not self.standard:
+            return Path(text)
+        form, colon, name = str(text).rpartition(":")
+        if str(text) == f"zarr:{STANDARD}":
+            raise ValueError("a Zarr array is a folder and cannot go to standard output")
+        if name == STANDARD and colon and form.isalnum():
+            return Path(f"{STANDARD}.{form}")
+        return Path(f"{STANDARD}{self.standard}" if str(text) in (STANDARD, "/dev/stdout") else text)
+
+    @property
+    def endings(self) -> Sequence[str]:
+        """What names of files may end in; nothing for anything."""
+        return self.suffixes() if callable(self.suffixes) else self.suffixes
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two numbers, one after the other."""
+
+    first: Real = Real()
+    second: Real = Real()
+
+    def parse(self, texts: Any) -> tuple[float, float]:
+        """Return the numbers."""
+        first, second = texts
+        return self.first.parse(first), self.second.parse(second)
+
+
+Kind: TypeAlias = Whole | Real | Choice | Switch | Text | File | Pair
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """How the page shows an option, where it does.
+
+    Attributes
+    ----------
+    label, about : str
+        Its name on the page, and an explanation below it.
+    slider : (float, float), optional
+        The usual range of a number; by default all that is allowed.
+    step : float
+        Distance of values on the slider; 1 for whole numbers.
+    log : bool
+        Whether the slider is logarithmic.
+    unit, suffix : str
+        Shown after a number on the page, and on the command line.
+    most : float, optional
+        Largest number that the page takes, where the command takes larger ones.
+    default : object
+        Value of the page where the command has none, or another.
+    """
+
+    label: str
+    about: str = ""
+    slider: tuple[float, float] | None = None
+    step: float = 1
+    log: bool = False
+    unit: str = ""
+    suffix: str = ""
+    most: float | None = None
+    default: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of a verb.
+
+    Attributes
+    ----------
+    name : str
+        Its name among the values that a command gets.
+    kind : Kind
+        What values it takes.
+    help : str
+        Its line in ``--help``.
+    flags : str
+        How it is written, such as ``"--output -o"``; by default the name after two dashes. "" for the inputs.
+    metavar : str
+        What ``--help`` shows for a value; by default the choices.
+    default : object
+        Value where none is given; None for none.
+    required, many : bool
+        Whether it must be given, and whether it can be repeated.
+    needs, excludes : tuple of str
+        Other options without which, or with which, it has no effect: by name, or as ``"name=value"``.
+    keyword : str
+        Argument of the Python function that takes the value as it is; "" where more is to be done.
+    page : Page, optional
+        How the page shows it.
+    """
+
+    name: str
+    kind: Kind
+    help: str
+    flags: str | None = None
+    metavar: str = ""
+    default: Any = None
+    required: bool = False
+    many: bool = False
+    needs: tuple[str, ...] = ()
+    excludes: tuple[str, ...] = ()
+    keyword: str = ""
+    page: Page | None = None
+
+    @property
+    def words(self) -> list[str]:
+        """How it is written, the long form first; nothing for the inputs."""
+        return [f"--{self.name.replace('_', '-')}"] if self.flags is None else self.flags.split()
+
+    @property
+    def flag(self) -> str:
+        """How messages and commands of the page write it."""
+        return self.words[-1].partition("/")[0]
+
+    def parse(self, given: Any) -> Any:
+        """Return the value of what the command line gave, None for nothing; the default is converted, too."""
+        if given is None or (self.many and not given):
+            given = self.default
+        if given is None:
+            return None
+        return [self.kind.parse(one) for one in given] if self.many else self.kind.parse(given)
+
+    def is_given(self, value: Any) -> bool:
+        """Whether a value differs from the default."""
+        return value is not None and value != [] and value != self.parse(None)
+
+
+class Given(SimpleNamespace):
+    """The values of all options of a verb, as attributes."""
+
+    #: Arguments of the Python function by option, and how the command line writes them.
+    keywords: Mapping[str, str]
+    flags: Mapping[str, str]
+
+    def only(self, *names: str, **renamed: str) -> dict[str, Any]:
+        """Return some values by name, ``rng="seed"`` under another."""
+        return {name: getattr(self, name) for name in names} | {to: getattr(self, name) for to, name in renamed.items()}
+
+    def worded(self, message: str) -> str:
+        """Return a message about an argument of the Python function in the words of the command line."""
+        name, equals, rest = message.partition("=")
+        return f"{self.flags[name]} {rest}" if equals and name in self.flags else message
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The values that the Python function takes as they are, by their names there; those not given are left out."""
+        values = {keyword: getattr(self, name) for name, keyword in self.keywords.items()}
+        return {keyword: value for keyword, value in values.items() if value is not None}
+
+
+def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
+    """Check values together: what options need and exclude, and what names of files end in.
+
+    Raises
+    ------
+    WrongUsageError
+        The message names the options as the command line does.
+    """
+    known = {option.name: option for option in options}
+    given = [option for option in known.values() if option.is_given(values[option.name])]
+
+    def holds(condition: str) -> bool:
+        name, equals, value = condition.partition("=")
+        return str(values.get(name)) == value if equals else known.get(name) in given
+
+    def worded(condition: str) -> str:
+        name, _, value = condition.partition("=")
+        return f"{known[name].flag} {value}".strip()
+
+    for option in given:
+        if option.needs and not any(map(holds, option.needs)):
+            raise WrongUsageError(f"{option.flag} needs {' or '.join(map(worded, option.needs))}")
+        for other in filter(holds, option.excludes):
+            raise WrongUsageError(f"{option.flag} and {worded(other)} exclude each other")
+        if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
+            check_suffix(option.flag, values[option.name], option.kind.endings)
+    passed = [option for option in known.values() if option.keyword]
+    keywords = {option.name: option.keyword for option in passed}
+    return Given(**values, keywords=keywords, flags={option.keyword: option.flag for option in passed})

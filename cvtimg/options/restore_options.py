@@ -1,0 +1,141 @@
+"""Options of ``cvtimg restore``."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+
+from cvtimg.options import common
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Choice, File, Option, Page, Real, Text, Whole
+
+
+def _weights(text: str) -> list[float]:
+    """Parse weights separated by commas."""
+    with suppress(ValueError):
+        weights = [float(word) for word in text.split(",")]
+        if all(0 < weight < math.inf for weight in weights):
+            return weights
+    raise ValueError(f"{text!r} must be numbers > 0 with commas between them")
+
+
+RESTORE = (
+    Option(
+        "versions",
+        Text(),
+        "Versions of one image, all of one size: files, folders or patterns.",
+        flags="",
+        metavar="VERSION...",
+        required=True,
+        many=True,
+    ),
+    common.output("Write the restored image; - for standard output.", common.lossless, standard=".png", required=True),
+    Option(
+        "number",
+        # More segments than this no file of labels holds.
+        Whole(1, common.MAX_COLORS - 1, auto=True),
+        "Number of segments; auto picks it by the energy. With --detail, kinds of patches; auto is 32.",
+        "--segments -k",
+        "N|auto",
+        default="auto",
+        keyword="n_generators",
+        page=Page("Segments", slider=(2, 64), log=True),
+    ),
+    Option(
+        "mask",
+        File(),
+        "Image that is black where a version is missing; once per version, in their order.",
+        metavar="FILE",
+        many=True,
+    ),
+    Option(
+        "nodata",
+        Real(),
+        "Treat pixels that are V in all bands as missing.",
+        metavar="V",
+        keyword="nodata",
+        page=Page("Value", slider=(0, 255), step=0.5, most=1e9, default=0.0),
+    ),
+    Option(
+        "weights",
+        Text(_weights),
+        "Weight of each version; by default from its noise.",
+        metavar="W,W,..",
+        keyword="weights",
+    ),
+    switch("align", "Shift each version onto the first.", keyword="align", page=Page("Align versions")),
+    switch(
+        "channels",
+        "Versions share segments but not colors, as channels do; the first is restored.",
+        keyword="channels",
+        page=Page("Versions are channels", "They share segments but not colors; the first is restored."),
+    ),
+    switch(
+        "detail",
+        "Restore texture too, patch by patch; for photographs, and to denoise a single one.",
+        keyword="detail",
+        page=Page("Detail", "Restore texture too, for photographs."),
+    ),
+    Option(
+        "hidden",
+        Choice(
+            ("outliers", "background", "none"),
+            {"outliers": "leave out outliers", "background": "leave out background", "none": "use all"},
+        ),
+        "Where versions disagree, leave out the outliers, or those that show the background, or none.",
+        default="outliers",
+        keyword="hidden",
+        page=Page("Disagreement"),
+    ),
+    Option(
+        "renormalize",
+        Choice(
+            ("range", "median", "none"),
+            {"range": "as in the versions", "median": "median of a segment", "none": "keep"},
+        ),
+        "How to undo the loss of contrast where some versions are painted over.",
+        default="range",
+        keyword="renormalize",
+        page=Page("Contrast"),
+    ),
+    replace(
+        common.AVERAGING,
+        kind=Choice(
+            common.AVERAGING_NAMES,
+            {"before": "of the versions, before", "after": "of the segments, after"},
+        ),
+        page=Page("Averaging"),
+    ),
+    Option(
+        "radius",
+        Real(above=0, high=1000),
+        "Standard deviation of the --averaging kernel.",
+        metavar="PIXELS",
+        default=2,
+        needs=("averaging",),
+        page=Page("Radius", slider=(0.5, 20), step=0.5, unit="px"),
+    ),
+    Option(
+        "edge_weight",
+        Real(0, auto=True),
+        "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
+        metavar="L|auto",
+        default="auto",
+        keyword="edge_weight",
+        page=Page("Edge weight", slider=(0, 200), step=0.5, most=10**6),
+    ),
+    common.VOLUME_POWER,
+    common.SPACE,
+    replace(
+        common.EFFORT,
+        kind=common.AUTO_EFFORT,
+        default="auto",
+        help="How long to search for a better result; auto: with --detail, less for large images.",
+    ),
+    replace(common.SEED, help="With --detail: seed of the sample of patches that large images are learned from."),
+    file("labels", "Write the segment of each pixel, from 1: .png, .tif or .npy.", (".png", ".tif", ".tiff", ".npy")),
+    file("sheet", "Draw the versions and the restored image on one sheet, to compare."),
+    common.MAX_PIXELS,
+    *common.RUN,
+)

@@ -1,0 +1,104 @@
+"""Options of ``cvtimg cluster``, ``cvtimg elbow`` and ``cvtimg design``: of samples that need not be pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cvtimg.options import common
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole
+
+
+def _labels() -> Sequence[str]:
+    from cvtimg.tables.files import LABEL_SUFFIXES
+
+    return LABEL_SUFFIXES
+
+
+CLUSTER = (
+    replace(
+        common.IMAGES,
+        help="Tables (.csv, .tsv, .npy, .parquet, .zarr), URLs of them, folders, patterns like 'a/*.csv', - for "
+        "standard input, or @FILE for a list of names.",
+        metavar="TABLE...",
+    ),
+    Option(
+        "number",
+        Whole(1, 2**31 - 1, auto=True),
+        "Number of clusters; auto picks it at the elbow of the energy.",
+        "-k",
+        "N|auto",
+        required=True,
+    ),
+    common.output(
+        "Write the labels, .csv, .npy or .parquet; for one table; - for standard output.", _labels, standard=".csv"
+    ),
+    common.out_dir("Folder for outputs NAME-labels.csv."),
+    file("generators", "Write the mean and the weight of each cluster, .csv; for one table.", (".csv",)),
+    Option("columns", Text(), "Columns to use; by default all but the weight.", metavar="A,B,C"),
+    Option("weight", Text(), "Column with the weight of each row.", metavar="COLUMN"),
+    switch("standardize", "Scale each column to mean 0 and variance 1."),
+    common.MISSING,
+    common.SKIP_EXISTING,
+    *common.ENGINE,
+    *common.BATCH,
+)
+
+ELBOW = (
+    replace(common.IMAGES, help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
+    Option("k_max", Whole(1, 4096), "Largest number of generators to try.", metavar="N", default=64, keyword="n_max"),
+    Option(
+        "rule",
+        Choice(("chord", "chord-linear", "kneedle", "variance", "psnr")),
+        "Rule that picks the number of generators.",
+        default="chord",
+    ),
+    Option(
+        "target",
+        Real(0),
+        "Target of --rule variance (share explained, 0.95 by default) or psnr (decibels, 30 by default).",
+        metavar="X",
+        needs=("rule=variance", "rule=psnr"),
+    ),
+    common.SPACE,
+    common.VOLUME_POWER,
+    Option(
+        "averaging",
+        Choice(common.AVERAGING_NAMES),
+        "Measure segments made with this --averaging.",
+        default="none",
+    ),
+    Option("edge_weight", Real(0), "Measure segments made with this --edge-weight.", metavar="L"),
+    replace(
+        common.EFFORT, help="fast: all numbers in one pass; balanced, best: also search each by itself.", default="fast"
+    ),
+    common.MISSING,
+    file("csv", "Write all curves, one line for each k."),
+    file("plot", "Plot all curves, .png or .svg.", common.PLOTS),
+    common.SEED,
+    common.MAX_PIXELS,
+    *common.BATCH,
+)
+
+DESIGN = (
+    Option("number", Whole(1, 1 << 16), "Number of new points.", "-n", "N", required=True),
+    Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "-d", "D"),
+    file("bounds", "Axes: a .csv file with the columns name, low and high.", (".csv",)),
+    file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
+    common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
+    Option(
+        "latin",
+        Switch(),
+        "Give each of N slices along each axis exactly one point.",
+        "--latin/--no-latin",
+        default=True,
+        keyword="latin",
+    ),
+    switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic"),
+    switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
+    file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
+    common.EFFORT,
+    common.SEED,
+    *common.RUN,
+)

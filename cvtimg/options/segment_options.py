@@ -1,0 +1,258 @@
+"""Options of ``cvtimg segment``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.util import find_spec
+
+from cvtimg.labels.formats import CONTOUR_FORMATS
+from cvtimg.options import common
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Choice, Option, Page, Real, Text, Whole
+
+_AVIF = (".avif",) if find_spec("PIL._avif") else ()
+_PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
+#: Kinds of output and their suffixes, the default first.
+KINDS = {
+    "labels": (".png", ".tif", ".tiff", ".npy", ".zarr"),
+    "mean": _PICTURES,
+    "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
+    "overlay": _PICTURES,
+    "contours": tuple(CONTOUR_FORMATS),
+    "table": (".csv",),
+    "coco": (".json",),
+}
+#: Kinds of output that need --hierarchy.
+HIERARCHY_KINDS = {
+    "tree": (".npz",),
+    "strengths": (".png", ".tif", ".tiff", ".npy"),
+    "cuts": (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg"),
+}
+#: Segments by color are neither regions nor superpixels; nor can these be those of a volume.
+_OTHER_WAYS = ("superpixels", "hierarchy")
+_BY_COLOR = (*_OTHER_WAYS, "volume")
+
+SEGMENT = (
+    common.IMAGES,
+    Option(
+        "number",
+        Whole(1, common.MAX_COLORS, auto=True),
+        "Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
+        "-k",
+        "N|auto",
+        page=Page("Segments", slider=(2, 64), log=True, default=4),
+    ),
+    common.output(
+        "Write the label of each pixel, .png, .tif, .npy or .zarr; for one input; - for standard output.",
+        KINDS["labels"],
+        standard=".png",
+    ),
+    common.out_dir("Folder for outputs NAME-labels.png and so on."),
+    Option(
+        "write",
+        Text(),
+        f"Outputs to write for each input, NAME-KIND: {', '.join(KINDS)}; or KIND.SUFFIX, such as contours.geojson.",
+        metavar="KIND,...",
+    ),
+    file("mean", "Write the image with each segment in its mean color.", KINDS["mean"]),
+    file("edges", "Write the edges of the segments, white on black.", KINDS["edges"]),
+    file("overlay", "Write the image with the edges drawn over it.", KINDS["overlay"]),
+    file("contours", "Write the borders as polygons, .svg or .geojson.", KINDS["contours"]),
+    file("table", "Write the area, place and mean color of each segment, .csv.", KINDS["table"]),
+    file("coco", "Write the segments as COCO annotations, .json.", KINDS["coco"]),
+    Option(
+        "edge_mode",
+        Choice(("inner", "outer", "thick")),
+        "Pixels that --edges marks: inside the brighter segment, outside it, or both.",
+        default="inner",
+    ),
+    Option(
+        "line_color",
+        Text(common.color),
+        "Color of the lines that --overlay draws.",
+        metavar="#RRGGBB",
+        default="#ffff00",
+    ),
+    Option("line_width", Whole(1, 1000), "Width of the lines that --overlay draws.", metavar="PIXELS", default=1),
+    switch("subpixel", "Place --contours with subpixel accuracy."),
+    Option(
+        "simplify",
+        Real(0),
+        "Simplify --contours, at most this far off the border.",
+        metavar="PIXELS",
+        default=0,
+    ),
+    replace(
+        common.SPACE,
+        help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.",
+        default=None,
+        page=Page("Color space", default="rgb"),
+    ),
+    replace(common.AVERAGING, excludes=_BY_COLOR),
+    Option(
+        "kernel",
+        Choice(("gaussian", "box"), {"gaussian": "Gaussian"}),
+        "Kernel of --averaging.",
+        default="gaussian",
+        needs=("averaging",),
+        page=Page("Kernel"),
+    ),
+    Option(
+        "radius",
+        Real(0),
+        "Radius of --averaging.",
+        metavar="PIXELS",
+        default=2,
+        needs=("averaging",),
+        page=Page("Radius", slider=(1, 20), unit="px", most=1000),
+    ),
+    Option(
+        "edge_weight",
+        Real(0, auto=True),
+        "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
+        metavar="L|auto",
+        default=0,
+        excludes=_BY_COLOR,
+        keyword="edge_weight",
+        page=Page(
+            "Edge weight",
+            "Penalty per pixel of border: larger values give smoother segments. Auto follows the noise.",
+            slider=(0, 100),
+            step=0.5,
+            most=10**6,
+        ),
+    ),
+    Option(
+        "edge_radius",
+        Whole(1, 30),
+        "Radius of the neighborhood of --edge-weight.",
+        metavar="PIXELS",
+        default=3,
+        excludes=_OTHER_WAYS,
+        keyword="edge_radius",
+        page=Page("Edge radius", slider=(1, 10), unit="px"),
+    ),
+    switch(
+        "components",
+        "Make each connected component a segment of its own.",
+        excludes=_BY_COLOR,
+        keyword="components",
+        page=Page("each a segment"),
+    ),
+    Option(
+        "min_size",
+        Whole(0, 2**31 - 1),
+        "Merge components smaller than this into a neighbor.",
+        metavar="PIXELS",
+        default=0,
+        excludes=_BY_COLOR,
+        keyword="min_size",
+        page=Page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px"),
+    ),
+    Option(
+        "border_price",
+        Real(0),
+        "With --components: merge neighbors where that costs less per pixel of border.",
+        metavar="P",
+        default=0,
+        needs=("components",),
+        keyword="border_price",
+        page=Page(
+            "Border price",
+            "Merge neighbors where that costs less per pixel of border.",
+            slider=(0, 5000),
+            step=10.0,
+            most=10**7,
+        ),
+    ),
+    switch(
+        "objects",
+        "Make each object before the background a segment; split touching ones.",
+        excludes=("components", *_BY_COLOR),
+        page=Page("objects, background"),
+    ),
+    Option(
+        "background",
+        Choice(
+            ("largest", "darkest", "brightest"),
+            {"largest": "largest segment", "darkest": "darkest segment", "brightest": "brightest segment"},
+        ),
+        "Segment that is the background of --objects; label 0.",
+        default="largest",
+        needs=("objects",),
+        page=Page("Background"),
+    ),
+    Option(
+        "neck_depth",
+        Real(0),
+        "With --objects: split at necks narrower by this in radius.",
+        metavar="PIXELS",
+        default=0.5,
+        needs=("objects",),
+        page=Page("Depth of necks", slider=(0, 10), step=0.1, unit="px", most=1000),
+    ),
+    Option(
+        "object_border",
+        Choice(("segment", "own")),
+        "With --objects: end them where segments end, or halfway in value between each and the background.",
+        default="segment",
+        needs=("objects",),
+    ),
+    Option(
+        "properties",
+        Text(),
+        "More columns for --table, by their names in scikit-image, such as eccentricity.",
+        metavar="NAME,...",
+    ),
+    switch(
+        "hierarchy",
+        "Divide into connected regions, as people see them; -k is optional.",
+        excludes=("volume",),
+        page=Page("connected regions"),
+    ),
+    Option(
+        "threshold",
+        Real(0),
+        "With --hierarchy, not -k N: keep regions apart that differ by more.",
+        metavar="T",
+        needs=("hierarchy",),
+        page=Page("Threshold", slider=(0.05, 2), step=0.05, most=1000, default="auto"),
+    ),
+    file("tree", "With --hierarchy: write the tree of regions, .npz.", HIERARCHY_KINDS["tree"], needs=("hierarchy",)),
+    file(
+        "strengths",
+        "With --hierarchy: write the strength of each border, .png, .tif or .npy.",
+        HIERARCHY_KINDS["strengths"],
+        needs=("hierarchy",),
+    ),
+    file(
+        "cuts",
+        "With --hierarchy: write a sheet of cuts into 5, 10, 20 and 50 regions.",
+        HIERARCHY_KINDS["cuts"],
+        needs=("hierarchy",),
+    ),
+    switch(
+        "superpixels",
+        "Divide into about N connected superpixels of similar size.",
+        excludes=("number=auto", "hierarchy", "volume"),
+        page=Page("superpixels"),
+    ),
+    Option(
+        "compactness",
+        Real(0),
+        "Compactness of --superpixels; larger values: rounder.",
+        metavar="C",
+        needs=("superpixels",),
+        page=Page("Compactness", slider=(0, 100), step=0.5, most=10**6, default=10.0),
+    ),
+    common.MASK,
+    common.NODATA,
+    switch("volume", "Use the same segments in all pages of a file, not in each page its own."),
+    replace(common.VOLUME_POWER, excludes=_OTHER_WAYS),
+    common.EFFORT,
+    common.SEED,
+    common.SKIP_EXISTING,
+    common.MAX_PIXELS,
+    *common.READING,
+    *common.BATCH,
+)
