@@ -136,7 +136,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
         "n_iter": max((one.n_iter for one in result.tessellations), default=0),
         "converged": all(one.converged for one in result.tessellations),
-        **({"warning": "; ".join(str(one.message) for one in caught)} if caught else {}),
+        **({"warning": "; ".join(given.worded(str(one.message)) for one in caught)} if caught else {}),
     }
 
 

@@ -107,14 +107,14 @@ def test_the_file_has_no_more_bytes_than_asked(n_bytes: int, run: Run, picture: 
 def test_a_size_that_leaves_one_color_is_warned_of(
     run: Run, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "max_bytes=300 leaves one color of" in run("in.png", "--max-bytes", "300")["warning"]
+    assert "--max-bytes 300 leaves one color of" in run("in.png", "--max-bytes", "300")["warning"]
     assert cli.main(["quantize", "in.png", "--max-bytes", "300", "-o", "b.png"]) == 0
-    assert "in.png: max_bytes=300 leaves one color of" in capsys.readouterr().err
+    assert "in.png: --max-bytes 300 leaves one color of" in capsys.readouterr().err
 
 
 def test_targets_out_of_reach_are_named(run: Run, picture: NDArray[Any]) -> None:
-    assert "max_bytes=9 must be at least" in run("in.png", "--max-bytes", "9")["error"]
-    assert "psnr=70.0 must be at most" in run("in.png", "--psnr", "70", "-k", "8")["error"]
+    assert "--max-bytes 9 must be at least" in run("in.png", "--max-bytes", "9")["error"]
+    assert "--psnr 70.0 must be at most" in run("in.png", "--psnr", "70", "-k", "8")["error"]
     assert not Path("out.png").exists()
 
 
