@@ -149,14 +149,9 @@ def _solve(matrix: Any, right: Floats) -> Floats:
 
 
 def balance_tones(amount: Floats32, points: Floats) -> Floats:
-    """Move dots until each stands for about the same amount, everywhere but for the noise of single dots.
+    """Move (N, 2) dots until each stands for about the same amount, everywhere but for the noise of single dots.
 
-    Parameters
-    ----------
-    amount : (H, W) float32 array
-        Dots that each pixel asks for, in any unit.
-    points : (N, 2) array
-        A centroidal Voronoi tessellation of the density `amount` squared, or nearly.
+    They are a tessellation, or nearly, of the square of the (H, W) dots that each pixel asks for, in any unit.
     """
     amounts = picture_moments(amount, len(points))
     density = amount * amount
@@ -175,8 +170,7 @@ def corrections(amounts: PixelMoments, points: Floats) -> Floats32:
     n_points = len(points)
     factors = np.clip((amounts(points).masses * (n_points / amounts.mass)) ** _POWER, 1 / _LARGEST, _LARGEST)
     width = _SMOOTHED * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
-    smooth: Floats32 = gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
-    return smooth
+    return gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
 
 
 def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
@@ -184,19 +178,13 @@ def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats3
     fine = values.astype(np.float32)[moments.labels(points)]
     factor = round(moments.scale)
     height, width = fine.shape
-    means: Floats32 = fine.reshape(height // factor, factor, width // factor, factor).mean(axis=(1, 3))
-    return means
+    return fine.reshape(height // factor, factor, width // factor, factor).mean(axis=(1, 3))
 
 
 def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Floats]:
-    """Move dots of several pens apart.
+    """Move apart the dots of several pens, placed without regard to each other.
 
-    Parameters
-    ----------
-    amounts : sequence of (H, W) float32 arrays
-        Dots that each pixel asks for of each pen, in any unit.
-    points : sequence of (N, 2) arrays
-        The dots of each pen, placed without regard to the others.
+    Amounts are the (H, W) dots that each pixel asks for of each pen, in any unit.
     """
     placed = list(points)
     used = [pen for pen, own in enumerate(placed) if len(own)]
@@ -226,15 +214,7 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DotLayer:
-    """Dots of one pen.
-
-    Attributes
-    ----------
-    points : (N, 2) float64 array
-    radii, masses, weights : (N,) float64 arrays
-        As in `Stipples`.
-    energy : float
-    """
+    """Dots of one pen; arrays are as in `Stipples`."""
 
     points: Floats
     radii: Floats
@@ -244,18 +224,10 @@ class DotLayer:
 
 
 def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float, float] | None) -> DotLayer:
-    """Place dots whose areas add up to the ink everywhere.
+    """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for.
 
-    Parameters
-    ----------
-    ink : (H, W) float32 array
-        Area of disks that each pixel asks for.
-    n_dots : int
-        Number of dots.
-    dots : {"equal", "equal-mass", "sized"}
-        Dots of one size where the density tells; of one size and cells of one mass; or each as large as its mass.
-    radius_range : (float, float) or None
-        Least and greatest radius, for "sized".
+    Dots are "equal", of one size where the density tells; "equal-mass", of one size with cells of one mass; or "sized",
+    each as large as its mass, with radii in a range if one is given.
     """
     points = _spread_dots(
         _amount(ink, n_dots, radius_range), n_dots, balanced=dots != "sized" or radius_range is not None
@@ -361,5 +333,4 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
         n_needed = float((counts * tones / areas(tones, np.exp(middle))).sum())
         low, high = (middle, high) if n_needed < n_dots else (low, middle)
     table = areas(np.linspace(0, darkest, _TONES), np.exp(middle)).astype(np.float32)
-    chosen: Floats32 = table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]
-    return chosen
+    return table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]

@@ -39,29 +39,15 @@ VECTORS = (".svg", ".geojson")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileDrawing:
-    """What is drawn of a mosaic.
-
-    Attributes
-    ----------
-    points, triangles, colors
-        As in `Mosaic`.
-    polygons : tuple of (M, 2) arrays
-        The corners of each tile.
-    areas : (K,) integer array
-        Pixels of each tile.
-    size : (int, int)
-        Height and width of the image.
-    outline : float
-        Width of lines between tiles, in pixels of the image; 0 for none.
-    """
+    """What is drawn of a `Mosaic`: points, triangles and colors are as in it."""
 
     points: NDArray[np.float64]
     triangles: NDArray[np.int32] | None
-    polygons: Polygons
+    polygons: Polygons  # corners of each tile
     colors: NDArray[Any]
-    areas: NDArray[np.intp]
-    size: tuple[int, int]
-    outline: float
+    areas: NDArray[np.intp]  # (K,) pixels of each tile
+    size: tuple[int, int]  # height and width of the image
+    outline: float  # width of lines between tiles, in pixels of the image; 0 for none
 
     def __post_init__(self) -> None:
         check_non_negative("outline", self.outline)

@@ -35,21 +35,11 @@ _CELL_LINE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """How dots come onto paper.
+    """How dots come onto paper."""
 
-    Attributes
-    ----------
-    width : float
-        Of the drawing in millimeters.
-    marks : {"disks", "circles", "points", "lines"}
-        What stands for a dot.
-    pen_width : float or None
-        In millimeters; None for what suits the dots.
-    """
-
-    width: float
-    marks: str
-    pen_width: float | None
+    width: float  # of the drawing, in millimeters
+    marks: str  # what stands for a dot
+    pen_width: float | None  # in millimeters; None for what suits the dots
 
     def __post_init__(self) -> None:
         check_choice("marks", self.marks, MARKS)
@@ -60,25 +50,14 @@ class Paper:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PenDots:
-    """The dots of one pen, in the order in which they are drawn.
-
-    Attributes
-    ----------
-    name : str
-    color : (3,) uint8 array
-    points : (N, 2) float64 array
-        In pixels, as `radii`.
-    radii, masses : (N,) float64 arrays
-    cells : tuple of (M, 2) arrays
-        Empty if they are not asked for.
-    """
+    """The dots of one pen, in the order in which they are drawn."""
 
     name: str
     color: NDArray[np.uint8]
-    points: NDArray[np.float64]
-    radii: NDArray[np.float64]
+    points: NDArray[np.float64]  # (N, 2), in pixels
+    radii: NDArray[np.float64]  # (N,), in pixels
     masses: NDArray[np.float64]
-    cells: Polygons = ()
+    cells: Polygons = ()  # empty if they are not asked for
 
 
 def suffixes() -> list[str]:

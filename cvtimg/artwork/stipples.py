@@ -28,23 +28,9 @@ _INCH = 25.4
 def draw_dots(
     points: NDArray[np.float64], radii: NDArray[np.float64], shape: tuple[int, int], scale: float = 1.0
 ) -> NDArray[np.float32]:
-    """Compute the share of each pixel that dots cover; where dots overlap they cover once.
+    """Compute the share of each pixel that dots cover, in steps of 1/64; where they overlap they cover once.
 
-    Parameters
-    ----------
-    points : (N, 2) array
-        Centers (x, y) in pixels; the first pixel covers [0, 1] x [0, 1].
-    radii : (N,) array
-        In the same unit.
-    shape : (int, int)
-        Height and width of what the points lie in.
-    scale : float
-        Pixels of the drawing per pixel.
-
-    Returns
-    -------
-    (round(H scale), round(W scale)) float32 array
-        In 0..1, in steps of 1/64.
+    Points (N, 2) and radii are in pixels of a picture of a shape (H, W), drawn at `scale` as many.
 
     Examples
     --------

@@ -135,8 +135,7 @@ def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
     if not inks.any():
         return np.zeros(len(inks), np.intp)
     ends = np.rint(np.cumsum(inks) / inks.sum() * n_dots).astype(np.intp)
-    counts: NDArray[np.intp] = np.diff(ends, prepend=0)
-    return counts
+    return np.diff(ends, prepend=0)
 
 
 def _check_radii(radius_range: tuple[float, float], dots: str) -> None:

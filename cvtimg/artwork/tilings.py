@@ -41,24 +41,12 @@ _RELOCATE_EVERY, _RELOCATE_SHARE, _RELOCATE_UNTIL = 8, 0.05, 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Painted:
-    """An image painted with the mean color of each tile.
+    """An (H, W, C) image painted with the mean color of each tile."""
 
-    Attributes
-    ----------
-    labels : (H, W) int32 array
-        The tile of each pixel.
-    colors : (K, C) float64 array
-        The mean of each tile; that of the whole image for one without pixels.
-    areas : (K,) float64 array
-        Pixels of each tile.
-    errors : (K,) float64 array
-        Squared error of each tile, summed over pixels and bands.
-    """
-
-    labels: NDArray[np.int32]
-    colors: Floats
-    areas: Floats
-    errors: Floats
+    labels: NDArray[np.int32]  # (H, W) tile of each pixel
+    colors: Floats  # (K, C) mean of each tile; that of the whole image for one without pixels
+    areas: Floats  # (K,) pixels of each tile
+    errors: Floats  # (K,) squared error of each tile, summed over pixels and bands
 
     @property
     def energy(self) -> float:
@@ -92,27 +80,13 @@ def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sum
             add(bounds[part], bounds[part + 1], sums[part])
 
     in_parts(add_parts, _PARTS, 4.0 * height * width)
-    total: Floats = sums.sum(axis=0)
-    return total
+    return sums.sum(axis=0)
 
 
 def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
-    """Divide the cells that gain most by it, with points whose cells are missed least.
+    """Divide the cells that gain most by it, with (K, 2) points whose cells are missed least.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32 array
-    points : (K, 2) array
-        Generators of the Voronoi cells, (x, y) in pixels.
-    painted : Painted
-        The cells, as they are.
-
-    Returns
-    -------
-    points : (K, 2) float64 array
-        The points after relocation.
-    moved : (M,) array
-        Indices of the points that changed.
+    Return the points, and the indices of those that moved.
     """
     costs, (gains, middles, offsets) = removal_costs(painted), division_gains(image, painted)
     n_most = max(1, len(points) // _AT_MOST)
@@ -137,18 +111,13 @@ def removal_costs(painted: Painted) -> Floats:
         for side in sides:
             squares += np.bincount(side, apart, n_cells)
             lengths += np.bincount(side, minlength=n_cells)
-    costs: Floats = painted.areas * squares / np.maximum(lengths, 1)
-    return costs
+    return painted.areas * squares / np.maximum(lengths, 1)
 
 
 def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats, Floats, Floats]:
     """Estimate what the error falls by if a cell is divided across the direction in which colors change most.
 
-    Returns
-    -------
-    gains : (K,) array
-    middles, offsets : (K, 2) arrays
-        The center of each cell, and from there to the centers of its halves, one way and the other.
+    Return the gains (K,), the centers (K, 2) of cells, and the offsets (K, 2) from there to the centers of both halves.
     """
     n_cells, areas = len(painted.areas), np.maximum(painted.areas, 1)
     labels = painted.labels.ravel()
@@ -175,21 +144,9 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
 
 
 def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> NDArray[np.float32]:
-    """Compute the squared gradient of an image, in units of its mean, with a share that is uniform.
+    """Compute the squared gradient of an (H, W, C) image, in units of its mean, with a share that is uniform.
 
-    Parameters
-    ----------
-    bands : (H, W, C) float32 array
-        The image.
-    n_tiles : int
-        How many tiles it shall have: the density is smoothed over a quarter of their size.
-    uniform : float
-        What is added everywhere.
-
-    Returns
-    -------
-    (H, W) float32 array
-        Above 0.
+    It is smoothed over a quarter of the size of tiles, and above 0.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -204,8 +161,7 @@ def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> 
         density /= np.float32(mean)
     width = 0.25 * np.sqrt(density.size / n_tiles)
     smooth = gaussian_filter(density, width, mode="nearest")
-    detail: NDArray[np.float32] = np.maximum(smooth, 0) + np.float32(uniform)
-    return detail
+    return np.maximum(smooth, 0) + np.float32(uniform)
 
 
 def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:

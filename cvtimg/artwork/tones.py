@@ -35,18 +35,9 @@ _BYTE = np.dtype(np.uint8)
 def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
     """Decode an image to linear light.
 
-    Parameters
-    ----------
-    image : (H, W) or (H, W, C) array, or Pillow image
-        Gray or sRGB, with alpha or without: C in 1..4. Integers have white at 255, or at 65535 if they are 16-bit or
-        do not fit into 8 bits; floating point is in 0..1. Masked values are paper.
-
-    Returns
-    -------
-    light : (H, W, 1) or (H, W, 3) float32 array
-        In 0..1.
-    opacity : (H, W) float32 array or None
-        In 0..1; None if nothing is transparent or masked.
+    Integers have white at 255, or at 65535 if they are 16-bit or do not fit into 8 bits; floating point is in 0..1. Of
+    2 or 4 channels the last is alpha; masked values are paper. Return the light, (H, W, 1) or (H, W, 3) in 0..1, and
+    the opacity (H, W) in 0..1, None if nothing is transparent or masked.
     """
     mask = np.ma.getmask(image)
     samples = _as_samples(image)

@@ -31,24 +31,12 @@ _FLAT = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitCells:
-    """Moments of Voronoi cells.
+    """Moments of the Voronoi cells of n points z."""
 
-    Attributes
-    ----------
-    volumes : (n,) float64 array
-        They sum to 1.
-    firsts : (n, d) float64 array
-        Integral of x - z over the cell of z.
-    seconds : (n, d, d) float64 array
-        Integral of (x - z)(x - z)^T.
-    reaches : (n,) float64 array
-        Greatest distance from z to a point of its cell.
-    """
-
-    volumes: _Floats
-    firsts: _Floats
-    seconds: _Floats
-    reaches: _Floats
+    volumes: _Floats  # (n,), 1 in all
+    firsts: _Floats  # (n, d) integrals of x - z
+    seconds: _Floats  # (n, d, d) integrals of (x - z)(x - z)^T
+    reaches: _Floats  # (n,) greatest distance from z to a point of its cell
 
     @property
     def seconds_per_volume(self) -> _Floats:

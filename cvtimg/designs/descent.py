@@ -31,28 +31,14 @@ _MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class DesignEffort:
-    """How much work is done.
+    """How much work is done."""
 
-    Attributes
-    ----------
-    samples : int
-        For each point.
-    n_starts : int
-        Of which the best is kept.
-    exact, sampled : Stopping
-        When the descents on the exact energy, and on samples of the torus, have come to rest.
-    latin_rounds : int
-        In which Latin points move and become Latin again.
-    swaps : int
-        Comparisons of Latin points along an axis, to swap coordinates.
-    """
-
-    samples: int
-    n_starts: int
-    exact: Stopping
-    sampled: Stopping
-    latin_rounds: int
-    swaps: int
+    samples: int  # for each point
+    n_starts: int  # of which the best is kept
+    exact: Stopping  # when descents on the exact energy stop
+    sampled: Stopping  # when descents on samples of the torus stop
+    latin_rounds: int  # in which points move and become Latin again
+    swaps: int  # comparisons along an axis, to swap coordinates of Latin points
 
 
 #: The registry: names for `effort`.
@@ -65,24 +51,12 @@ EFFORTS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cube:
-    """The unit cube or torus, or a part of it, as samples.
+    """The unit cube or torus, or a part of it, as samples."""
 
-    Attributes
-    ----------
-    samples : (m, d) float32 array
-        Where points may lie.
-    weights : (m,) float64 array or None
-        Density of the samples; uniform if None.
-    periodic : bool
-        Whether opposite walls meet.
-    exact : bool
-        Whether moments are integrals over cells, and not sums over samples.
-    """
-
-    samples: NDArray[np.float32]
-    weights: _Floats | None
-    periodic: bool
-    exact: bool
+    samples: NDArray[np.float32]  # (m, d), where points may lie
+    weights: _Floats | None  # (m,) density of the samples; uniform if None
+    periodic: bool  # whether opposite walls meet
+    exact: bool  # whether moments are integrals over cells, and not sums over samples
 
     def moments(self, points: _Floats) -> Moments:
         """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""

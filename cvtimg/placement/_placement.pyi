@@ -1,43 +1,18 @@
 import numpy as np
 from numpy.typing import NDArray
 
-def sort_into_buckets(
-    points: NDArray[np.float64],
-    weights: NDArray[np.float64] | None,
-    side: int,
-    columns: int,
-    first: NDArray[np.int32],
-    order: NDArray[np.int32],
-    places: NDArray[np.float64],
-) -> None: ...
-def sum_cells(
-    density: NDArray[np.float32],
-    first: NDArray[np.int32],
-    places: NDArray[np.float64],
-    side: int,
-    columns: int,
-    heaviest: float,
-    bands: NDArray[np.int32],
-    start: int,
-    stop: int,
-    sums: NDArray[np.float64],
-    touched: NDArray[np.int32],
-) -> None: ...
-def add_parts(
-    sums: NDArray[np.float64],
-    touched: NDArray[np.int32],
-    order: NDArray[np.int32],
-    total: NDArray[np.float64],
-) -> None: ...
-def label_pixels(
-    labels: NDArray[np.int32],
-    order: NDArray[np.int32],
-    first: NDArray[np.int32],
-    places: NDArray[np.float64],
-    side: int,
-    columns: int,
-    heaviest: float,
-    start: int,
-    stop: int,
-) -> None: ...
-def place_along_curve(weights: NDArray[np.float32], each: float, places: NDArray[np.float64]) -> int: ...
+_Floats = NDArray[np.float64]
+_Ints = NDArray[np.int32]
+
+class Buckets:
+    n_generators: int
+    side: int
+    rows: int
+    def __init__(self, points: _Floats, weights: _Floats | None, height: int, width: int, side: int) -> None: ...
+    def sum_cells(
+        self, density: NDArray[np.float32], bands: _Ints, start: int, stop: int, sums: _Floats, touched: _Ints
+    ) -> None: ...
+    def add_parts(self, sums: _Floats, touched: _Ints) -> _Floats: ...
+    def label_pixels(self, labels: _Ints, start: int, stop: int) -> None: ...
+
+def place_along_curve(weights: NDArray[np.float32], each: float, places: _Floats) -> int: ...

@@ -40,53 +40,16 @@ cdef extern from "moments.h" nogil:
     )
 
 
-cdef inline Py_ssize_t bucket_of(double place, double per_pixel, Py_ssize_t n) noexcept nogil:
+cdef inline Py_ssize_t cell_of(double place, double per_pixel, Py_ssize_t n) noexcept nogil:
     # Far outside, a place may be larger than any integer.
     cdef double at = place * per_pixel
     return 0 if at <= 0 else n - 1 if at >= n else <Py_ssize_t>at
 
 
-def sort_into_buckets(
-    const double[:, ::1] points,  # IN (K, 2)
-    const double[::1] weights,    # IN (K,), or None for 0
-    int side,                     # IN: of a bucket, in pixels
-    int columns,                  # IN
-    int32_t[::1] first,           # OUT (B + 2,): the first of each bucket, and the end of the last
-    int32_t[::1] order,           # OUT (K,): indices as given
-    double[:, ::1] places,        # OUT (K, 3): x, y and weight
-):
-    """Sort generators by the bucket in which they lie."""
-    cdef Py_ssize_t k, n = points.shape[0], n_buckets = first.shape[0] - 2, rows = n_buckets // columns, bucket, at
-    cdef double per_pixel = 1.0 / side
-    with nogil:
-        first[:] = 0
-        for k in range(n):
-            bucket = bucket_of(points[k, 1], per_pixel, rows) * columns + bucket_of(points[k, 0], per_pixel, columns)
-            first[bucket + 2] += 1
-        for bucket in range(n_buckets):
-            first[bucket + 2] += first[bucket + 1]
-        # first[bucket + 1] is where the next of the bucket goes, and in the end where the next bucket begins.
-        for k in range(n):
-            bucket = bucket_of(points[k, 1], per_pixel, rows) * columns + bucket_of(points[k, 0], per_pixel, columns)
-            at = first[bucket + 1]
-            first[bucket + 1] += 1
-            order[at] = <int32_t>k
-            places[at, 0] = points[k, 0]
-            places[at, 1] = points[k, 1]
-            places[at, 2] = 0 if weights is None else weights[k]
-
-
-cdef c_buckets as_buckets(
-    const int32_t[::1] first, const double[:, ::1] places, int side, int columns, double heaviest,
-) noexcept:
-    cdef c_buckets buckets
-    buckets.side = side
-    buckets.columns = columns
-    buckets.rows = <int>((first.shape[0] - 2) // columns)
-    buckets.first = &first[0]
-    buckets.places = &places[0, 0]
-    buckets.heaviest = heaviest
-    return buckets
+cdef inline Py_ssize_t bucket_of(
+    const double[:, ::1] points, Py_ssize_t k, double per_pixel, Py_ssize_t rows, Py_ssize_t columns,
+) noexcept nogil:
+    return cell_of(points[k, 1], per_pixel, rows) * columns + cell_of(points[k, 0], per_pixel, columns)
 
 
 cdef class Scratch:
@@ -106,68 +69,95 @@ cdef class Scratch:
         self.owners.n = room
 
 
-def sum_cells(
-    const float[:, ::1] density,   # IN (H, W)
-    const int32_t[::1] first,      # IN (B + 2,)
-    const double[:, ::1] places,   # IN (K, 3)
-    int side,                      # IN
-    int columns,                   # IN
-    double heaviest,               # IN: the largest weight
-    const int32_t[::1] bands,      # IN (P + 1,): rows of buckets that begin each part
-    Py_ssize_t start,              # IN: parts start..stop - 1 are summed
-    Py_ssize_t stop,               # IN
-    double[:, :, ::1] sums,        # OUT (P, K, 3): mass, and it times x and y, of each cell, sorted as places
-    int32_t[:, ::1] touched,       # OUT (P, 2): sums are written from the first to before the last of these
-):
-    """Sum the density, and x and y times it, over each cell, in parts that do not share a sum."""
-    cdef c_buckets buckets = as_buckets(first, places, side, columns, heaviest)
-    cdef Scratch scratch = Scratch(places.shape[0])
-    cdef double[:, :, ::1] running = np.empty((side, density.shape[1] + 1, 2))
-    cdef Py_ssize_t part
-    with nogil:
-        for part in range(start, stop):
-            sum_bands(
-                &density[0, 0], <int>density.shape[1], <int>density.shape[0], buckets, bands[part], bands[part + 1],
-                scratch.owners, <c_running *>&running[0, 0, 0], <c_sums *>&sums[part, 0, 0], &touched[part, 0],
-                &touched[part, 1],
+cdef class Buckets:
+    """Generators (x, y), with weights of power cells or None for 0, sorted by square buckets of a picture."""
+    cdef c_buckets buckets
+    cdef int32_t[::1] first      # (B + 2,) of each bucket, and the end of the last
+    cdef int32_t[::1] order      # (K,) indices as given
+    cdef double[:, ::1] places   # (K, 3) x, y and weight
+    cdef readonly Py_ssize_t n_generators
+    cdef readonly int side, rows
+
+    def __init__(self, const double[:, ::1] points, const double[::1] weights, int height, int width, int side):
+        cdef Py_ssize_t k, n = points.shape[0], rows = (height - 1) // side + 1, columns = (width - 1) // side + 1
+        cdef Py_ssize_t n_buckets = rows * columns, bucket, at
+        cdef double per_pixel = 1.0 / side
+        cdef int32_t[::1] first = np.zeros(n_buckets + 2, np.int32)
+        self.first = first
+        self.order = np.empty(n, np.int32)
+        self.places = np.empty((n, 3))
+        self.n_generators, self.side, self.rows = n, side, <int>rows
+        with nogil:
+            for k in range(n):
+                bucket = bucket_of(points, k, per_pixel, rows, columns)
+                first[bucket + 2] += 1
+            for bucket in range(n_buckets):
+                first[bucket + 2] += first[bucket + 1]
+            # first[bucket + 1] is where the next of the bucket goes, and in the end where the next bucket begins.
+            for k in range(n):
+                bucket = bucket_of(points, k, per_pixel, rows, columns)
+                at = first[bucket + 1]
+                first[bucket + 1] += 1
+                self.order[at] = <int32_t>k
+                self.places[at, 0] = points[k, 0]
+                self.places[at, 1] = points[k, 1]
+                self.places[at, 2] = 0 if weights is None else weights[k]
+        self.buckets.side = side
+        self.buckets.columns = <int>columns
+        self.buckets.rows = <int>rows
+        self.buckets.first = &first[0]
+        self.buckets.places = &self.places[0, 0]
+        self.buckets.heaviest = 0 if weights is None else np.max(weights)
+
+    def sum_cells(
+        self,
+        const float[:, ::1] density,   # IN (H, W)
+        const int32_t[::1] bands,      # IN (P + 1,): rows of buckets that begin each part
+        Py_ssize_t start,              # IN: parts start..stop - 1 are summed
+        Py_ssize_t stop,               # IN
+        double[:, :, ::1] sums,        # OUT (P, K, 3): mass, and it times x and y, of each cell, sorted as places
+        int32_t[:, ::1] touched,       # OUT (P, 2): sums are written from the first to before the last of these
+    ):
+        """Sum the density, and x and y times it, over each cell, in parts that do not share a sum."""
+        cdef Scratch scratch = Scratch(self.n_generators)
+        cdef double[:, :, ::1] running = np.empty((self.side, density.shape[1] + 1, 2))
+        cdef Py_ssize_t part
+        with nogil:
+            for part in range(start, stop):
+                sum_bands(
+                    &density[0, 0], <int>density.shape[1], <int>density.shape[0], self.buckets, bands[part],
+                    bands[part + 1], scratch.owners, <c_running *>&running[0, 0, 0], <c_sums *>&sums[part, 0, 0],
+                    &touched[part, 0], &touched[part, 1],
+                )
+
+    def add_parts(
+        self,
+        const double[:, :, ::1] sums,     # IN (P, K, 3)
+        const int32_t[:, ::1] touched,    # IN (P, 2)
+    ):
+        """Add the sums (K, 3) of all parts, the first to the last, so that no bit depends on threads."""
+        cdef Py_ssize_t part, k, d
+        cdef double[:, ::1] total = np.zeros((self.n_generators, 3))
+        with nogil:
+            for part in range(sums.shape[0]):
+                for k in range(touched[part, 0], touched[part, 1]):
+                    for d in range(3):
+                        total[self.order[k], d] += sums[part, k, d]
+        return np.asarray(total)
+
+    def label_pixels(
+        self,
+        int32_t[:, ::1] labels,        # OUT (H, W): the generator nearest to the center of each pixel
+        Py_ssize_t start,              # IN: rows of buckets start..stop - 1
+        Py_ssize_t stop,               # IN
+    ):
+        """Label pixels by the cell in which their center lies."""
+        cdef Scratch scratch = Scratch(self.n_generators)
+        with nogil:
+            label_bands(
+                &labels[0, 0], <int>labels.shape[1], <int>labels.shape[0], self.buckets, &self.order[0], <int>start,
+                <int>stop, scratch.owners,
             )
-
-
-def add_parts(
-    const double[:, :, ::1] sums,     # IN (P, K, 3)
-    const int32_t[:, ::1] touched,    # IN (P, 2)
-    const int32_t[::1] order,         # IN (K,)
-    double[:, ::1] total,             # OUT (K, 3): in the order of the points
-):
-    """Add the sums of all parts, the first to the last, so that no bit depends on threads."""
-    cdef Py_ssize_t part, k, d
-    with nogil:
-        total[:] = 0
-        for part in range(sums.shape[0]):
-            for k in range(touched[part, 0], touched[part, 1]):
-                for d in range(3):
-                    total[order[k], d] += sums[part, k, d]
-
-
-def label_pixels(
-    int32_t[:, ::1] labels,        # OUT (H, W): the generator nearest to the center of each pixel
-    const int32_t[::1] order,      # IN (K,)
-    const int32_t[::1] first,      # IN (B + 2,)
-    const double[:, ::1] places,   # IN (K, 3)
-    int side,                      # IN
-    int columns,                   # IN
-    double heaviest,               # IN
-    Py_ssize_t start,              # IN: rows of buckets start..stop - 1
-    Py_ssize_t stop,               # IN
-):
-    """Label pixels by the cell in which their center lies."""
-    cdef c_buckets buckets = as_buckets(first, places, side, columns, heaviest)
-    cdef Scratch scratch = Scratch(places.shape[0])
-    with nogil:
-        label_bands(
-            &labels[0, 0], <int>labels.shape[1], <int>labels.shape[0], buckets, &order[0], <int>start, <int>stop,
-            scratch.owners,
-        )
 
 
 cdef extern from "curve.h" nogil:

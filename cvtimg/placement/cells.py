@@ -281,25 +281,12 @@ def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) ->
 
 
 def power_cells(points: Points, weights: Points | None, shape: tuple[int, int]) -> Polygons:
-    """Compute Voronoi or power cells, cut off at the sides of a picture.
+    """Compute Voronoi or power cells, cut off at the sides of a picture of a shape (H, W).
 
-    Parameters
-    ----------
-    points : (N, 2) array
-        Generators (x, y) in pixels, inside the picture.
-    weights : (N,) array, optional
-        In squared pixels: place p belongs to the generator with the least abs(p - z)**2 - w. None for Voronoi cells.
-    shape : (int, int)
-        Height and width of the picture.
+    Place p belongs to the generator with the least abs(p - z)**2 - w, for (N,) weights w in squared pixels; None for
+    Voronoi cells. The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A generator
+    without a cell, as one of two in the same place, has an empty polygon.
 
-    Returns
-    -------
-    tuple of (M, 2) float64 arrays
-        The corners of each cell in order, clockwise as seen on a screen, with y down. A generator without a cell, as
-        one of two in the same place, has an empty polygon.
-
-    Notes
-    -----
     A power diagram is the lower hull of its generators, lifted by their squared length less their weight
     (F. Aurenhammer, SIAM J. Computing 16 (1987) 78-96, doi 10.1137/0216006).
 

@@ -91,7 +91,7 @@ class Segments(Figures):
         start, along = figures[:, :2], figures[:, 2:] - figures[:, :2]
         steps = places[:, None] - start
         part = _share((steps * along).sum(axis=2), (along**2).sum(axis=1))
-        return np.asarray(((steps - part[..., None] * along) ** 2).sum(axis=2))
+        return ((steps - part[..., None] * along) ** 2).sum(axis=2)
 
     def pulls(self, figures: Points, places: Points) -> Points:
         """Pull the ends by the share of each in the foot."""
@@ -103,7 +103,7 @@ class Segments(Figures):
 
     def middles(self, figures: Points) -> Points:
         """Return the (K, 2) middles."""
-        return np.asarray((figures[:, :2] + figures[:, 2:]) / 2)
+        return (figures[:, :2] + figures[:, 2:]) / 2
 
     def price(self, figures: Points) -> tuple[NDArray[np.float64], Points]:
         """Return the price of the squared lengths."""
@@ -135,7 +135,7 @@ class Circles(Figures):
     def squared_distances(self, figures: Points, places: Points) -> Points:
         """Compute (M, K) squared distances of (M, 2) places."""
         steps = places[:, None] - figures[:, :2]
-        return np.asarray((np.hypot(steps[..., 0], steps[..., 1]) - figures[:, 2]) ** 2)
+        return (np.hypot(steps[..., 0], steps[..., 1]) - figures[:, 2]) ** 2
 
     def pulls(self, figures: Points, places: Points) -> Points:
         """Pull the center towards the place, and the radius to it."""
@@ -189,4 +189,4 @@ class FigureMoments:
 def _share(products: NDArray[np.float64], squares: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far along a segment the foot lies, 0 to 1; the middle of one without length."""
     shares = np.where(squares > 0, products / np.where(squares > 0, squares, 1), 0.5)
-    return np.asarray(np.clip(shares, 0, 1))
+    return np.clip(shares, 0, 1)

@@ -51,9 +51,9 @@ class LpGauge(Gauge):
         sizes = np.abs(steps)
         largest = sizes.max(axis=1)
         if np.isinf(self.p):
-            return np.asarray(largest)
+            return largest
         shares = sizes / np.maximum(largest, 1e-300)[:, None]
-        return np.asarray(largest * (shares**self.p).sum(axis=1) ** (1 / self.p))
+        return largest * (shares**self.p).sum(axis=1) ** (1 / self.p)
 
     def slopes(self, steps: Points) -> Points:
         """Compute the (N, D) gradients of the lengths by the steps."""
@@ -62,7 +62,7 @@ class LpGauge(Gauge):
             first = sizes.argmax(axis=1)[:, None] == np.arange(steps.shape[1])
             return np.where(first, np.sign(steps), 0.0)
         shares = sizes / np.maximum(self.lengths(steps), 1e-300)[:, None]
-        return np.asarray(np.sign(steps) * shares ** (self.p - 1))
+        return np.sign(steps) * shares ** (self.p - 1)
 
     def range(self, n_dims: int) -> tuple[float, float]:
         """Return a and b such that a |y| <= g(y) <= b |y|."""
@@ -100,12 +100,11 @@ class PolygonGauge(Gauge):
 
     def lengths(self, steps: Points) -> NDArray[np.float64]:
         """Compute the (N,) lengths of (N, 2) steps."""
-        return np.asarray((steps @ self.normals.T).max(axis=1))
+        return (steps @ self.normals.T).max(axis=1)
 
     def slopes(self, steps: Points) -> Points:
         """Compute the (N, 2) gradients of the lengths by the steps."""
-        slopes: Points = self.normals[(steps @ self.normals.T).argmax(axis=1)]
-        return slopes
+        return self.normals[(steps @ self.normals.T).argmax(axis=1)]
 
     def range(self, n_dims: int) -> tuple[float, float]:
         """Return a and b such that a |y| <= g(y) <= b |y|."""

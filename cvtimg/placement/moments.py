@@ -106,7 +106,7 @@ class PixelMoments:
         self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None
     ) -> NDArray[np.int32]:
         """Find the generator nearest to the center of each pixel, (H, W)."""
-        return _labels(self._buckets(generators, weights))
+        return _labels(self.density.shape, self._buckets(generators, weights))
 
     def halved(self) -> PixelMoments:
         """Take four pixels together, for a coarser level of the same picture."""
@@ -115,13 +115,13 @@ class PixelMoments:
         halves = padded[::2] + padded[1::2]
         return PixelMoments(halves[:, ::2] + halves[:, 1::2], self.scale / 2)
 
-    def _buckets(self, generators: NDArray[np.float64], weights: NDArray[np.float64] | None) -> _Buckets:
+    def _buckets(self, generators: NDArray[np.float64], weights: NDArray[np.float64] | None) -> _placement.Buckets:
         if self.scale != 1:
             generators = generators * self.scale
             weights = None if weights is None else weights * self.scale**2
-        return _Buckets(self.density.shape, generators, weights)
+        return _sorted(self.density.shape, generators, weights)
 
-    def _sums(self, buckets: _Buckets) -> NDArray[np.float64]:
+    def _sums(self, buckets: _placement.Buckets) -> NDArray[np.float64]:
         n, (height, width) = buckets.n_generators, self.density.shape
         n_parts = min(_PARTS, buckets.rows)
         bands = np.linspace(0, buckets.rows, n_parts + 1).astype(np.int32)
@@ -129,12 +129,10 @@ class PixelMoments:
         touched = np.empty((n_parts, 2), np.int32)
 
         def sum_parts(start: int, stop: int) -> None:
-            _placement.sum_cells(self.density, *buckets.grid, bands, start, stop, sums, touched)
+            buckets.sum_cells(self.density, bands, start, stop, sums, touched)
 
         in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
-        total = np.empty((n, 3))
-        _placement.add_parts(sums, touched, buckets.order, total)
-        return total
+        return buckets.add_parts(sums, touched)
 
 
 def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike | None = None) -> Moments:
@@ -185,7 +183,7 @@ def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLik
     [[0, 0, 1, 1]]
     """
     places = check_places("points", points, 2)
-    return _labels(_Buckets(shape, places, _checked(weights, len(places))))
+    return _labels(shape, _sorted(shape, places, _checked(weights, len(places))))
 
 
 def _checked(weights: ArrayLike | None, n_places: int) -> NDArray[np.float64] | None:
@@ -197,41 +195,20 @@ def _checked(weights: ArrayLike | None, n_places: int) -> NDArray[np.float64] | 
     return array
 
 
-def _labels(buckets: _Buckets) -> NDArray[np.int32]:
-    labels = np.empty(buckets.shape, np.int32)
+def _labels(shape: tuple[int, ...], buckets: _placement.Buckets) -> NDArray[np.int32]:
+    labels = np.empty(shape, np.int32)
 
     def label(start: int, stop: int) -> None:
-        _placement.label_pixels(labels, buckets.order, *buckets.grid, start, stop)
+        buckets.label_pixels(labels, start, stop)
 
     in_parts(label, buckets.rows, work=2 * labels.size + 500 * buckets.n_generators)
     return labels
 
 
-class _Buckets:
-    """Generators sorted by square buckets of a picture."""
-
-    __slots__ = ("columns", "first", "heaviest", "order", "places", "rows", "shape", "side")
-
-    def __init__(
-        self, shape: tuple[int, ...], generators: NDArray[np.float64], weights: NDArray[np.float64] | None
-    ) -> None:
-        height, width = shape
-        n = len(generators)
-        self.shape = shape
-        self.side: int = int(np.clip(round((_IN_A_BUCKET * height * width / n) ** 0.5), *_SIDES))
-        self.columns, self.rows = -(-width // self.side), -(-height // self.side)
-        self.first = np.empty(self.columns * self.rows + 2, np.int32)
-        self.order, self.places = np.empty(n, np.int32), np.empty((n, 3))
-        self.heaviest = 0.0 if weights is None else float(weights.max())
-        _placement.sort_into_buckets(
-            np.ascontiguousarray(generators), weights, self.side, self.columns, self.first, self.order, self.places
-        )
-
-    @property
-    def n_generators(self) -> int:
-        return len(self.order)
-
-    @property
-    def grid(self) -> tuple[NDArray[np.int32], NDArray[np.float64], int, int, float]:
-        """What kernels ask for."""
-        return self.first, self.places, self.side, self.columns, self.heaviest
+def _sorted(
+    shape: tuple[int, ...], generators: NDArray[np.float64], weights: NDArray[np.float64] | None
+) -> _placement.Buckets:
+    """Sort generators by square buckets of a picture."""
+    height, width = shape
+    side = int(np.clip(round((_IN_A_BUCKET * height * width / len(generators)) ** 0.5), *_SIDES))
+    return _placement.Buckets(np.ascontiguousarray(generators), weights, height, width, side)

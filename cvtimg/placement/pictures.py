@@ -26,29 +26,14 @@ _CHILDREN = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6
 
 @dataclass(frozen=True, slots=True)
 class PlacementEffort:
-    """How long to descend.
+    """How long to descend."""
 
-    Attributes
-    ----------
-    coarse : tuple of Stopping
-        When to stop at each coarser level of a picture, the coarsest first; each has a quarter of the pixels and of
-        the generators of the next. Moves of the coarsest cost next to nothing, and save some of the last.
-    in_picture : Stopping
-        When to stop in the picture itself.
-    elsewhere : Stopping
-        When to stop in other regions.
-    samples, most_samples : int
-        For each generator, and at most, where cells are not integrated exactly.
-    n_starts : int
-        Starts in other regions, of which the best is kept.
-    """
-
-    coarse: tuple[Stopping, Stopping]
-    in_picture: Stopping
-    elsewhere: Stopping
-    samples: int
-    most_samples: int
-    n_starts: int = 1
+    coarse: tuple[Stopping, Stopping]  # when to stop at coarser levels of a picture
+    in_picture: Stopping  # when to stop in the picture itself
+    elsewhere: Stopping  # when to stop in other regions
+    samples: int  # for each generator, where cells are not integrated exactly
+    most_samples: int  # of all generators
+    n_starts: int = 1  # in other regions, of which the best is kept
 
 
 #: The registry: names for `effort`.

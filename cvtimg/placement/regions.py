@@ -209,7 +209,7 @@ class Box(Region):
         """Tell which of (N, D) points lie in it; along a periodic axis all do."""
         places = self._checked(points)
         inside = (places >= self._bounds[0]) & (places <= self._bounds[1]) | np.array(self.periodic)
-        return np.asarray(inside.all(axis=1))
+        return inside.all(axis=1)
 
     def project(self, points: ArrayLike) -> Points:
         """Move points outside to the nearest side; along a periodic axis, to where they are the same."""

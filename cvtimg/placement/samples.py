@@ -64,9 +64,9 @@ class SampleMoments:
             places, rows = self._box.project(generators) - low, self._box.project(self._rows) - low
             # A tree takes what is below the side, not the side itself.
             places, rows = (np.where(around > 0, at % np.where(around > 0, around, 1), at) for at in (places, rows))
-            return np.asarray(cKDTree(places, boxsize=around).query(rows)[1])
+            return cKDTree(places, boxsize=around).query(rows)[1]
         if isinstance(self._gauge, LpGauge):
-            return np.asarray(cKDTree(generators).query(self._rows, p=self._gauge.p)[1])
+            return cKDTree(generators).query(self._rows, p=self._gauge.p)[1]
         return self._nearest_by_gauge(generators, cKDTree(generators))
 
     def _nearest_by_gauge(self, generators: Points, tree: object) -> NDArray[np.intp]:
@@ -82,7 +82,7 @@ class SampleMoments:
         for part in np.array_split(unsure, -(-len(unsure) * len(generators) // _AT_ONCE)) if len(unsure) else ():
             steps = (self._rows[part, None] - generators).reshape(-1, generators.shape[1])
             labels[part] = self._gauge.lengths(steps).reshape(len(part), -1).argmin(axis=1)
-        return np.asarray(labels)
+        return labels
 
     def wrapped(self, steps: Points) -> Points:
         """Take (M, D) steps the short way around a periodic box."""

@@ -61,45 +61,26 @@ def shrink_over_samples(
     radii: _Floats,
     depths: _Ints,
 ) -> None: ...
-def shrink(
-    turns: _Ints,
-    part: float,
-    beyond: float,
-    floors: _Floats,
-    points: _Floats,
-    pair_starts: _Ints,
-    pairs: _Ints,
-    gaps: _Floats,
-    barriers: _Floats,
-    n_boundary: int,
-    near_starts: _Ints,
-    near: _Ints,
-    limits: _Floats,
-    order: int,
-    blocking: bool,
-    tolerance: float,
-    aside: float,
-    radii: _Floats,
-) -> None: ...
-def exchange(
-    turns: _Ints,
-    n_trials: int,
-    most_helpers: int,
-    scale: float,
-    beyond: float,
-    floors: _Floats,
-    points: _Floats,
-    pair_starts: _Ints,
-    pairs: _Ints,
-    gaps: _Floats,
-    barriers: _Floats,
-    n_boundary: int,
-    near_starts: _Ints,
-    near: _Ints,
-    limits: _Floats,
-    order: int,
-    blocking: bool,
-    tolerance: float,
-    aside: float,
-    radii: _Floats,
-) -> int: ...
+
+class DiskCover:
+    def __init__(
+        self,
+        points: _Floats,
+        pair_starts: _Ints,
+        pairs: _Ints,
+        gaps: _Floats,
+        barriers: _Floats,
+        n_boundary: int,
+        near_starts: _Ints,
+        near: _Ints,
+        limits: _Floats,
+        order: int,
+        blocking: bool,
+        tolerance: float,
+        aside: float,
+        radii: _Floats,
+    ) -> None: ...
+    def shrink(self, turns: _Ints, part: float, beyond: float, floors: _Floats) -> None: ...
+    def exchange(
+        self, turns: _Ints, n_trials: int, most_helpers: int, scale: float, beyond: float, floors: _Floats
+    ) -> int: ...

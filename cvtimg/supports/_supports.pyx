@@ -488,129 +488,125 @@ cdef int32_t helper(const Cover *cover, const Gap *gap, int32_t leaver, double s
     return best
 
 
-def shrink(
-    const int32_t[::1] turns,         # IN: disks in the order of their turns
-    double part,                      # IN: how much of what it can spare each disk gives up, 0 to 1
-    double beyond,                    # IN: share of its radius by which a disk holds more than it must
-    const double[::1] floors,         # IN (n,): least radii
-    const double[:, ::1] points,      # IN (n, 2)
-    const int32_t[::1] pair_starts,   # IN (n + 1,)
-    const int32_t[::1] pairs,         # IN: disks near to each
-    const double[::1] gaps,           # IN: distances of their centers
-    const double[:, ::1] barriers,    # IN (S, 4)
-    Py_ssize_t n_boundary,            # IN: the first of the barriers are the boundary of the region
-    const int32_t[::1] near_starts,   # IN (n + 1,)
-    const int32_t[::1] near,          # IN: barriers near to each disk
-    const double[::1] limits,         # IN (n,): greatest radii
-    int32_t order,                    # IN: how many disks must hold each place
-    bint blocking,                    # IN: whether barriers block sight
-    double tolerance,                 # IN: places nearer to a barrier are on it
-    double aside,                     # IN: how far from a barrier places beside it are
-    double[::1] radii,                # INOUT (n,)
-):
-    """Let each disk in turn shrink by a part of what it can without a gap."""
-    cdef int32_t[::1] meeting = np.empty(points.shape[0], np.int32)
-    cdef Cover cover = Cover(
-        &points[0, 0], &pair_starts[0], &pairs[0], &gaps[0], &barriers[0, 0], n_boundary, &near_starts[0], &near[0],
-        &limits[0], &radii[0], &meeting[0], order, blocking, tolerance, aside,
-    )
-    cdef Py_ssize_t turn
-    cdef int32_t i
-    cdef double radius
-    with nogil:
-        for turn in range(turns.shape[0]):
-            i = turns[turn]
-            radius = needed(&cover, i, floors[i], beyond)
-            if radius < radii[i]:
-                radii[i] = radii[i] - part * (radii[i] - radius)
+cdef class DiskCover:
+    """Disks that cover a region, whose radii shrink and are exchanged in place."""
+    cdef Cover cover
+    cdef object arrays  # that the pointers of the cover point to
 
+    def __init__(
+        self,
+        const double[:, ::1] points,      # IN (n, 2)
+        const int32_t[::1] pair_starts,   # IN (n + 1,)
+        const int32_t[::1] pairs,         # IN: disks near to each
+        const double[::1] gaps,           # IN: distances of their centers
+        const double[:, ::1] barriers,    # IN (S, 4)
+        Py_ssize_t n_boundary,            # IN: the first of the barriers are the boundary of the region
+        const int32_t[::1] near_starts,   # IN (n + 1,)
+        const int32_t[::1] near,          # IN: barriers near to each disk
+        const double[::1] limits,         # IN (n,): greatest radii
+        int32_t order,                    # IN: how many disks must hold each place
+        bint blocking,                    # IN: whether barriers block sight
+        double tolerance,                 # IN: places nearer to a barrier are on it
+        double aside,                     # IN: how far from a barrier places beside it are
+        double[::1] radii,                # INOUT (n,)
+    ):
+        cdef int32_t[::1] meeting = np.empty(points.shape[0], np.int32)
+        self.arrays = points, pair_starts, pairs, gaps, barriers, near_starts, near, limits, radii, meeting
+        self.cover = Cover(
+            &points[0, 0], &pair_starts[0], &pairs[0], &gaps[0], &barriers[0, 0], n_boundary, &near_starts[0], &near[0],
+            &limits[0], &radii[0], &meeting[0], order, blocking, tolerance, aside,
+        )
 
-def exchange(
-    const int32_t[::1] turns,         # IN: disks in the order of their turns
-    int32_t n_trials,                 # IN: how many of the next smaller radii each disk tries
-    int32_t most_helpers,             # IN: how often disks grow in a trial
-    double scale,                     # IN: the mean radius
-    double beyond,                    # IN: as for `shrink`, like all that follow
-    const double[::1] floors,         # IN (n,)
-    const double[:, ::1] points,      # IN (n, 2)
-    const int32_t[::1] pair_starts,   # IN (n + 1,)
-    const int32_t[::1] pairs,         # IN
-    const double[::1] gaps,           # IN
-    const double[:, ::1] barriers,    # IN (S, 4)
-    Py_ssize_t n_boundary,            # IN
-    const int32_t[::1] near_starts,   # IN (n + 1,)
-    const int32_t[::1] near,          # IN
-    const double[::1] limits,         # IN (n,)
-    int32_t order,                    # IN
-    bint blocking,                    # IN
-    double tolerance,                 # IN
-    double aside,                     # IN
-    double[::1] radii,                # INOUT (n,)
-):
-    """Let each disk in turn leave another one, if disks that take over what it held meet fewer; return how many did."""
-    cdef int32_t[::1] meeting = np.empty(points.shape[0], np.int32)
-    cdef Cover cover = Cover(
-        &points[0, 0], &pair_starts[0], &pairs[0], &gaps[0], &barriers[0, 0], n_boundary, &near_starts[0], &near[0],
-        &limits[0], &radii[0], &meeting[0], order, blocking, tolerance, aside,
-    )
-    cdef int32_t[::1] changed = np.empty(MOST_CHANGED, np.int32)  # disks whose radii a trial has changed
-    cdef double[::1] before = np.empty(MOST_CHANGED)  # and what these were
-    cdef Py_ssize_t turn
-    cdef int32_t i, j, at, trial, more, n_changed, n_grown, grown, n_done = 0
-    cdef double target, place, radius, ceiling
-    cdef Gap gap
-    cdef bint possible
-    with nogil:
-        for turn in range(turns.shape[0]):
-            i = turns[turn]
-            ceiling = radii[i]
-            for trial in range(n_trials):
-                # The greatest radius with which one disk more is left.
-                target = -1
-                for at in range(pair_starts[i], pair_starts[i + 1]):
-                    place = (gaps[at] - radii[pairs[at]]) * (1 - beyond)
-                    if target < place < ceiling * (1 - beyond):
-                        target = place
-                if target < floors[i] or target <= 0:
-                    break
-                ceiling = target
-                changed[0] = i
-                before[0] = radii[i]
-                n_changed = 1
-                more = set_radius(&cover, i, target)
-                possible = False
-                while n_changed <= most_helpers:
-                    gap = farthest_gap(&cover, i, target * (1 - beyond), before[0], True)
-                    if gap.distance == 0:
-                        possible = True
+    def shrink(
+        self,
+        const int32_t[::1] turns,         # IN: disks in the order of their turns
+        double part,                      # IN: how much of what it can spare each disk gives up, 0 to 1
+        double beyond,                    # IN: share of its radius by which a disk holds more than it must
+        const double[::1] floors,         # IN (n,): least radii
+    ):
+        """Let each disk in turn shrink by a part of what it can without a gap."""
+        cdef Cover *cover = &self.cover
+        cdef Py_ssize_t turn
+        cdef int32_t i
+        cdef double radius
+        with nogil:
+            for turn in range(turns.shape[0]):
+                i = turns[turn]
+                radius = needed(cover, i, floors[i], beyond)
+                if radius < cover.radii[i]:
+                    cover.radii[i] = cover.radii[i] - part * (cover.radii[i] - radius)
+
+    def exchange(
+        self,
+        const int32_t[::1] turns,         # IN: disks in the order of their turns
+        int32_t n_trials,                 # IN: how many of the next smaller radii each disk tries
+        int32_t most_helpers,             # IN: how often disks grow in a trial
+        double scale,                     # IN: the mean radius
+        double beyond,                    # IN: as for `shrink`
+        const double[::1] floors,         # IN (n,)
+    ):
+        """Let each disk in turn leave another one, if disks that take over what it held meet fewer; count these."""
+        cdef Cover *cover = &self.cover
+        cdef int32_t[::1] changed = np.empty(MOST_CHANGED, np.int32)  # disks whose radii a trial has changed
+        cdef double[::1] before = np.empty(MOST_CHANGED)  # and what these were
+        cdef Py_ssize_t turn
+        cdef int32_t i, j, at, trial, more, n_changed, n_grown, grown, n_done = 0
+        cdef double target, place, radius, ceiling
+        cdef Gap gap
+        cdef bint possible
+        with nogil:
+            for turn in range(turns.shape[0]):
+                i = turns[turn]
+                ceiling = cover.radii[i]
+                for trial in range(n_trials):
+                    # The greatest radius with which one disk more is left.
+                    target = -1
+                    for at in range(cover.pair_starts[i], cover.pair_starts[i + 1]):
+                        place = (cover.gaps[at] - cover.radii[cover.pairs[at]]) * (1 - beyond)
+                        if target < place < ceiling * (1 - beyond):
+                            target = place
+                    if target < floors[i] or target <= 0:
                         break
-                    j = helper(&cover, &gap, i, scale)
-                    if j < 0:
+                    ceiling = target
+                    changed[0] = i
+                    before[0] = cover.radii[i]
+                    n_changed = 1
+                    more = set_radius(cover, i, target)
+                    possible = False
+                    while n_changed <= most_helpers:
+                        gap = farthest_gap(cover, i, target * (1 - beyond), before[0], True)
+                        if gap.distance == 0:
+                            possible = True
+                            break
+                        j = helper(cover, &gap, i, scale)
+                        if j < 0:
+                            break
+                        changed[n_changed] = j
+                        before[n_changed] = cover.radii[j]
+                        n_changed += 1
+                        more += set_radius(cover, j, apart(cover, j, gap.x, gap.y) * (1 + beyond))
+                        if more > n_changed:
+                            break
+                    if possible and more >= 0:
+                        # What has grown lets its neighbors shrink.
+                        n_grown = n_changed
+                        for grown in range(1, n_grown):
+                            for at in range(cover.pair_starts[changed[grown]], cover.pair_starts[changed[grown] + 1]):
+                                j = cover.pairs[at]
+                                if j == i or n_changed >= changed.shape[0]:
+                                    continue
+                                if cover.gaps[at] >= cover.radii[j] + cover.radii[changed[grown]]:
+                                    continue
+                                radius = needed(cover, j, floors[j], beyond)
+                                if radius < cover.radii[j]:
+                                    changed[n_changed] = j
+                                    before[n_changed] = cover.radii[j]
+                                    n_changed += 1
+                                    more += set_radius(cover, j, radius)
+                    if possible and more < 0:
+                        n_done += 1
                         break
-                    changed[n_changed] = j
-                    before[n_changed] = radii[j]
-                    n_changed += 1
-                    more += set_radius(&cover, j, apart(&cover, j, gap.x, gap.y) * (1 + beyond))
-                    if more > n_changed:
-                        break
-                if possible and more >= 0:
-                    # What has grown lets its neighbors shrink.
-                    n_grown = n_changed
-                    for grown in range(1, n_grown):
-                        for at in range(pair_starts[changed[grown]], pair_starts[changed[grown] + 1]):
-                            j = pairs[at]
-                            if j == i or n_changed >= changed.shape[0] or gaps[at] >= radii[j] + radii[changed[grown]]:
-                                continue
-                            radius = needed(&cover, j, floors[j], beyond)
-                            if radius < radii[j]:
-                                changed[n_changed] = j
-                                before[n_changed] = radii[j]
-                                n_changed += 1
-                                more += set_radius(&cover, j, radius)
-                if possible and more < 0:
-                    n_done += 1
-                    break
-                while n_changed:
-                    n_changed -= 1
-                    set_radius(&cover, changed[n_changed], before[n_changed])
-    return n_done
+                    while n_changed:
+                        n_changed -= 1
+                        set_radius(cover, changed[n_changed], before[n_changed])
+        return n_done

@@ -90,7 +90,7 @@ def _first(points: _Floats, region: Region, order: int, visible: Visible | None)
 
 def _halved(middles: _Floats, sides: _Floats) -> _Floats:
     corners = np.array(list(np.ndindex(*(2,) * len(sides)))) - 0.5
-    return np.asarray((middles[:, None] + corners * sides).reshape(-1, len(sides)))
+    return (middles[:, None] + corners * sides).reshape(-1, len(sides))
 
 
 def _looked_up(
@@ -156,7 +156,7 @@ def _reach(radii: _Floats, boxes: Boxes, order: int, *, beyond: bool, inside: ND
 
 def _depths(boxes: Boxes, radii: _Floats) -> NDArray[np.intp]:
     """How many balls hold each box as a whole."""
-    return np.asarray((boxes.distances + boxes.halves[:, None] <= radii[boxes.points]).sum(axis=1))
+    return (boxes.distances + boxes.halves[:, None] <= radii[boxes.points]).sum(axis=1)
 
 
 def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Floats:

@@ -170,23 +170,19 @@ def tighten(points: _Floats, radii: _Floats, floors: _Floats, sight: Sight, orde
     limits[frozen] = 0
     free = np.flatnonzero(~frozen).astype(np.int32)
     radii = radii.copy()
-    cover = (points, pairs.starts, pairs.items, gaps, sight.barriers, sight.n_boundary, *near, limits, order)
-    state = (sight.blocking, sight.tolerance, _ASIDE * sight.size, radii)
-
-    def shrink(part: float) -> None:
-        turns = free[np.argsort(-radii[free])]
-        _supports.shrink(turns, part, _BEYOND, floors, *cover, *state)
-
+    cover = _supports.DiskCover(
+        points, *pairs, gaps, sight.barriers, sight.n_boundary, *near, limits,
+        order, sight.blocking, sight.tolerance, _ASIDE * sight.size, radii,
+    )  # fmt: skip
     for part in _PARTS:
-        shrink(part)
+        cover.shrink(free[np.argsort(-radii[free])], part, _BEYOND, floors)
     n_meet = len(overlaps(points, radii).items) / n_points
     n_rounds = int(min(_ROUNDS, _STEPS // (n_points * n_meet**4) + 1))
     random = np.random.default_rng(0)
     for _ in range(n_rounds):
-        turns, scale = random.permutation(free), float(radii.mean())
-        if not _supports.exchange(turns, _TRIALS, _HELPERS, scale, _BEYOND, floors, *cover, *state):
+        if not cover.exchange(random.permutation(free), _TRIALS, _HELPERS, float(radii.mean()), _BEYOND, floors):
             break
-    shrink(1.0)
+    cover.shrink(free[np.argsort(-radii[free])], 1.0, _BEYOND, floors)
     return radii
 
 

@@ -46,21 +46,11 @@ class Shadows(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaps:
-    """Places that are covered too few times.
+    """Places that are covered too few times."""
 
-    Attributes
-    ----------
-    places : (m, 2) float64 array
-        None if the cover is proved.
-    missing : (m,) int array
-        How many more disks each needs.
-    without : (m, 2) int array
-        Disks whose circles or shadows cross there: if they grow, the gap only moves. -1 for none.
-    """
-
-    places: _Floats
-    missing: NDArray[np.int32]
-    without: NDArray[np.int32]
+    places: _Floats  # (m, 2); none if the cover is proved
+    missing: NDArray[np.int32]  # (m,) how many more disks each needs
+    without: NDArray[np.int32]  # (m, 2) disks that cross there, or -1: if they grow, the gap only moves
 
 
 def find_gaps(points: _Floats, radii: _Floats, sight: Sight, order: int) -> Gaps:

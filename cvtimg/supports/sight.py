@@ -69,27 +69,13 @@ def overlaps(points: NDArray[np.float64], radii: NDArray[np.float64]) -> Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """A region of the plane.
-
-    Attributes
-    ----------
-    region : Region
-        The region.
-    barriers : (S, 4) float64 array
-        Segments x1, y1, x2, y2: the boundary, then the slits.
-    n_boundary : int
-        How many are of the boundary.
-    tips : (T, 2) float64 array
-        Ends of barriers that cast shadows: reflex corners and ends of slits. None if nothing blocks sight.
-    blocking : bool
-        Whether barriers block sight.
-    """
+    """A region of the plane, and what blocks sight in it."""
 
     region: Region
-    barriers: _Floats
-    n_boundary: int
-    tips: _Floats
-    blocking: bool
+    barriers: _Floats  # (S, 4) segments x1, y1, x2, y2: the boundary, then the slits
+    n_boundary: int  # how many barriers are of the boundary
+    tips: _Floats  # (T, 2) ends that cast shadows, reflex corners and ends of slits; none if not blocking
+    blocking: bool  # whether barriers block sight
 
     @property
     def size(self) -> float:
@@ -186,4 +172,4 @@ def _distances(points: _Floats, segments: _Floats) -> _Floats:
     starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     steps = points[:, None] - starts
     shares = np.clip((steps * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
-    return np.asarray(np.linalg.norm(steps - shares[..., None] * along, axis=2))
+    return np.linalg.norm(steps - shares[..., None] * along, axis=2)
