@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
 from cvtimg import place_generators
@@ -48,6 +48,7 @@ def draw_labels(axes: Axes, labels: NDArray[Any]) -> None:
     border[:, 1:] |= square[:, 1:] != square[:, :-1]
     border[1:] |= square[1:] != square[:-1]
     axes.imshow(~border, extent=(0, 1, 0, 1), origin="lower", cmap="gray", interpolation="antialiased")
+    axes.add_patch(Rectangle((0, 0), 1, 1, fill=False, edgecolor=INK, linewidth=1.4))
 
 
 def main() -> None:
@@ -62,10 +63,12 @@ def main() -> None:
         (panels[0], "a polygon with a hole", place_generators(FRAME, 120)),
         (panels[1], "density x^4 + 0.02", place_generators(SQUARE, 150, density=lambda p: p[:, 0] ** 4 + 0.02)),
         (panels[2], 'on_boundary="auto"', place_generators(FRAME, 120, on_boundary="auto")),
-        (panels[3], "a periodic box", place_generators(Box([0, 0], [1, 1], periodic=True), 60)),
+        (panels[3], "a periodic box: opposite sides meet", place_generators(Box([0, 0], [1, 1], periodic=True), 60)),
     ):
         axes.set_title(title)
         draw_cells(axes, placement)
+        if title.startswith("a periodic"):
+            axes.add_patch(Rectangle((0, 0), 1, 1, fill=False, edgecolor="#c1121f", linewidth=1.4))
     for axes, metric in ((panels[4], 1), (panels[5], "triangle")):
         axes.set_title(f"metric={metric!r}")
         placement = place_generators(SQUARE, 60, metric=metric)
@@ -83,7 +86,7 @@ def main() -> None:
         else:
             for x, y, radius in placement.figures:
                 axes.add_patch(Circle((x, y), radius, fill=False, edgecolor="#c1121f", linewidth=1.4))
-    figure.savefig(Path(__file__).parent / "placement.png", dpi=80)
+    figure.savefig(Path(__file__).parent / "placement.png", dpi=100)
 
 
 if __name__ == "__main__":

@@ -50,9 +50,9 @@ rows = [
         panel("16 colors of its own, in Oklab", 16, space="oklab"),
     ],
     [
-        panel("PICO-8, nearest in RGB", palette=colors),
         panel("PICO-8, nearest in Oklab", palette=colors, space="oklab"),
-        panel("PICO-8, Oklab, blue noise", palette=colors, space="oklab", dither="blue-noise", dither_strength=0.6),
+        panel("Oklab, Floyd-Steinberg", palette=colors, space="oklab", dither="floyd-steinberg"),
+        panel("Oklab, blue noise 0.6", palette=colors, space="oklab", dither="blue-noise", dither_strength=0.6),
     ],
 ]
 
