@@ -20,6 +20,7 @@ from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, decode_planes
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
+from cvtimg.pictures.formats.metadata import dpi_of
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, open_picture, reading
 from cvtimg.pictures.formats.tiff import (
     OF_IMAGEJ,
@@ -303,6 +304,9 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
         axes, shape, order = _imagej_order(axes, shape)
     scale = dict(pages.scale)
     resolution, unit = scale.pop("resolution", None), scale.pop("resolutionunit", None)
+    if pages.kind == "imagej" and not kind and "unit" in scale:  # whose name only ImageJ's description holds
+        resolution = dpi_of({**scale, "resolution": resolution or (0, 0)})
+        unit = 2 if resolution else None
     values = np.stack([images[number] for number in order.tolist()]).reshape(*shape, *first.shape)
     described = {"axes": axes + "YX" + "S" * (first.ndim == 3), **(scale if kind else {})}
     samples = sample_options(first.shape, pages.has_alpha and n_channels in (2, 4))

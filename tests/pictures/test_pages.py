@@ -148,3 +148,15 @@ def circle(path: Path, n_pages: int) -> Path:
     struct.pack_into("<I", content, last + 2 + 12 * n_tags, first)
     path.write_bytes(content)
     return path
+
+
+def test_pages_that_imagej_cannot_hold_keep_their_scale_in_inches(tmp_path: Path) -> None:
+    scale = {"resolution": (2.0, 2.0), "resolutionunit": 1, "unit": "mm"}
+    images = tuple(np.full((3, 4), number, np.int32) for number in range(2))
+    write_pages(tmp_path / "a.tif", Pages(images, "Z", (2,), "imagej", scale))
+    again = read_pages(tmp_path / "a.tif")
+    assert again.kind == ""
+    assert again.scale["resolution"] == pytest.approx((50.8, 50.8))
+    assert again.scale["resolutionunit"] == 2
+    write_pages(tmp_path / "b.tif", Pages(images, "Z", (2,), "imagej", {**scale, "unit": "furlong"}))
+    assert read_pages(tmp_path / "b.tif").scale == {"resolution": (1, 1), "resolutionunit": 1}  # as if none were given

@@ -33,7 +33,7 @@ _UPRIGHT = {
 def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
     """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors.
 
-    An array of four bands says whether the last is alpha, for Pillow may have closed the file by then.
+    An array of four bands says whether the last is alpha.
     """
     magic = file.read(8)
     file.seek(0)

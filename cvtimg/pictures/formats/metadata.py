@@ -141,7 +141,7 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
         scale = _scale_of_imagej(tags)
-        dpi = _dpi_of(scale, str(tags.get(_DESCRIPTION, ""))) or dpi
+        dpi = dpi_of(scale, str(tags.get(_DESCRIPTION, ""))) or dpi
         return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata, scale)
 
 
@@ -181,7 +181,7 @@ def _scale_of_imagej(tags: Tags) -> dict[str, Any]:
     return {}
 
 
-def _dpi_of(scale: Mapping[str, Any], description: str) -> tuple[float, float] | None:
+def dpi_of(scale: Mapping[str, Any], description: str = "") -> tuple[float, float] | None:
     """Return the pixels per inch of an ImageJ or OME file whose unit is one of length."""
     inches = _LENGTHS.get(str(scale.get("unit")))
     across, down = scale.get("resolution", (0.0, 0.0))

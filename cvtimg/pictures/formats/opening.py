@@ -29,6 +29,8 @@ from cvtimg.files.whole import StrPath
 _BYTES_PER_PIXEL = 16
 #: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+#: First bytes of textures, whose files Pillow closes.
+_CLOSED_BY_PILLOW = b"FTEX"
 
 # Both also log some of the errors that they raise; without a handler these would appear on stderr.
 for _library in ("PIL", "tifffile"):
@@ -126,7 +128,8 @@ def _all_of(file: BinaryIO) -> bytes:
 
 def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
     """Open an image with Pillow, without decoding its pixels."""
-    if file.read(len(PNG_MAGIC)) == PNG_MAGIC:  # Image.open would first import other formats
+    magic = file.read(len(PNG_MAGIC))
+    if magic == PNG_MAGIC:  # Image.open would first import other formats
         from PIL.PngImagePlugin import PngImageFile
 
         file.seek(0)
@@ -134,7 +137,7 @@ def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
         check_size(png.width * png.height)
         return png
     file.seek(0)
-    image = Image.open(file)
+    image = Image.open(BytesIO(file.read()) if magic.startswith(_CLOSED_BY_PILLOW) else file)
     if image.format in NOT_RASTER:
         raise UnidentifiedImageError
     return image

@@ -21,6 +21,7 @@ from picture_files import (
 from PIL import Image
 
 from cvtimg._shared.pixels import says_alpha
+from cvtimg.pictures import read_frames, read_pages
 from cvtimg.pictures.files import (
     image_info,
     read_image,
@@ -173,3 +174,6 @@ def test_a_texture_whose_file_pillow_closes_is_read(tmp_path: Path) -> None:
     assert image.shape == (4, 4, 4)
     assert (image == 255).all()
     assert says_alpha(image)
+    assert (
+        read_frames(tmp_path / "a.ftc").images[0].shape == read_pages(tmp_path / "a.ftc").images[0].shape == (4, 4, 4)
+    )
