@@ -26,30 +26,14 @@ Outputs: TypeAlias = Mapping[str, Path | Pattern | None]
 
 @dataclass(slots=True)
 class Plan:
-    """Tasks of a run.
+    """Tasks of a run."""
 
-    Attributes
-    ----------
-    tasks : list of Task
-        Inputs with their outputs.
-    missing : list of (str, OSError)
-        Arguments that name no readable input, with the error.
-    out_dir : Path, optional
-        Folder for outputs, created if missing.
-    also_read : sequence of Path
-        Other files that are read, such as masks. No output may replace them.
-    joint : mapping of str to Path
-        Files written once for all inputs together, by option.
-    folders : sequence of Path
-        Folders given as inputs, themselves or by a pattern.
-    """
-
-    tasks: list[Task]
-    missing: Missing = field(default_factory=list)
-    out_dir: Path | None = None
-    also_read: Sequence[Path] = ()
-    joint: Mapping[str, Path] = field(default_factory=dict)
-    folders: Sequence[Path] = ()
+    tasks: list[Task]  # Inputs with their outputs
+    missing: Missing = field(default_factory=list)  # Arguments that name no readable input, with the error
+    out_dir: Path | None = None  # Folder for outputs, created if missing
+    also_read: Sequence[Path] = ()  # Other files that are read, such as masks. No output may replace them.
+    joint: Mapping[str, Path] = field(default_factory=dict)  # Files written once for all inputs together, by option
+    folders: Sequence[Path] = ()  # Folders given as inputs, themselves or by a pattern
 
 
 def plan_each(

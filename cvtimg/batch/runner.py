@@ -34,36 +34,20 @@ _COARSE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """How a plan is run.
+    """How a plan is run."""
 
-    Attributes
-    ----------
-    jobs : int, optional
-        Number of worker processes; with 1, all inputs are processed in this process. By default the number of threads,
-        if the inputs are worth it.
-    skip_existing : bool
-        Skip inputs whose outputs all exist. These are complete, because files appear complete or not at all.
-    overwrite : bool
-        Allow outputs to replace existing files.
-    report_file : Path, optional
-        Report with a row for each input, .csv or .jsonl.
-    dask : str, optional
-        Address of the scheduler of a Dask cluster, or "local" for a cluster of `jobs` processes on this machine.
-    in_place : bool
-        Allow outputs to replace their own inputs, once they are complete.
-    skip_if_larger : bool
-        Keep the main output only if it is smaller than the input.
-    by_url : tuple of str
-        Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
-    """
-
+    # Number of worker processes; with 1, all inputs are processed in this process. By default the number of threads, if
+    # the inputs are worth it.
     jobs: int | None = 1
+    # Skip inputs whose outputs all exist. These are complete, because files appear complete or not at all.
     skip_existing: bool = False
-    overwrite: bool = False
-    report_file: Path | None = None
+    overwrite: bool = False  # Allow outputs to replace existing files
+    report_file: Path | None = None  # Report with a row for each input, .csv or .jsonl
+    # Address of the scheduler of a Dask cluster, or "local" for a cluster of `jobs` processes on this machine.
     dask: str | None = None
-    in_place: bool = False
-    skip_if_larger: bool = False
+    in_place: bool = False  # Allow outputs to replace their own inputs, once they are complete
+    skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
+    # Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
     by_url: tuple[str, ...] = ()
 
 

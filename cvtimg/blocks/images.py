@@ -34,24 +34,13 @@ def is_image_in_blocks(image: object) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PixelBlocks:
-    """Pixels in blocks, their bands last.
+    """Pixels in blocks, their bands last."""
 
-    Attributes
-    ----------
-    pixels : (..., C) dask.array.Array
-        All bands of a pixel are in one block.
-    nodata : float or None
-        The value of pixels that do not count: those that have it in all bands. Nor do those that are not finite.
-    band : int or None
-        Which dimension of the image holds the bands; None if each pixel is a single value.
-    like : xarray.DataArray or None
-        What the results are labeled like.
-    """
-
-    pixels: Any
+    pixels: Any  # (..., C): all bands of a pixel are in one block
+    # The value of pixels that do not count: those that have it in all bands. Nor do those that are not finite.
     nodata: float | None
-    band: int | None
-    like: Any
+    band: int | None  # Which dimension of the image holds the bands; None if each pixel is a single value
+    like: Any  # What the results are labeled like
 
     @classmethod
     def of(cls, image: Any, nodata: float | None = None) -> PixelBlocks:

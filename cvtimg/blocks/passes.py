@@ -50,20 +50,11 @@ class BlockError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """One block, where it is worked on.
+    """One block, where it is worked on."""
 
-    Attributes
-    ----------
-    number : int
-        Which block, from 0.
-    rows : (n, D) array
-        Of the type of the samples.
-    weights : (n,) array or None
-    """
-
-    number: int
-    rows: NDArray[Any]
-    weights: NDArray[Any] | None
+    number: int  # Which block, from 0
+    rows: NDArray[Any]  # (n, D): of the type of the samples
+    weights: NDArray[Any] | None  # (n,)
 
     def pieces(self) -> Iterator[tuple[NDArray[Any], NDArray[np.float64]]]:
         """Yield some rows at a time, of a type that the kernels read, with their weights.

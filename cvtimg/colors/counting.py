@@ -37,21 +37,11 @@ MOST_COLORS = 1 << 22
 
 
 class Count(NamedTuple):
-    """The distinct colors of some pixels.
+    """The distinct colors of some pixels."""
 
-    Attributes
-    ----------
-    samples : ColorSamples or None
-        The colors, without `inverse`; None if there are no pixels.
-    exact : bool
-        Whether all colors were distinguished.
-    n_distinct : int
-        Number of colors; where they were not all distinguished, the largest number at a time.
-    """
-
-    samples: ColorSamples | None = None
-    exact: bool = True
-    n_distinct: int = 0
+    samples: ColorSamples | None = None  # The colors, without `inverse`; None if there are no pixels
+    exact: bool = True  # Whether all colors were distinguished
+    n_distinct: int = 0  # Number of colors; where they were not all distinguished, the largest number at a time
 
     def of_some(self, kind: str = "counts") -> ColorSamples:
         """Return the colors; raise ValueError if there is no pixel of a kind."""

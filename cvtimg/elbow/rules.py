@@ -25,18 +25,10 @@ _RELATIVE_FLOOR = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What energies are measured against.
+    """What energies are measured against."""
 
-    Attributes
-    ----------
-    n_values : float
-        Number of samples times channels that the energy is summed over.
-    peak : float or None
-        Value of white; None for samples without a PSNR.
-    """
-
-    n_values: float
-    peak: float | None
+    n_values: float  # Number of samples times channels that the energy is summed over
+    peak: float | None  # Value of white; None for samples without a PSNR
 
     def psnr(self, energies: _Floats) -> _Floats:
         """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""

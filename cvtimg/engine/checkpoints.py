@@ -18,18 +18,10 @@ _KIND = "checkpoint"
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """A file or URL with generators, and the energies that led to them.
+    """A file or URL with generators, and the energies that led to them."""
 
-    Attributes
-    ----------
-    path : path or None
-        The file; None to save nothing.
-    job : str
-        Names the samples and the options. The state of another job is refused.
-    """
-
-    path: StrPath | None
-    job: str
+    path: StrPath | None  # The file; None to save nothing
+    job: str  # Names the samples and the options. The state of another job is refused.
 
     def load(self) -> tuple[NDArray[np.float64], list[float]] | None:
         """Return what was saved, or None if there is no file.

@@ -55,32 +55,15 @@ class Points:
     """Weighted points in their frame, packed in tiles for the kernels.
 
     Only this module and the kernels know the layout of the tiles; others use the methods here.
-
-    Attributes
-    ----------
-    tiles : (n_tiles, D, TILE) float32 array
-        The points; the last one is repeated to fill the last tile.
-    boxes : (n_tiles, 2, D) float32 array
-        Smallest and largest coordinates in each tile.
-    density : (n_tiles * TILE,) float64 array
-        Weight of each point, 0 in the padding.
-    frame : Frame
-        Where the origin of the tiles is.
-    n_points : int
-        Number of points, padding not included.
-    in_order : bool
-        Whether consecutive points are near each other.
-    energy_about_origin : float
-        Sum of density times squared distance to the origin of the frame.
     """
 
-    tiles: NDArray[np.float32]
-    boxes: NDArray[np.float32]
-    density: NDArray[np.float64]
-    frame: Frame
-    n_points: int
-    in_order: bool
-    energy_about_origin: float
+    tiles: NDArray[np.float32]  # (n_tiles, D, TILE): the points; the last one is repeated to fill the last tile
+    boxes: NDArray[np.float32]  # (n_tiles, 2, D): smallest and largest coordinates in each tile
+    density: NDArray[np.float64]  # (n_tiles * TILE,): weight of each point, 0 in the padding
+    frame: Frame  # Where the origin of the tiles is
+    n_points: int  # Number of points, padding not included
+    in_order: bool  # Whether consecutive points are near each other
+    energy_about_origin: float  # Sum of density times squared distance to the origin of the frame
 
     @property
     def n_dims(self) -> int:

@@ -24,21 +24,11 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """A call of a function on an image.
+    """A call of a function on an image."""
 
-    Attributes
-    ----------
-    function : str
-        Its name below `cvtimg`, such as ``"quantize"``.
-    arguments : tuple
-        Those after the image.
-    keywords : dict
-        Keyword arguments.
-    """
-
-    function: str
-    arguments: tuple[Any, ...] = ()
-    keywords: Mapping[str, Any] = field(default_factory=dict)
+    function: str  # Its name below `cvtimg`, such as ``"quantize"``
+    arguments: tuple[Any, ...] = ()  # Those after the image
+    keywords: Mapping[str, Any] = field(default_factory=dict)  # Keyword arguments
 
     def run(self, image: Any, **more: Any) -> Any:
         """Call the function."""

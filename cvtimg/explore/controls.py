@@ -37,33 +37,16 @@ class UnfitRequestError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Control:
-    """A control of a tab.
+    """A control of a tab."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in settings.
-    label : str
-        Its name on the page.
-    default : object
-        Value that is in effect if nothing is chosen.
-    flag : str
-        Option of the command that says its value; none where the tab says it in another way.
-    keyword : str
-        Argument of the Python function that takes its value; none where the tab says it in another way.
-    when : dict
-        Shown, and in effect, only while other controls have one of these values.
-    about : str
-        Explanation shown below the control.
-    """
-
-    name: str
-    label: str
-    default: Any
-    flag: str = ""
-    keyword: str = ""
+    name: str  # Its name in settings
+    label: str  # Its name on the page
+    default: Any  # Value that is in effect if nothing is chosen
+    flag: str = ""  # Option of the command that says its value; none where the tab says it in another way
+    keyword: str = ""  # Argument of the Python function that takes its value; none where the tab says it in another way
+    # Shown, and in effect, only while other controls have one of these values.
     when: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    about: str = ""
+    about: str = ""  # Explanation shown below the control
 
     def parse(self, value: Any) -> Any:
         """Check a value that the page sent."""
@@ -91,35 +74,18 @@ class Control:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Number(Control):
-    """A number: a slider for the usual range, and a field for all that is allowed.
+    """A number: a slider for the usual range, and a field for all that is allowed."""
 
-    Attributes
-    ----------
-    low, high : float
-        The range allowed.
-    slider : (float, float)
-        The usual range; by default all that is allowed.
-    step : float
-        Distance of values on the slider; 1 for whole numbers.
-    log : bool
-        Whether the slider is logarithmic.
-    auto : bool
-        Whether "auto" is allowed.
-    unit : str
-        Shown after the number; on the command line, `suffix` follows it.
-    always : bool
-        Whether the command needs the option even for the default.
-    """
-
+    # The range allowed.
     low: float
     high: float
-    slider: tuple[float, float] | None = None
-    step: float = 1
-    log: bool = False
-    auto: bool = False
-    unit: str = ""
+    slider: tuple[float, float] | None = None  # (float, float): the usual range; by default all that is allowed
+    step: float = 1  # Distance of values on the slider; 1 for whole numbers
+    log: bool = False  # Whether the slider is logarithmic
+    auto: bool = False  # Whether "auto" is allowed
+    unit: str = ""  # Shown after the number; on the command line, `suffix` follows it
     suffix: str = ""
-    always: bool = False
+    always: bool = False  # Whether the command needs the option even for the default
 
     def parse(self, value: Any) -> Any:
         """Check a number; whole numbers come as int."""
@@ -205,19 +171,11 @@ class Colors(Control):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Files(Control):
-    """Files that the page has sent before, by the keys that the server gave them.
-
-    Attributes
-    ----------
-    of : {"palettes", "pictures"}
-        What they are.
-    most : int
-        How many can be chosen.
-    """
+    """Files that the page has sent before, by the keys that the server gave them."""
 
     default: tuple[str, ...] = ()
-    of: str = "pictures"
-    most: int = 1
+    of: str = "pictures"  # What they are
+    most: int = 1  # How many can be chosen
 
     def parse(self, value: Any) -> tuple[str, ...]:
         """Check a list of keys; whether such files are open is known elsewhere."""

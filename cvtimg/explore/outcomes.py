@@ -17,27 +17,13 @@ __all__ = ["Outcome", "Output", "Recipe", "written_as"]
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A file that a result can be saved as.
+    """A file that a result can be saved as."""
 
-    Attributes
-    ----------
-    label : str
-        Its name on the page.
-    option : str
-        Option of the command that names it.
-    pattern : str
-        Name of the file, with ``{}`` for the name of the picture without suffix.
-    write : callable
-        Writes a result, given the result and a path.
-    python : str
-        Lines of Python that do the same; ``{}`` stands for the name of the file, in quotes.
-    """
-
-    label: str
-    option: str
-    pattern: str
-    write: Callable[[Any, Path], None]
-    python: str
+    label: str  # Its name on the page
+    option: str  # Option of the command that names it
+    pattern: str  # Name of the file, with ``{}`` for the name of the picture without suffix
+    write: Callable[[Any, Path], None]  # Writes a result, given the result and a path
+    python: str  # Lines of Python that do the same; ``{}`` stands for the name of the file, in quotes
 
     @property
     def key(self) -> str:
@@ -47,26 +33,13 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """The command and the lines of Python that give the same file as the page.
+    """The command and the lines of Python that give the same file as the page."""
 
-    Attributes
-    ----------
-    words : sequence of str
-        Command line up to its options, without the names of the outputs.
-    python : str
-        Lines of Python up to the result.
-    before : str
-        Command to be run before, if any.
-    for_many : bool
-        Whether the command takes a folder, too.
-    always : str
-        Name of the file that the command writes in any case, with ``{}`` for the name of the picture; "" for none.
-    """
-
-    words: Sequence[str]
-    python: str
-    before: str = ""
-    for_many: bool = True
+    words: Sequence[str]  # Command line up to its options, without the names of the outputs
+    python: str  # Lines of Python up to the result
+    before: str = ""  # Command to be run before, if any
+    for_many: bool = True  # Whether the command takes a folder, too
+    # Name of the file that the command writes in any case, with ``{}`` for the name of the picture; "" for none.
     always: str = ""
 
     def shown(self, output: Output, stem: str) -> dict[str, str]:
@@ -95,30 +68,14 @@ def quoted(name: str) -> str:
 
 @dataclass(slots=True, eq=False)
 class Outcome:
-    """What settings make of a picture.
+    """What settings make of a picture."""
 
-    Attributes
-    ----------
-    value : object
-        The result of the function; None for a draft, which gives no files.
-    layer : Layer
-        What is seen of it.
-    facts : dict
-        Numbers that the page shows.
-    outputs : sequence of Output
-        The files that it can be saved as, the main one first.
-    stem : str
-        Name of the picture without suffix.
-    drawn : Window, optional
-        The part of the picture that the layer shows; by default all of it.
-    """
-
-    value: Any
-    layer: Layer
-    facts: Mapping[str, Any]
-    outputs: Sequence[Output] = ()
-    stem: str = ""
-    drawn: Window | None = None
+    value: Any  # The result of the function; None for a draft, which gives no files
+    layer: Layer  # What is seen of it
+    facts: Mapping[str, Any]  # Numbers that the page shows
+    outputs: Sequence[Output] = ()  # The files that it can be saved as, the main one first
+    stem: str = ""  # Name of the picture without suffix
+    drawn: Window | None = None  # The part of the picture that the layer shows; by default all of it
     _files: dict[str, bytes] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 

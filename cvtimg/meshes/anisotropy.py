@@ -28,21 +28,11 @@ _HUANG_GOAL = 2 ** (4 / 3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MetricField:
-    """A metric at all places of a region, by a function.
+    """A metric at all places of a region, by a function."""
 
-    Attributes
-    ----------
-    function : callable
-        From (N, 2) points to metrics (N, 3): xx, xy, yy.
-    cells : Cells
-        Of a quadtree as fine as the metric asks for, by area.
-    factor : float
-        By which edges are longer than the function says.
-    """
-
-    function: Callable[[Points], Points]
-    cells: Cells
-    factor: float = 1.0
+    function: Callable[[Points], Points]  # From (N, 2) points to metrics (N, 3): xx, xy, yy
+    cells: Cells  # Of a quadtree as fine as the metric asks for, by area
+    factor: float = 1.0  # By which edges are longer than the function says
 
     @classmethod
     def of(cls, metric: MatrixFunction, outline: Outline, n: int | None, probes: Points) -> MetricField:

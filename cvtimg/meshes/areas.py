@@ -22,21 +22,11 @@ _REGULAR = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Areas:
-    """The areas that the connected pieces of segments should have.
+    """The areas that the connected pieces of segments should have."""
 
-    Attributes
-    ----------
-    pieces : (M, 2) intp array
-        Numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside.
-    wanted : (P,) float64 array
-        Their areas; the first is not used.
-    still : (S, 2) float64 array
-        Ends of lines that must stay where they are.
-    """
-
-    pieces: Index
-    wanted: NDArray[np.float64]
-    still: Points
+    pieces: Index  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
+    wanted: NDArray[np.float64]  # (P,): their areas; the first is not used
+    still: Points  # (S, 2): ends of lines that must stay where they are
 
     @classmethod
     def of(cls, lines: list[Points], pieces: Index) -> Areas:

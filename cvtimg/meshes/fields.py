@@ -59,17 +59,10 @@ def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureField:
-    """Sizes at the centers of pixels.
+    """Sizes at the centers of pixels."""
 
-    Attributes
-    ----------
-    sizes : (H, W) float32 array
-    inside : (H, W) bool array
-        The pixels that are meshed.
-    """
-
-    sizes: NDArray[np.float32]
-    inside: NDArray[np.bool_]
+    sizes: NDArray[np.float32]  # (H, W)
+    inside: NDArray[np.bool_]  # (H, W): the pixels that are meshed
 
     @property
     def isotropic(self) -> bool:

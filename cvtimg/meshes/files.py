@@ -31,23 +31,13 @@ _MESHIO: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshContent:
-    """What files hold of a mesh of triangles or tetrahedra.
+    """What files hold of a mesh of triangles or tetrahedra."""
 
-    Attributes
-    ----------
-    points : (N, 2) or (N, 3) float64 array
-    cells : (T, 3) or (T, 4) int32 array
-    tags : (T,) int32 array
-    sides : (E, 2) or (E, 3) int32 array
-        Edges on borders, or triangles of the surface.
-    qualities : (T,) float64 array or None
-    """
-
-    points: NDArray[np.float64]
-    cells: NDArray[np.int32]
-    tags: NDArray[np.int32]
-    sides: NDArray[np.int32]
-    qualities: NDArray[np.float64] | None = None
+    points: NDArray[np.float64]  # (N, 2) or (N, 3)
+    cells: NDArray[np.int32]  # (T, 3) or (T, 4)
+    tags: NDArray[np.int32]  # (T,)
+    sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, or triangles of the surface
+    qualities: NDArray[np.float64] | None = None  # (T,)
 
     @property
     def places(self) -> NDArray[np.float64]:

@@ -33,30 +33,15 @@ _ON_LINE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Borders of what is meshed.
+    """Borders of what is meshed."""
 
-    Attributes
-    ----------
-    lines : tuple of (L, 2) float64 arrays
-        From corner to corner, or closed, if the last point is the first; lines meet at their ends only.
-    sides : (M, 2) int32 array
-        Labels of both sides of each line, as in `Borders`.
-    bounds : (2, 2) float64 array
-        Least and greatest coordinates.
-    mask : (H, W) bool array or None
-        The pixels inside, if coordinates are in pixels of an image.
-    contains : callable
-        Tells which of (N, 2) points are inside.
-    areas : Areas or None
-        That segments keep although their borders are smoothed.
-    """
-
+    # From corner to corner, or closed, if the last point is the first; lines meet at their ends only.
     lines: tuple[Points, ...]
-    sides: NDArray[np.int32]
-    bounds: Points
-    mask: NDArray[np.bool_] | None
-    contains: Callable[[Points], NDArray[np.bool_]]
-    areas: Areas | None = None
+    sides: NDArray[np.int32]  # (M, 2): labels of both sides of each line, as in `Borders`
+    bounds: Points  # (2, 2): least and greatest coordinates
+    mask: NDArray[np.bool_] | None  # (H, W): the pixels inside, if coordinates are in pixels of an image
+    contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
+    areas: Areas | None = None  # That segments keep although their borders are smoothed
 
     @property
     def diameter(self) -> float:

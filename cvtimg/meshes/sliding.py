@@ -15,30 +15,16 @@ _FARTHEST = 0.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
-    """Lines, and the vertices that slide along them.
+    """Lines, and the vertices that slide along them."""
 
-    Attributes
-    ----------
-    vertices : (S,) int32 array
-    along : (S,) float64 array
-        Where they are: the length along all lines, one after the other.
-    reach : (S, 2) float64 array
-        The least and the greatest value that `along` may have.
-    places, lengths : (P, 2) and (P,) float64 arrays
-        Points of the lines, and the lengths until there.
-    periods : (S,) float64 array
-        Lengths of closed lines, which go on at their start; 0 for vertices of others.
-    starts : (S,) float64 array
-        Where the line of each vertex starts.
-    """
-
-    vertices: NDArray[np.int32]
-    along: NDArray[np.float64]
-    reach: Points
+    vertices: NDArray[np.int32]  # (S,)
+    along: NDArray[np.float64]  # (S,): where they are: the length along all lines, one after the other
+    reach: Points  # (S, 2): the least and the greatest value that `along` may have
+    # (P, 2): points of the lines, and the lengths until there.
     places: Points
     lengths: NDArray[np.float64]
-    periods: NDArray[np.float64]
-    starts: NDArray[np.float64]
+    periods: NDArray[np.float64]  # (S,): lengths of closed lines, which go on at their start; 0 for vertices of others
+    starts: NDArray[np.float64]  # (S,): where the line of each vertex starts
 
     @classmethod
     def of(

@@ -30,22 +30,12 @@ _SWEEPS = 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Squares that cover a region.
+    """Squares that cover a region."""
 
-    Attributes
-    ----------
-    centers : (C, 2) float64 array
-    sides : (C,) float64 array
-    inside : (C,) bool array
-        Whether the center is in the region.
-    corners : (N, 2) float64 array
-        All corners, each once.
-    """
-
-    centers: Points
-    sides: NDArray[np.float64]
-    inside: NDArray[np.bool_]
-    corners: Points
+    centers: Points  # (C, 2)
+    sides: NDArray[np.float64]  # (C,)
+    inside: NDArray[np.bool_]  # (C,): whether the center is in the region
+    corners: Points  # (N, 2): all corners, each once
 
     def masses(self, density: Callable[[Points], NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the mass (C,) of each cell under a density at points (M, 2): 0 outside of the region."""
@@ -63,19 +53,11 @@ class Cells:
 
 @dataclass(slots=True, eq=False)
 class TreeField:
-    """Sizes at the corners of a quadtree, interpolated on a triangulation of them.
-
-    Attributes
-    ----------
-    cells : Cells
-    mesh : PlaneTriangulation
-        Of the corners, and of more points where sizes were lowered.
-    sizes : (N,) float64 array
-    """
+    """Sizes at the corners of a quadtree, interpolated on a triangulation of them."""
 
     cells: Cells
-    mesh: PlaneTriangulation
-    sizes: NDArray[np.float64]
+    mesh: PlaneTriangulation  # Of the corners, and of more points where sizes were lowered
+    sizes: NDArray[np.float64]  # (N,)
     _near: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
 
     @classmethod

@@ -25,24 +25,14 @@ FREE, FIXED, SLIDES = 0, 1, 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Borders:
-    """Points and edges that a triangulation must have.
+    """Points and edges that a triangulation must have."""
 
-    Attributes
-    ----------
-    points : (B, 2) float64 array
-    edges : (E, 2) int32 array
-        Indices of points.
-    sides : (E, 2) int32 array
-        Labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is positive,
-        and where it is negative. Labels <= 0 are outside.
-    tracks : Tracks or None
-        Along which some of the points may slide.
-    """
-
-    points: Points
-    edges: Triangles
+    points: Points  # (B, 2)
+    edges: Triangles  # (E, 2): indices of points
+    # (E, 2): labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is
+    # positive, and where it is negative. Labels <= 0 are outside.
     sides: Triangles
-    tracks: Tracks | None = None
+    tracks: Tracks | None = None  # Along which some of the points may slide
 
 
 class PlaneTriangulation(HalfEdges):

@@ -144,77 +144,41 @@ Kind: TypeAlias = Whole | Real | Choice | Switch | Text | File | Pair
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """How the page shows an option, where it does.
+    """How the page shows an option, where it does."""
 
-    Attributes
-    ----------
-    label, about : str
-        Its name on the page, and an explanation below it.
-    slider : (float, float), optional
-        The usual range of a number; by default all that is allowed.
-    step : float
-        Distance of values on the slider; 1 for whole numbers.
-    log : bool
-        Whether the slider is logarithmic.
-    unit, suffix : str
-        Shown after a number on the page, and on the command line.
-    most : float, optional
-        Largest number that the page takes, where the command takes larger ones.
-    default : object
-        Value of the page where the command has none, or another.
-    """
-
+    # Its name on the page, and an explanation below it.
     label: str
     about: str = ""
+    # (float, float): the usual range of a number; by default all that is allowed.
     slider: tuple[float, float] | None = None
-    step: float = 1
-    log: bool = False
+    step: float = 1  # Distance of values on the slider; 1 for whole numbers
+    log: bool = False  # Whether the slider is logarithmic
+    # Shown after a number on the page, and on the command line.
     unit: str = ""
     suffix: str = ""
-    most: float | None = None
-    default: Any = None
+    most: float | None = None  # Largest number that the page takes, where the command takes larger ones
+    default: Any = None  # Value of the page where the command has none, or another
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option of a verb.
+    """An option of a verb."""
 
-    Attributes
-    ----------
-    name : str
-        Its name among the values that a command gets.
-    kind : Kind
-        What values it takes.
-    help : str
-        Its line in ``--help``.
-    flags : str
-        How it is written, such as ``"--output -o"``; by default the name after two dashes. "" for the inputs.
-    metavar : str
-        What ``--help`` shows for a value; by default the choices.
-    default : object
-        Value where none is given; None for none.
-    required, many : bool
-        Whether it must be given, and whether it can be repeated.
-    needs, excludes : tuple of str
-        Other options without which, or with which, it has no effect: by name, or as ``"name=value"``.
-    keyword : str
-        Argument of the Python function that takes the value as it is; "" where more is to be done.
-    page : Page, optional
-        How the page shows it.
-    """
-
-    name: str
-    kind: Kind
-    help: str
+    name: str  # Its name among the values that a command gets
+    kind: Kind  # What values it takes
+    help: str  # Its line in ``--help``
+    # How it is written, such as ``"--output -o"``; by default the name after two dashes. "" for the inputs.
     flags: str | None = None
-    metavar: str = ""
-    default: Any = None
+    metavar: str = ""  # What ``--help`` shows for a value; by default the choices
+    default: Any = None  # Value where none is given; None for none
+    # Whether it must be given, and whether it can be repeated.
     required: bool = False
     many: bool = False
+    # Other options without which, or with which, it has no effect: by name, or as ``"name=value"``.
     needs: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
-    keyword: str = ""
-    page: Page | None = None
+    keyword: str = ""  # Argument of the Python function that takes the value as it is; "" where more is to be done
+    page: Page | None = None  # How the page shows it
 
     @property
     def words(self) -> list[str]:

@@ -22,27 +22,15 @@ _WORK = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Sums over the cells of N points.
+    """Sums over the cells of N points."""
 
-    Attributes
-    ----------
-    masses : (N,) float64 array
-        Integral of the density.
-    pulls : (N, 3) float64 array
-        Integral of the density times x, without its part along the point: mass times the way to the center of mass.
-    areas : (N,) float64 array
-        By which steps are measured.
-    energies : (N,) float64 array
-        Parts of the energy; those of even cells are without a constant.
-    constant : float
-        What is to be added to their sum.
-    """
-
-    masses: NDArray[np.float64]
+    masses: NDArray[np.float64]  # (N,): integral of the density
+    # (N, 3): integral of the density times x, without its part along the point: mass times the way to the center of
+    # mass.
     pulls: Points
-    areas: NDArray[np.float64]
-    energies: NDArray[np.float64]
-    constant: float = 0.0
+    areas: NDArray[np.float64]  # (N,): by which steps are measured
+    energies: NDArray[np.float64]  # (N,): parts of the energy; those of even cells are without a constant
+    constant: float = 0.0  # What is to be added to their sum
 
     @property
     def energy(self) -> float:

@@ -156,25 +156,14 @@ def _settled(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coast:
-    """The boundary between land and sea, as arcs between points of the sphere.
+    """The boundary between land and sea, as arcs between points of the sphere."""
 
-    Attributes
-    ----------
-    height : GlobePicture
-        Above 0.5 on land.
-    starts, ends : (M, 3) float64 arrays
-        Of arcs.
-    before : (M,) intp array
-        The arc that ends where an arc starts; itself if there is none.
-    tree : scipy.spatial.cKDTree
-        Of starts.
-    """
-
-    height: GlobePicture
+    height: GlobePicture  # Above 0.5 on land
+    # (M, 3): of arcs.
     starts: Points
     ends: Points
-    before: NDArray[np.intp]
-    tree: Any
+    before: NDArray[np.intp]  # (M,): the arc that ends where an arc starts; itself if there is none
+    tree: Any  # Of starts
 
     @classmethod
     def of(cls, land: ArrayLike, size: float) -> Coast:

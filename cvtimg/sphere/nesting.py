@@ -163,24 +163,15 @@ def _inside(within: Part, points: Points) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Transition:
-    """Sizes of cells that lead from those of a parent to those of a part of it.
+    """Sizes of cells that lead from those of a parent to those of a part of it."""
 
-    Attributes
-    ----------
-    depth : callable
-        From (N, 3) points to how far they are inside of the part, in radians.
-    size : float
-        Of the cells of the parent at the border, in radians.
-    points, areas : (N, 3) and (N,) arrays
-        Of the parent, to sum by.
-    inside : (N,) bool array
-    """
-
+    # From (N, 3) points to how far they are inside of the part, in radians.
     depth: Callable[[Points], NDArray[np.float64]]
-    size: float
+    size: float  # Of the cells of the parent at the border, in radians
+    # (N, 3): of the parent, to sum by.
     points: Points
     areas: NDArray[np.float64]
-    inside: NDArray[np.bool_]
+    inside: NDArray[np.bool_]  # (N,)
 
     @classmethod
     def of(cls, mesh: SphereTriangulation, inside: NDArray[np.bool_], within: Part) -> _Transition:
@@ -234,29 +225,19 @@ def _depths(points: Points, inside: NDArray[np.bool_]) -> Callable[[Points], NDA
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kept:
-    """What stays of a parent.
+    """What stays of a parent."""
 
-    Attributes
-    ----------
-    points : (K, 3) float64 array
-    sizes : (K,) float64 array
-        Of their cells in the parent.
-    centers, radii : (B, 3) and (B,) arrays
-        Circumscribed caps of kept triangles at the border: Delaunay triangles stay if no other point gets into them.
-    kept_tree, cap_tree, parent_tree : scipy.spatial.cKDTree
-        Of kept points, of centers of caps, and of all points of the parent.
-    gone : (N,) bool array
-        Points of the parent that are replaced.
-    """
-
-    points: Points
-    sizes: NDArray[np.float64]
+    points: Points  # (K, 3)
+    sizes: NDArray[np.float64]  # (K,): of their cells in the parent
+    # (B, 3): circumscribed caps of kept triangles at the border: Delaunay triangles stay if no other point gets into
+    # them.
     centers: Points
     radii: NDArray[np.float64]
+    # Of kept points, of centers of caps, and of all points of the parent.
     kept_tree: Any
     cap_tree: Any
     parent_tree: Any
-    gone: NDArray[np.bool_]
+    gone: NDArray[np.bool_]  # (N,): points of the parent that are replaced
 
     @classmethod
     def of(cls, mesh: SphereTriangulation, kept: NDArray[np.bool_]) -> Kept:

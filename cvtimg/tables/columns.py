@@ -29,21 +29,11 @@ _ROWS_AT_ONCE = 1024
 
 
 class Columns(Protocol):
-    """A file with columns.
+    """A file with columns."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    names : list of str
-        Names of the columns.
-    named : bool
-        Whether the file names its columns.
-    """
-
-    path: Path
-    names: list[str]
-    named: bool
+    path: Path  # The file
+    names: list[str]  # Names of the columns
+    named: bool  # Whether the file names its columns
 
     def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
         """Read (M, C) values, NaN where one is missing."""

@@ -46,47 +46,25 @@ class Shelf:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ask:
-    """What a tab is asked for.
+    """What a tab is asked for."""
 
-    Attributes
-    ----------
-    picture : Picture
-        The picture that is shown.
-    settings : dict
-        Values of all controls of the tab.
-    shelf : Shelf
-        What else is open.
-    window : Window
-        The part that a draft has to show.
-    watch : callable
-        Called now and then with two numbers; it raises an exception when the result is not wanted any more.
-    """
-
-    picture: Picture
-    settings: Settings
-    shelf: Shelf
-    window: Window
+    picture: Picture  # The picture that is shown
+    settings: Settings  # Values of all controls of the tab
+    shelf: Shelf  # What else is open
+    window: Window  # The part that a draft has to show
+    # Called now and then with two numbers; it raises an exception when the result is not wanted any more.
     watch: Callable[[int, float], bool]
 
 
 class Tab:
-    """A tab of the page.
+    """A tab of the page."""
 
-    Attributes
-    ----------
-    name, title, about : str
-        Its name in requests and on the page, and a line that says what it is for.
-    verb : str
-        The command.
-    controls : tuple of Control
-        What can be chosen.
-    """
-
+    # Its name in requests and on the page, and a line that says what it is for.
     name: ClassVar[str]
     title: ClassVar[str]
     about: ClassVar[str]
-    verb: ClassVar[str]
-    controls: ClassVar[tuple[Control, ...]]
+    verb: ClassVar[str]  # The command
+    controls: ClassVar[tuple[Control, ...]]  # What can be chosen
 
     def recipe(self, ask: Ask) -> Recipe:
         """Return the command and the lines of Python that make the result."""

@@ -153,17 +153,11 @@ def orientation(image: Image.Image) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """A choice within files.
+    """A choice within files."""
 
-    Attributes
-    ----------
-    page : int or None
-        Page to read from files of several pages or planes, from 1; None to refuse such files as images.
-    channel_axis : int or None
-        Axis of the bands in .npy arrays of three axes; None for the last, unless that is doubtful.
-    """
-
+    # Page to read from files of several pages or planes, from 1; None to refuse such files as images.
     page: int | None = None
+    # Axis of the bands in .npy arrays of three axes; None for the last, unless that is doubtful.
     channel_axis: int | None = None
 
 

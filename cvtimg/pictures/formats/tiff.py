@@ -42,28 +42,15 @@ _ALPHA = ((1,), (2,), (999,))
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Meaning of the samples of a pixel.
+    """Meaning of the samples of a pixel."""
 
-    Attributes
-    ----------
-    n_samples, bits : int
-        Samples per pixel, and bits of the largest sample.
-    n_colors : int
-        Number of color samples: 1 or 3.
-    alpha : bool
-        Whether the next sample is transparency.
-    premultiplied : bool
-        Whether the colors are premultiplied by alpha.
-    for_pillow : bool
-        Whether Pillow reads such pixels without loss.
-    """
-
+    # Samples per pixel, and bits of the largest sample.
     n_samples: int
     bits: int
-    n_colors: int
-    alpha: bool
-    premultiplied: bool
-    for_pillow: bool
+    n_colors: int  # Number of color samples: 1 or 3
+    alpha: bool  # Whether the next sample is transparency
+    premultiplied: bool  # Whether the colors are premultiplied by alpha
+    for_pillow: bool  # Whether Pillow reads such pixels without loss
 
     @classmethod
     def of(cls, tags: Tags) -> Layout:

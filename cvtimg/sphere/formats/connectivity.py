@@ -24,33 +24,22 @@ class Connectivity:
     All orders are counterclockwise, seen from outside: around a cell, edge j is that with neighbor j, and vertex j lies
     between edges j and j + 1. The vertices of an edge follow each other as seen along the way from its first cell to
     its second: from the right to the left.
-
-    Attributes
-    ----------
-    twins, edge_of : (3 T,) int32 arrays
-        Of each half-edge.
-    halves : (E,) int32 array
-        The half-edge from the first cell of each edge to the second.
-    degrees : (N,) int32 array
-        Number of neighbors.
-    outgoing : (N, M) int32 array
-        Half-edges from each generator to its neighbors.
-    cells_on_cell, edges_on_cell, vertices_on_cell : (N, M) int32 arrays
-    cells_on_edge, vertices_on_edge : (E, 2) int32 arrays
-    cells_on_vertex, edges_on_vertex : (T, 3) int32 arrays
-        Edge k is that between cells k and k + 1.
     """
 
+    # (3 T,): of each half-edge.
     twins: Indices
     edge_of: Indices
-    halves: Indices
-    degrees: Indices
-    outgoing: Indices
+    halves: Indices  # (E,): the half-edge from the first cell of each edge to the second
+    degrees: Indices  # (N,): number of neighbors
+    outgoing: Indices  # (N, M): half-edges from each generator to its neighbors
+    # (N, M).
     cells_on_cell: Indices
     edges_on_cell: Indices
     vertices_on_cell: Indices
+    # (E, 2).
     cells_on_edge: Indices
     vertices_on_edge: Indices
+    # (T, 3): edge k is that between cells k and k + 1.
     cells_on_vertex: Indices
     edges_on_vertex: Indices
 

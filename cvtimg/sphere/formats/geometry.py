@@ -16,30 +16,19 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Geometry:
-    """Measures of cells, edges and vertices, on the unit sphere.
+    """Measures of cells, edges and vertices, on the unit sphere."""
 
-    Attributes
-    ----------
-    vertices : (T, 3) float64 array
-        Circumcenters of the triangles.
-    edges : (E, 3) float64 array
-        Middles between neighboring generators.
-    cell_distances, edge_lengths : (E,) float64 arrays
-        From generator to generator, and from vertex to vertex, along great circles.
-    angles : (E,) float64 array
-        Of the direction from the first cell to the second with the east, counterclockwise, in -pi..pi.
-    kites : (T, 3) float64 array
-        Part of each triangle in the cell of each corner. They have signs: those of an obtuse angle's neighbors are
-        negative in part, and all add up to the cells.
-    cell_areas, triangle_areas : (N,) and (T,) float64 arrays
-    """
-
-    vertices: Values
-    edges: Values
+    vertices: Values  # (T, 3): circumcenters of the triangles
+    edges: Values  # (E, 3): middles between neighboring generators
+    # (E,): from generator to generator, and from vertex to vertex, along great circles.
     cell_distances: Values
     edge_lengths: Values
+    # (E,): of the direction from the first cell to the second with the east, counterclockwise, in -pi..pi.
     angles: Values
+    # (T, 3): part of each triangle in the cell of each corner. They have signs: those of an obtuse angle's neighbors
+    # are negative in part, and all add up to the cells.
     kites: Values
+    # (N,).
     cell_areas: Values
     triangle_areas: Values
 
@@ -152,24 +141,12 @@ def _angles_with_east(places: Values, directions: Values) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class GridContent:
-    """A grid of the sphere, as it goes into a file.
+    """A grid of the sphere, as it goes into a file."""
 
-    Attributes
-    ----------
-    points : (N, 3) float64 array
-        Generators, unit vectors.
-    triangles : (T, 3) int32 array
-        Indices of points, counterclockwise as seen from outside.
-    density : (N,) float64 array
-        At the generators.
-    radius : float
-        Of the sphere in the file; lengths and areas are in its unit.
-    """
-
-    points: Values
-    triangles: Indices
-    density: Values
-    radius: float
+    points: Values  # (N, 3): generators, unit vectors
+    triangles: Indices  # (T, 3): indices of points, counterclockwise as seen from outside
+    density: Values  # (N,): at the generators
+    radius: float  # Of the sphere in the file; lengths and areas are in its unit
 
     @cached_property
     def around(self) -> Connectivity:
