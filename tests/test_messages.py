@@ -48,6 +48,8 @@ def test_find_palette_takes_an_image() -> None:
         (lambda **_: cvtimg.superpixels("a.png", 4), r"must be an array; read .* cvtimg.read_image"),
         (lambda **wrong: cvtimg.quantize(IMAGE, **wrong, k=4), r"quantize\(\) .* 'k'; did you mean n_colors\?"),
         (lambda **wrong: cvtimg.quantize(IMAGE, 4, **wrong, seed=0), r"quantize\(\) .* 'seed'; did you mean rng\?"),
+        (lambda **wrong: cvtimg.quantize(IMAGE, 4, **wrong, dithering=0), r"'dithering'; did you mean dither\?"),
+        (lambda **wrong: cvtimg.quantize(IMAGE, 4, **wrong, zoom=0), r"'zoom'; options are n_colors, .*dither, .*rng"),
         (lambda **wrong: cvtimg.find_palette(IMAGE, 4, **wrong, speed=0), r"find_palette\(\) .* 'speed'; options are"),
         (lambda **_: cvtimg.quantize(IMAGE, 4, dither="fs"), r"dither='fs' must be one of floyd-steinberg"),
         (lambda **_: cvtimg.segment(IMAGE, 4, averaging=True), r"averaging=True must be one of before, after"),  # type: ignore[arg-type]

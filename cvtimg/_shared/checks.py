@@ -6,7 +6,7 @@ A module whose sentence is its own raises its own error.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
@@ -123,13 +123,18 @@ def check_edge_weight(edge_weight: float | str) -> float | None:
     return None
 
 
-def check_keywords(function: str, given: Collection[str], known: Collection[str]) -> None:
-    """Refuse keyword arguments that a function does not have, and name the one that was likely meant."""
+def check_keywords(function: Callable[..., object], given: Collection[str], known: Collection[str]) -> None:
+    """Refuse keyword arguments that are neither `known` nor parameters, and name the one that was likely meant."""
     for name in given:
         if name not in known:
-            meant = _MEANT.get(name)
-            hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(sorted(known))}"
-            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{hint}")
+            from difflib import get_close_matches
+            from inspect import signature
+
+            own = [one.name for one in signature(function).parameters.values() if one.kind is not one.VAR_KEYWORD]
+            options = [*own[1:], *sorted(known)]
+            meant = _MEANT.get(name) or next(iter(get_close_matches(name, options, 1, 0.75)), None)
+            hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(options)}"
+            raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}{hint}")
 
 
 def refuse_path(name: str, value: object) -> None:

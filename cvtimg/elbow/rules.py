@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_needs
 from cvtimg._shared.extras import needs
 from cvtimg.colors import fidelity
 
@@ -33,7 +32,8 @@ class Scale:
     def psnr(self, energies: _Floats) -> _Floats:
         """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         peak = self.peak or np.nan
-        check_needs("rule='psnr'", True, "colors in the space rgb: other samples have no peak", self.peak is not None)
+        if self.peak is None:
+            raise ValueError("the rule 'psnr' needs colors in the space rgb: other samples have no peak")
         return fidelity.psnr(energies / self.n_values, peak)
 
     def floor(self, energies: _Floats) -> float:

@@ -139,7 +139,7 @@ def quantize_frames(
     >>> [int(one.image[0, 0]) for one in result.results]
     [11, 11, 200]
     """
-    check_keywords("quantize_frames", engine, EngineOptions.__annotations__)
+    check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
         n_colors=MOST_INDEXED if n_colors is None and psnr is not None else n_colors,
         psnr=psnr,

@@ -232,7 +232,7 @@ def quantize_file(
     ...     read_image(f"{folder}/b.png").tolist(), result.energy
     ([[[11, 12, 200], [11, 202, 201], [11, 12, 200]]], 2.0)
     """
-    check_keywords("quantize_file", engine, EngineOptions.__annotations__)
+    check_keywords(quantize_file, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
         n_colors=n_colors,
         psnr=psnr,

@@ -123,7 +123,7 @@ def quantize(
     >>> len(quantize(picture, psnr=40).palette)
     2
     """
-    check_keywords("quantize", engine, EngineOptions.__annotations__)
+    check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
         n_colors=n_colors,
         psnr=psnr,
@@ -201,6 +201,7 @@ def quantize_to_size(
     >>> len(result.palette)
     48
     """
+    check_keywords(quantize_to_size, engine, EngineOptions.__annotations__)
     check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
     how = QuantizeOptions(locked=locked, space=space, dither=dither, dither_strength=dither_strength, engine=engine)
     if isinstance(image, Frames):

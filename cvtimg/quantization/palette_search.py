@@ -137,7 +137,7 @@ def find_palette(
     >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
     [11, 201]
     """
-    check_keywords("find_palette", engine, EngineOptions.__annotations__)
+    check_keywords(find_palette, engine, EngineOptions.__annotations__)
     if is_image_in_blocks(samples):
         samples = count_blocks(PixelBlocks.of(samples)).of_some()
     elif not isinstance(samples, ColorSamples):
@@ -199,6 +199,7 @@ def shared_palette(
     >>> shared_palette([np.array([[10, 12]], np.uint8), np.array([[200, 202]], np.uint8)], 2).colors.tolist()
     [[11], [201]]
     """
+    check_keywords(shared_palette, engine, EngineOptions.__annotations__)
     samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
     if samples is None:
         refuse("pictures", [], "at least one")
