@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_numbers, check_shape
-from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import is_known
 from cvtimg._shared.threads import one_thread
-from cvtimg.blocks.passes import BlockError, add_in_tree, computed
+from cvtimg.blocks.passes import add_up
 from cvtimg.blocks.rows import dask_arrays
 
 __all__ = ["PixelBlocks", "is_image_in_blocks"]
@@ -80,14 +79,10 @@ class PixelBlocks:
 
     def total(self, count: Callable[[NDArray[Any]], T], add: Callable[[Sequence[T]], T]) -> T:
         """Return the sum of what `count` makes of the (n, C) pixels of each block that count, as in `over_blocks`."""
-        from dask.delayed import delayed
-
-        one = delayed(_counted, pure=False)
-        parts = self.pixels.to_delayed().ravel().tolist()
-        sums = [one(part, number, self.nodata, count) for number, part in enumerate(parts)]
-        total = add_in_tree(sums, delayed(add, pure=False))
+        parts = [(part,) for part in self.pixels.to_delayed().ravel().tolist()]
         # What is in memory is worked on where it is, perhaps by a task of a cluster.
-        return computed(total, [(part,) for part in parts], None if self._is_lazy else "sync")
+        scheduler = None if self._is_lazy else "sync"
+        return add_up(parts, _counted, add, self.nodata, count, name="count", scheduler=scheduler)
 
     def mapped(self, function: Callable[[NDArray[Any]], NDArray[Any]], dtype: Any, n_bands: int | None = None) -> Any:
         """Return what a function makes of the (n, C) pixels of each block that count, labeled as the image is.
@@ -136,12 +131,8 @@ class PixelBlocks:
         return library.DataArray(values, coords, dims, name=self.like.name)
 
 
-def _counted(block: Any, number: int, nodata: float | None, count: Callable[[NDArray[Any]], T]) -> T:
-    try:
-        with one_thread():
-            return count(np.ascontiguousarray(block[is_known(block, nodata)]))
-    except ValueError as error:
-        raise BlockError(number, one_line(error)) from error
+def _counted(number: int, block: Any, nodata: float | None, count: Callable[[NDArray[Any]], T]) -> T:
+    return count(np.ascontiguousarray(block[is_known(block, nodata)]))
 
 
 def _mapped_block(

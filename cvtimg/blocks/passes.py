@@ -101,26 +101,33 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
     ConnectionError
         If the cluster was lost.
     """
+    parts = _delayed(blocks)
+    lengths = blocks.lengths or (None,) * len(parts)
+    name = getattr(work, "__name__", "work")
+    return add_up(parts, _on_rows, add, work, lengths, blocks.n_dims, *shared, name=name)
+
+
+def add_up(
+    parts: Sequence[tuple[Any, ...]],
+    work: Callable[..., T],
+    add: Callable[[Sequence[T]], T],
+    *shared: Any,
+    name: str = "work",
+    scheduler: str | None = None,
+) -> T:
+    """Return the sum of ``work(number, *arrays, *shared)`` over the delayed arrays of each block; see `over_blocks`."""
     from dask.delayed import delayed
 
-    token = f"{_KEY}-{getattr(work, '__name__', 'work')}-{next(_passes)}"
+    token = f"{_KEY}-{name}-{next(_passes)}"
     common = delayed(shared, name=f"{token}-shared", traverse=False)
-    parts = _delayed(blocks)
-    one, total = delayed(_work, pure=False), delayed(add, pure=False)
-    lengths = blocks.lengths or (None,) * len(parts)
+    one, total = delayed(_attempted, pure=False), delayed(add, pure=False)
     sums = [
-        one(work, number, rows, weights, (lengths[number], blocks.n_dims), common, dask_key_name=f"{token}-{number}")
-        for number, (rows, weights) in enumerate(parts)
+        one(work, number, list(arrays), common, dask_key_name=f"{token}-{number}")
+        for number, arrays in enumerate(parts)
     ]
-    return computed(add_in_tree(sums, total), parts)
-
-
-def add_in_tree(parts: Sequence[Any], add: Any) -> Any:
-    """Return the delayed sum of delayed values, along a tree that depends only on their number."""
-    sums = list(parts)
-    while len(sums) > 1:
-        sums = [add(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
-    return sums[0]
+    while len(sums) > 1:  # along a tree that depends only on their number
+        sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
+    return _computed(sums[0], parts, scheduler)
 
 
 def map_rows(
@@ -207,33 +214,36 @@ def _delayed(blocks: Blocks) -> list[tuple[Any, Any]]:
     return list(zip(rows, weights, strict=True))
 
 
-def _work(
-    work: Callable[..., T], number: int, rows: Any, weights: Any, shape: tuple[int | None, int], shared: tuple[Any, ...]
-) -> T:
+def _attempted(work: Callable[..., T], number: int, arrays: Sequence[Any], shared: tuple[Any, ...]) -> T:
     """Work on a block, in one thread, because Dask works on several blocks at a time."""
     try:
-        rows = np.asarray(rows)
-        fits = rows.ndim == 2 and rows.shape[1] == shape[1] and shape[0] in (None, len(rows))
-        check_shape("samples", rows.shape, fits, f"({'n' if shape[0] is None else shape[0]}, {shape[1]})")
-        if weights is not None:
-            weights = np.asarray(weights)
-            check_shape("weights", weights.shape, weights.shape == rows.shape[:1], f"({len(rows)},), one for each row")
         with one_thread():
-            return work(Block(number, rows, weights), *shared)
+            return work(number, *arrays, *shared)
     except (ValueError, TypeError) as error:
         raise BlockError(number, one_line(error)) from error
 
 
-def computed(total: Any, parts: Sequence[tuple[Any, ...]], scheduler: str | None = None) -> Any:
-    """Compute a delayed value that is made of delayed parts, the arrays of each block; by the current scheduler.
+def _on_rows(
+    number: int,
+    rows: Any,
+    weights: Any,
+    work: Callable[..., T],
+    lengths: Sequence[int | None],
+    n_dims: int,
+    *shared: Any,
+) -> T:
+    """Work on rows that have the length and width that was promised."""
+    rows, length = np.asarray(rows), lengths[number]
+    fits = rows.ndim == 2 and rows.shape[1] == n_dims and length in (None, len(rows))
+    check_shape("samples", rows.shape, fits, f"({'n' if length is None else length}, {n_dims})")
+    if weights is not None:
+        weights = np.asarray(weights)
+        check_shape("weights", weights.shape, weights.shape == rows.shape[:1], f"({len(rows)},), one for each row")
+    return work(Block(number, rows, weights), *shared)
 
-    Raises
-    ------
-    BlockError
-        If a part cannot be read, or its workers were lost.
-    ConnectionError
-        If the cluster was lost.
-    """
+
+def _computed(total: Any, parts: Sequence[tuple[Any, ...]], scheduler: str | None = None) -> Any:
+    """Compute a delayed value that is made of the delayed arrays of each block; by default by the current scheduler."""
     try:
         return _compute(total, scheduler=scheduler)[0]
     except BlockError:

@@ -1,35 +1,25 @@
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
+Ints: TypeAlias = NDArray[np.int32]
+UInts: TypeAlias = NDArray[np.uint32]
+Shorts: TypeAlias = NDArray[np.uint16]
+Bytes: TypeAlias = NDArray[np.uint8]
+
 PAGE_SIZE: int
 
-def count_keys(
-    pixels: NDArray[np.uint8],
-    key_bits: NDArray[np.uint32],
-    pages: NDArray[np.uint16],
-    counts: NDArray[np.uint32],
-    used: int,
-) -> int: ...
-def number_keys(
-    pages: NDArray[np.uint16],
-    counts: NDArray[np.uint32],
-    keys: NDArray[np.uint32],
-    density: NDArray[np.float64],
-) -> int: ...
-def look_up_keys(
-    pixels: NDArray[np.uint8],
-    key_bits: NDArray[np.uint32],
-    pages: NDArray[np.uint16],
-    ranks: NDArray[np.uint32],
-    inverse: NDArray[np.int32],
-) -> None: ...
+def count_keys(pixels: Bytes, key_bits: UInts, pages: Shorts, counts: UInts, used: int) -> int: ...
+def number_keys(pages: Shorts, counts: UInts, keys: UInts, density: NDArray[np.float64]) -> int: ...
+def look_up_keys(pixels: Bytes, key_bits: UInts, pages: Shorts, ranks: UInts, inverse: Ints) -> None: ...
 def count_rows(
-    rows: NDArray[np.uint8],
+    rows: Bytes,
     start: int,
-    slots: NDArray[np.int32],
+    slots: Ints,
     firsts: NDArray[np.int64],
     counts: NDArray[np.float64],
-    ranks: NDArray[np.int32],
+    ranks: Ints,
     found: int,
 ) -> tuple[int, int]: ...
-def rehash(rows: NDArray[np.uint8], firsts: NDArray[np.int64], slots: NDArray[np.int32]) -> None: ...
+def rehash(rows: Bytes, firsts: NDArray[np.int64], slots: Ints) -> None: ...

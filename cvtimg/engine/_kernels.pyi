@@ -1,104 +1,69 @@
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+Doubles: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float32]
+Ints: TypeAlias = NDArray[np.int32]
 
 SIMD_LEVELS: tuple[str, ...]
 TILE: int
 MAX_GROUPED_DIMS: int
 simd: str
 
-def pack_tiles(
-    rows: NDArray[Any], center: NDArray[np.float64], scale: float, first: int, tiles: NDArray[np.float32]
-) -> None: ...
-def assign(
-    tiles: NDArray[np.float32],
-    generators: NDArray[np.float32],
-    half_norms: NDArray[np.float32],
-    labels: NDArray[np.int32],
-) -> None: ...
+def pack_tiles(rows: NDArray[Any], center: Doubles, scale: float, first: int, tiles: Floats) -> None: ...
+def assign(tiles: Floats, generators: Floats, half_norms: Floats, labels: Ints) -> None: ...
 def assign_grouped(
-    tiles: NDArray[np.float32],
-    boxes: NDArray[np.float32],
-    columns: NDArray[np.float32],
-    generators: NDArray[np.float32],
-    half_norms: NDArray[np.float32],
-    labels: NDArray[np.int32],
+    tiles: Floats, boxes: Floats, columns: Floats, generators: Floats, half_norms: Floats, labels: Ints
 ) -> None: ...
 def assign_two(
-    tiles: NDArray[np.float32],
-    generators: NDArray[np.float32],
-    half_norms: NDArray[np.float32],
-    labels: NDArray[np.int32],
-    seconds: NDArray[np.int32],
-    gaps: NDArray[np.float32],
+    tiles: Floats, generators: Floats, half_norms: Floats, labels: Ints, seconds: Ints, gaps: Floats
 ) -> None: ...
-def accumulate(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    sums: NDArray[np.float64],
-) -> None: ...
+def accumulate(tiles: Floats, density: Doubles, labels: Ints, sums: Doubles) -> None: ...
 def move_often(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    generators: NDArray[np.float64],
-    sums: NDArray[np.float64],
-    single: NDArray[np.float32],
-    half_norms: NDArray[np.float32],
-    labels: NDArray[np.int32],
-    energies: NDArray[np.float64],
+    tiles: Floats,
+    density: Doubles,
+    generators: Doubles,
+    sums: Doubles,
+    single: Floats,
+    half_norms: Floats,
+    labels: Ints,
+    energies: Doubles,
 ) -> None: ...
-def measure(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    generators: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    energies: NDArray[np.float64],
-) -> None: ...
+def measure(tiles: Floats, density: Doubles, generators: Doubles, labels: Ints, energies: Doubles) -> None: ...
 def transfer(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    masses: NDArray[np.float64],
-    means: NDArray[np.float64],
-    energies: NDArray[np.float64],
-    squares: NDArray[np.float64],
+    tiles: Floats,
+    density: Doubles,
+    labels: Ints,
+    masses: Doubles,
+    means: Doubles,
+    energies: Doubles,
+    squares: Doubles,
     n_locked: int,
     power: float,
     total: float,
 ) -> int: ...
-def squared_distances(
-    tiles: NDArray[np.float32],
-    generator: NDArray[np.float32],
-    bound: NDArray[np.float32],
-    distances: NDArray[np.float32],
-) -> None: ...
+def squared_distances(tiles: Floats, generator: Floats, bound: Floats, distances: Floats) -> None: ...
 def divide_cells(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    children: NDArray[np.int32],
-    axes: NDArray[np.float64],
-    offsets: NDArray[np.float64],
+    tiles: Floats,
+    density: Doubles,
+    labels: Ints,
+    children: Ints,
+    axes: Doubles,
+    offsets: Doubles,
     counts: NDArray[np.int64],
-    moments: NDArray[np.float64],
+    moments: Doubles,
 ) -> None: ...
 def draw_means(
-    tiles: NDArray[np.float32],
+    tiles: Floats,
     drawn: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    means: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    squares: NDArray[np.float64],
+    weights: Doubles,
+    means: Doubles,
+    counts: Doubles,
+    squares: Doubles,
     n_locked: int,
 ) -> None: ...
 def cut_levels(
-    moments: NDArray[np.float64],
-    price: float,
-    costs: NDArray[np.float64],
-    firsts: NDArray[np.int32],
-    queue: NDArray[np.int32],
-    since: NDArray[np.int32],
-    bounds: NDArray[np.int32],
+    moments: Doubles, price: float, costs: Doubles, firsts: Ints, queue: Ints, since: Ints, bounds: Ints
 ) -> int: ...

@@ -1,66 +1,61 @@
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float32]
+Ints: TypeAlias = NDArray[np.int32]
+Shorts: TypeAlias = NDArray[np.uint16]
+Bytes: TypeAlias = NDArray[np.uint8]
 
 DIMS: int
 
 def list_candidates(
-    palette: NDArray[np.float32],
-    names: NDArray[np.uint16],
-    low: NDArray[np.float32],
-    sides: NDArray[np.float32],
-    outside: NDArray[np.float32],
-    n_blocks: NDArray[np.int32],
-    n_in_block: NDArray[np.int32],
-    in_block: NDArray[np.uint16],
-    in_cell: NDArray[np.uint16],
-    bounds: NDArray[np.int32],
-    candidates: NDArray[np.uint16],
+    palette: Floats,
+    names: Shorts,
+    low: Floats,
+    sides: Floats,
+    outside: Floats,
+    n_blocks: Ints,
+    n_in_block: Ints,
+    in_block: Shorts,
+    in_cell: Shorts,
+    bounds: Ints,
+    candidates: Shorts,
     first: int,
 ) -> int: ...
 def diffuse(
-    places: NDArray[np.float32],
-    kinds: NDArray[np.uint8],
-    inverse: NDArray[np.int32],
-    palette: NDArray[np.float32],
-    low: NDArray[np.float32],
-    cells_a_unit: NDArray[np.float32],
-    strides: NDArray[np.int32],
-    last: NDArray[np.int32],
-    bounds: NDArray[np.int32],
-    candidates: NDArray[np.uint16],
-    strengths: NDArray[np.float32],
+    places: Floats,
+    kinds: Bytes,
+    inverse: Ints,
+    palette: Floats,
+    low: Floats,
+    cells_a_unit: Floats,
+    strides: Ints,
+    last: Ints,
+    bounds: Ints,
+    candidates: Shorts,
+    strengths: Floats,
     most: float,
-    clean: NDArray[np.uint8],
-    rows: NDArray[np.float32],
-    row_kinds: NDArray[np.uint8],
-    labels: NDArray[np.int32],
+    clean: Bytes,
+    rows: Floats,
+    row_kinds: Bytes,
+    labels: Ints,
 ) -> None: ...
 def mix(
-    places: NDArray[np.float32],
-    kinds: NDArray[np.uint8],
-    palette: NDArray[np.float32],
-    low: NDArray[np.float32],
-    cells_a_unit: NDArray[np.float32],
-    strides: NDArray[np.int32],
-    last: NDArray[np.int32],
-    bounds: NDArray[np.int32],
-    candidates: NDArray[np.uint16],
-    strengths: NDArray[np.float32],
+    places: Floats,
+    kinds: Bytes,
+    palette: Floats,
+    low: Floats,
+    cells_a_unit: Floats,
+    strides: Ints,
+    last: Ints,
+    bounds: Ints,
+    candidates: Shorts,
+    strengths: Floats,
     most: float,
-    ranks: NDArray[np.uint16],
-    mixtures: NDArray[np.uint16],
+    ranks: Shorts,
+    mixtures: Shorts,
 ) -> None: ...
-def arrange(
-    mixtures: NDArray[np.uint16],
-    inverse: NDArray[np.int32],
-    mask: NDArray[np.uint8],
-    first: int,
-    labels: NDArray[np.int32],
-) -> None: ...
-def measure(
-    places: NDArray[np.float32],
-    palette: NDArray[np.float32],
-    inverse: NDArray[np.int32],
-    labels: NDArray[np.int32],
-    energies: NDArray[np.float64],
-) -> None: ...
+def arrange(mixtures: Shorts, inverse: Ints, mask: Bytes, first: int, labels: Ints) -> None: ...
+def measure(places: Floats, palette: Floats, inverse: Ints, labels: Ints, energies: NDArray[np.float64]) -> None: ...
