@@ -77,14 +77,15 @@ def plan_each(
     folders = [_root(text) for text in inputs if glob.has_magic(text) or Path(text).is_dir()]
     sources, missing = find(inputs, expand, out_dir, suffixes)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
+    stems = Counter((source.parent, stem_of(source)) for source in sources)
     tasks = []
     for source, folder in sources.items():
-        outputs_of = {option: _output(path, source, folder) for option, path in wanted.items()}
+        alone = stems[source.parent, stem_of(source)] == 1
+        outputs_of = {option: _output(path, source, folder, alone) for option, path in wanted.items()}
         main = wanted.get("-o")
         if main and not isinstance(main, Path) and is_pipe(source) and not out_dir:
             outputs_of["-o"] = Path(STANDARD + outputs_of["-o"].suffix)
         tasks.append(Task((source,), outputs_of))
-    _keep_suffixes(tasks, wanted)
     return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}), folders)
 
 
@@ -104,26 +105,13 @@ def _given(files: Mapping[str, Path | None]) -> dict[str, Path]:
     return {option: path for option, path in files.items() if path}
 
 
-def _output(path: Path | Pattern, source: Path, folder: Path) -> Path:
+def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Path:
+    """Name an output; of inputs that differ only in their suffixes, a.webp becomes a.webp.png beside a.png."""
     if isinstance(path, Path):
         return path
     pattern = path if isinstance(path, str) else path(source)
-    return folder / pattern.format(stem_of(source))
-
-
-def _keep_suffixes(tasks: list[Task], wanted: Mapping[str, Path | Pattern]) -> None:
-    """Rename outputs of inputs that differ only in their suffixes: a.webp becomes a.webp.png beside a.png."""
-    stems = Counter((task.source.parent, stem_of(task.source)) for task in tasks)
-    for number, task in enumerate(tasks):
-        source = task.source
-        if stems[source.parent, stem_of(source)] < 2:
-            continue
-        outputs = dict(task.outputs)
-        for option, path in wanted.items():
-            if not isinstance(path, Path) and outputs[option].suffix != source.suffix:
-                pattern = path if isinstance(path, str) else path(source)
-                outputs[option] = outputs[option].with_name(pattern.format(source.name))
-        tasks[number] = Task(task.sources, outputs)
+    output = folder / pattern.format(stem_of(source))
+    return output if alone or output.suffix == source.suffix else output.with_name(pattern.format(source.name))
 
 
 def find(

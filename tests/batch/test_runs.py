@@ -29,8 +29,6 @@ from cvtimg.files.whole import whole_file
 
 #: Workers that hang must not hang the tests.
 pytestmark = pytest.mark.timeout(120)
-
-pytestmark = pytest.mark.timeout(120)
 RNG = np.random.default_rng(11)
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
