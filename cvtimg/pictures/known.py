@@ -123,7 +123,7 @@ def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
     with selecting(Selection()):
         masks = read_frames(path).images if is_animated(path) else read_pages(path).images
     page = selected().page
-    if page is not None and 1 < page <= len(masks):
+    if page is not None and page <= len(masks):
         masks = masks[page - 1 : page]
     if len(masks) not in (1, n):
         wanted = "1" if n == 1 else f"1 or {n}"

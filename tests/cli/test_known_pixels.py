@@ -233,3 +233,14 @@ def test_a_mask_of_another_size_is_refused(run: Run) -> None:
     row = run("in.png", "-k", "4", "--mask", "mask.png", "-o", "out.png")
     assert "the mask mask.png must have 32 x 24 pixels, as the image, and has 32 x 5 pixels" in row["error"]
     assert not Path("out.png").exists()
+
+
+@pytest.mark.parametrize("page", [1, 2, 3])
+def test_a_page_takes_the_page_of_the_mask_with_its_number(run: Run, page: int) -> None:
+    masks = np.zeros((3, *COLORS.shape[:2]), np.uint8)
+    for number in range(3):
+        masks[number, number + 1 :] = 255
+    tifffile.imwrite("pages.tif", np.stack([COLORS[..., 0]] * 3), photometric="minisblack")
+    tifffile.imwrite("masks.tif", masks, photometric="minisblack")
+    row = run("pages.tif", "--page", str(page), "-k", "4", "--mask", "masks.tif", "-o", "out.png")
+    assert row["left_out"] == page * COLORS.shape[1]
