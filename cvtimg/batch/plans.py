@@ -144,7 +144,7 @@ def find(
     """
     sources: dict[Path, Path] = {}
     missing: Missing = []
-    outside = out_dir.resolve() if out_dir else None
+    outside = Path(os.path.realpath(out_dir)) if out_dir else None
     for text, root in _listed(inputs, missing):
         try:
             if is_remote(text):
@@ -154,8 +154,8 @@ def find(
         except OSError as error:
             missing.append((text, error))
             continue
-        if outside and Path(text).resolve() in outside.parents:
-            found = [path for path in found if outside not in path.resolve().parents]
+        if outside and Path(os.path.realpath(text)) in outside.parents:
+            found = [path for path in found if outside not in Path(os.path.realpath(path)).parents]
         for path in found:
             sources.setdefault(path, out_dir / _below(path, root) if out_dir else path.parent)
     return sources, missing
@@ -232,7 +232,7 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
         _check_link(path, plan.folders, in_place=replaces)
         if not replaces and _identity(path) in inputs - {None}:
             raise WrongUsageError(f"{url_of(path)} is an input, which is never replaced; choose another output")
-        place = os.path.normcase(path.resolve())
+        place = os.path.normcase(os.path.realpath(path))
         if place in owners:
             who = f"two outputs of {owner}" if owners[place] == owner else f"{owners[place]} and {owner}"
             raise WrongUsageError(f"{who} would both become {url_of(path)}")
@@ -247,8 +247,8 @@ def _check_link(path: Path, folders: Sequence[Path], *, in_place: bool) -> None:
     given = [folder for folder in folders if folder in path.parents] if in_place else [path.parent]
     if is_remote(path) or not (path.is_symlink() or (in_place and given)):
         return
-    real = path.resolve()
-    if not any(folder.resolve() in real.parents for folder in given):
+    real = Path(os.path.realpath(path))  # unlike `Path.resolve`, raises nothing for links in a circle
+    if not any(Path(os.path.realpath(folder)) in real.parents for folder in given):
         raise WrongUsageError(f"{path} is a link to {real}, a file elsewhere, which is not replaced; name that file")
 
 

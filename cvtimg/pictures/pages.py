@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +22,7 @@ from cvtimg.pictures.formats.arrays import FITS_MAGIC, decode_planes
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import dpi_of
-from cvtimg.pictures.formats.opening import UnfitContentError, check_size, open_picture, reading
+from cvtimg.pictures.formats.opening import Source, UnfitContentError, check_size, open_picture, reading
 from cvtimg.pictures.formats.tiff import (
     OF_IMAGEJ,
     Layout,
@@ -94,7 +95,7 @@ class Pages:
         return f"<Pages {self.axes} {self.shape} of {first.shape} {first.dtype}>"
 
 
-def count_pages(path: StrPath) -> int:
+def count_pages(path: Source) -> int:
     """Count the pages of a file, excluding masks and reduced-size copies; 1 for formats other than TIFF.
 
     Examples
@@ -106,13 +107,13 @@ def count_pages(path: StrPath) -> int:
     ...     count_pages(f"{folder}/a.tif")
     3
     """
-    if Path(path).suffix.lower() == ".zarr":
+    if isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr":
         return 1
     with reading(path) as file:
         return _count(file)
 
 
-def read_pages(path: StrPath) -> Pages:
+def read_pages(path: Source) -> Pages:
     """Read all pages of a file.
 
     Parameters

@@ -358,3 +358,11 @@ def test_outputs_replace_no_file_elsewhere_through_a_link(
     assert cli.main(["quantize", "a.png", "-k", "4", "--overwrite", "--quiet", *outputs]) == 2
     assert "a file elsewhere, which is not replaced" in capsys.readouterr().err
     assert [Path("orig", name).read_text() for name in ("a.png", "r.csv")] == ["mine"] * 2
+
+
+def test_links_in_a_circle_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("self.png").symlink_to("self.png")
+    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "self.png", "--quiet"]) == 1
+    assert capsys.readouterr().err.startswith("cvtimg: a.png: self.png: ")
+    assert cli.main(["quantize", "a.png", "self.png", "-k", "4", "--out-dir", "out", "--quiet"]) == 1
+    assert "self.png: no such file" in capsys.readouterr().err
