@@ -1,0 +1,109 @@
+"""`quantize_file` picks the way that suits a file; frames have targets, and indexed images keep their palettes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image
+
+from cvtimg import quantize, quantize_frames, read_image, read_palette
+from cvtimg.pictures import Frames, read_frames, read_pages, write_frames, write_image
+from cvtimg.quantization import UnfitOptionError, quantize_file, quantize_to_size
+
+RNG = np.random.default_rng(5)
+PICTURE = RNG.integers(0, 256, (30, 40, 3), np.uint8)
+STACK = RNG.integers(0, 256, (3, 20, 24, 3), np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_each_file_goes_its_way() -> None:
+    write_image("a.png", PICTURE)
+    write_frames("film.png", Frames(tuple(STACK), (40,) * 3, 0))
+    tifffile.imwrite("pages.tif", STACK, photometric="rgb")
+    stages: list[str] = []
+    found = {}
+    for source, target, tiles in (
+        ("a.png", "b.png", None),
+        ("film.png", "b.gif", None),
+        ("pages.tif", "b.tif", None),
+        ("pages.tif", "c.tif", True),
+    ):
+        if tiles:
+            tifffile.imwrite("pages.tif", PICTURE, photometric="rgb")
+        result = quantize_file(source, target, 8, tiles=tiles, save_palette=f"{target}.hex", on_stage=stages.append)
+        found[target] = (result.kind, result.n_images, result.n_colors)
+        np.testing.assert_array_equal(np.sort(read_palette(f"{target}.hex"), axis=0), np.sort(result.palette, axis=0))
+    assert found == {
+        "b.png": ("picture", 1, 8),
+        "b.gif": ("frames", 3, 8),
+        "b.tif": ("pages", 3, 8),
+        "c.tif": ("tiles", 1, 8),
+    }
+    assert stages == [*("read", "cluster", "write") * 3, "all"]
+    np.testing.assert_array_equal(read_image("b.png"), quantize(PICTURE, 8).image)
+    np.testing.assert_array_equal(read_image("c.tif"), quantize(PICTURE, 8).image)
+    assert len(read_frames("b.gif").images) == len(read_pages("b.tif").images) == 3
+
+
+@pytest.mark.parametrize(
+    ("source", "given", "option"),
+    [
+        ("film.png", {"n_colors": 4, "optimize": True}, "optimize"),
+        ("pages.tif", {"psnr": 30}, "psnr"),
+        ("a.tif", {"n_colors": 4, "tiles": True, "dither": "blue-noise"}, "dither"),
+    ],
+)
+def test_options_that_a_kind_of_file_cannot_have_are_named(source: str, given: dict[str, Any], option: str) -> None:
+    write_frames("film.png", Frames(tuple(STACK), (40,) * 3, 0))
+    tifffile.imwrite("pages.tif", STACK, photometric="rgb")
+    tifffile.imwrite("a.tif", PICTURE, photometric="rgb")
+    target = f"b{Path(source).suffix}"
+    with pytest.raises(UnfitOptionError) as error:
+        quantize_file(source, target, **given)
+    assert error.value.option == option
+    assert not Path(target).exists()
+
+
+def test_frames_reach_a_quality_and_a_size() -> None:
+    frames = Frames(tuple(STACK // 16 * 16), (40,) * 3, 0)
+    result = quantize_frames(frames, psnr=28)
+    n_colors = len(result.palette)
+    assert result.psnr >= 28 > quantize_frames(frames, n_colors - 1).psnr
+
+    def size(found: Any) -> int:
+        return sum(3 * len(one.palette) + one.indices.nbytes for one in found.results)
+
+    most = size(quantize_frames(frames, 20))
+    assert len(quantize_to_size(frames, most, size).palette) == 20
+    with pytest.raises(ValueError, match=r"psnr=90 must be at most .* dB, which 256 colors reach"):
+        quantize_frames(frames, psnr=90)
+
+
+def test_an_indexed_image_of_few_colors_keeps_its_palette() -> None:
+    palette = np.array([[200, 0, 0], [0, 0, 0], [0, 200, 0], [9, 9, 9]], np.uint8)
+    indices = RNG.integers(0, 3, (8, 9), np.uint8)
+    write_image("a.png", indices, palette=palette)
+    quantize_file("a.png", "b.png", 4)
+    with Image.open("b.png") as written:
+        np.testing.assert_array_equal(np.asarray(written), indices)
+    np.testing.assert_array_equal(quantize(palette[indices], 4, palette_hint=palette).palette, palette)
+    for n_colors, hint in ((3, palette), (4, palette[:2])):  # too large, and without some colors
+        found = quantize(palette[indices], n_colors, palette_hint=hint)
+        np.testing.assert_array_equal(found.palette, quantize(palette[indices], n_colors).palette)
+
+
+def test_pixels_without_data_do_not_count() -> None:
+    image: NDArray[np.int16] = PICTURE.astype(np.int16)
+    image[:5] = -1
+    result = quantize(image, 6, nodata=-1)
+    np.testing.assert_array_equal(result.palette, quantize(image[5:], 6).palette)
+    assert (result.image[:5] == -1).all()
