@@ -62,8 +62,7 @@ def draw_solid(caption: str, points: _Floats, triangles: NDArray[np.integer], vi
 def edges_of(triangles: NDArray[np.integer]) -> NDArray[np.integer]:
     """List the edges (E, 2) of triangles (T, 3), each once."""
     pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges: NDArray[np.integer] = np.unique(pairs, axis=0)
-    return edges
+    return np.unique(pairs, axis=0)
 
 
 def seen_from(direction: Sequence[float]) -> _Floats:

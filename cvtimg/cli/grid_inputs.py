@@ -62,8 +62,7 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
         off = f"point {worst} is {lengths[worst]:g} from the center, not {radius:g}"
         raise ValueError(f"points of {path} must be on a sphere: {off}")
     # On a sphere of radius 1, points keep their bits.
-    points: NDArray[np.float64] = table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
-    return points
+    return table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
 
 
 def _from_netcdf(path: Path) -> NDArray[np.float64]:

@@ -117,8 +117,7 @@ class Picture:
         """Colors of a window; those of the last ones are kept."""
         if window == self.whole(MOST_PIXELS):
             return self.samples
-        samples: ColorSamples = self.kept(window, lambda: self._samples_in(window))
-        return samples
+        return self.kept(window, lambda: self._samples_in(window))
 
     def _samples_in(self, window: Window) -> ColorSamples:
         mask = None if self.known is None else window.of_array(self.known)

@@ -37,5 +37,4 @@ _MODULES = {
 
 def options_of(verb: str) -> tuple[Option, ...]:
     """Return the options of a verb, in the order of ``--help``."""
-    options: tuple[Option, ...] = getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())
-    return options
+    return getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())

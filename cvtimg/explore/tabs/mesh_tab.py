@@ -143,15 +143,13 @@ class MeshTab(Tab):
 
     def _labels(self, ask: Ask) -> NDArray[Any]:
         if ask.settings["of"] == "segments":
-            labels: NDArray[Any] = _segments(ask.settings).run(ask.picture.array).labels
-            return labels
+            return _segments(ask.settings).run(ask.picture.array).labels
         labels = _stored_labels(ask.picture)
         return labels > 0 if _is_mask(ask) else labels
 
 
 def _stored_labels(picture: Picture) -> NDArray[np.int32]:
-    labels: NDArray[np.int32] = picture.kept("labels", lambda: read_labels(picture.path))
-    return labels
+    return picture.kept("labels", lambda: read_labels(picture.path))
 
 
 def _is_mask(ask: Ask) -> bool:

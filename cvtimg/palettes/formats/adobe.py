@@ -106,8 +106,7 @@ def _to_srgb(model: bytes, values: NDArray[np.float64]) -> NDArray[np.uint8]:
         rgb = xyz2rgb(lab2xyz(values * (100, 1, 1), illuminant="D50") @ _D50_TO_D65)
     else:
         rgb = (1 - values[:3]) * (1 - values[3]) if model == b"CMYK" else np.broadcast_to(values, 3)
-    levels: NDArray[np.uint8] = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
-    return levels
+    return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
 
 
 def write_ase(swatches: Swatches) -> bytes:

@@ -40,8 +40,7 @@ def _entries(image: Image.Image) -> NDArray[np.uint8]:
     strip = Image.fromarray(numbers[np.newaxis].astype(np.uint8))
     strip.putpalette(image.getpalette("RGB") or b"")
     strip.info = image.info
-    colors: NDArray[np.uint8] = np.asarray(to_srgb(strip))[0]
-    return colors
+    return np.asarray(to_srgb(strip))[0]
 
 
 def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:

@@ -54,8 +54,7 @@ def _all_bits(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.uint16]:
     raw = str(image.tile[0].args)
     if raw == "LA;16B":  # four bytes per pixel, as in RGBA
         image.tile = [image.tile[0]._replace(args="RGBA")]
-        pairs: NDArray[np.uint16] = np.array(image).view(">u2").astype(np.uint16)
-        return pairs
+        return np.array(image).view(">u2").astype(np.uint16)
     file.seek(0)
     with PngImageFile(file) as lower:
         lower.tile = [lower.tile[0]._replace(args=raw.replace(";16B", ";16L"))]
@@ -80,8 +79,7 @@ def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None
 
 def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Return the sum of the absolute differences of each row, which small files keep small."""
-    sums: NDArray[np.int64] = np.minimum(differences, -differences).sum(axis=1, dtype=np.int64)
-    return sums
+    return np.minimum(differences, -differences).sum(axis=1, dtype=np.int64)
 
 
 def encode_indexed_png(
@@ -119,8 +117,7 @@ def optimized(png: bytes) -> bytes:
         import oxipng
     except ImportError as error:
         raise ModuleNotFoundError(f"optimize needs {needs('oxipng', 'oxipng')}", name="oxipng") from error
-    smaller: bytes = oxipng.optimize_from_memory(png, level=_OPTIMIZATION)
-    return smaller
+    return oxipng.optimize_from_memory(png, level=_OPTIMIZATION)
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
@@ -136,5 +133,4 @@ def _packed(indices: NDArray[Any], bits: int) -> NDArray[np.uint8]:
     height, width = indices.shape
     padded = np.zeros((height, -(-width // n_each), n_each), np.uint8)
     padded.reshape(height, -1)[:, :width] = indices
-    packed: NDArray[np.uint8] = np.bitwise_or.reduce(padded << np.arange(8 - bits, -1, -bits, dtype=np.uint8), axis=2)
-    return packed
+    return np.bitwise_or.reduce(padded << np.arange(8 - bits, -1, -bits, dtype=np.uint8), axis=2)

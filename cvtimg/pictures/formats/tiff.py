@@ -193,8 +193,7 @@ def icc_profile(tags: Tags) -> bytes | None:
 
 def tags_of(image: Image.Image) -> Tags:
     """Return the tags of the first page of a TIFF; empty for other formats."""
-    tags: Tags = getattr(image, "tag_v2", {})
-    return tags
+    return getattr(image, "tag_v2", {})
 
 
 def is_turned(tags: Tags) -> bool:
