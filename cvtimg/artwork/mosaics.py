@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_channels, check_choice, check_colors, check_count, check_image
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.records import ReadOnly
 from cvtimg.artwork.mosaic_files import TileDrawing
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
@@ -40,7 +41,7 @@ SHAPES = tuple(_UNIFORM)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mosaic:
+class Mosaic(ReadOnly):
     """An image made of tiles of one color each.
 
     Attributes
@@ -69,11 +70,6 @@ class Mosaic:
     energy: float
     energies: tuple[float, ...]
     psnr: float
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.colors, self.labels, self.triangles):
-            if array is not None:
-                array.flags.writeable = False
 
     @property
     def image(self) -> NDArray[Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
 from cvtimg.artwork.stipple_files import TABLES, Paper, PenDots, suffixes, write_cells, write_svg, write_table
@@ -64,7 +65,7 @@ def _disks_of_rows(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stipples:
+class Stipples(ReadOnly):
     """Dots that reproduce the tones of an image.
 
     Attributes
@@ -107,11 +108,6 @@ class Stipples:
     size: tuple[int, int]
     max_ink: float
     energy: float
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.radii, self.masses, self.weights, self.layers, self.order, self.colors):
-            array.flags.writeable = False
-        self.paper.flags.writeable = False
 
     def __len__(self) -> int:
         return len(self.points)

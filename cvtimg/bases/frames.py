@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count
+from cvtimg._shared.records import ReadOnly
 from cvtimg.bases.reduction import nearest_members
 from cvtimg.bases.sketch import sketch
 from cvtimg.bases.snapshots import as_snapshots
@@ -21,7 +22,7 @@ _MOST_AUTO_FRAMES = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KeyFrames:
+class KeyFrames(ReadOnly):
     """Key frames, and the frames that each represents.
 
     Attributes
@@ -37,10 +38,6 @@ class KeyFrames:
     indices: NDArray[np.int64]
     labels: NDArray[np.int64]
     masses: NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        for array in (self.indices, self.labels, self.masses):
-            array.flags.writeable = False
 
 
 def key_frames(

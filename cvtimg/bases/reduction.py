@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape
+from cvtimg._shared.records import ReadOnly
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
 from cvtimg.bases.subspaces import distances, find_subspaces, principal_axes
@@ -54,7 +55,7 @@ class Projection:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Basis:
+class Basis(ReadOnly):
     """A reduced basis: C affine subspaces of n dimensions in the space of snapshots.
 
     Attributes
@@ -88,10 +89,6 @@ class Basis:
     medoids: NDArray[np.int64]
     energies: _Floats
     variance: float
-
-    def __post_init__(self) -> None:
-        for name in ("mean", "centers", "modes", "labels", "medoids", "energies"):
-            getattr(self, name).flags.writeable = False
 
     def __repr__(self) -> str:
         cells = f" in each of {self.n_cells} cells" if self.n_cells > 1 else ""

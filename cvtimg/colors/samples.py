@@ -49,11 +49,6 @@ class ColorSamples(WeightedSamples):
     alpha: bool = False
     inside: NDArray[np.bool_] | None = None
 
-    def __post_init__(self) -> None:
-        for array in (self.rows, self.density, self.inverse, self.inside):
-            if array is not None:
-                array.flags.writeable = False
-
     @property
     def colors(self) -> NDArray[Any]:
         """(M, D) distinct colors."""

@@ -22,6 +22,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.drawings import draw_dots
+from cvtimg._shared.records import ReadOnly
 from cvtimg.designs.cells import MOST_EXACT_DIMS, sobol_samples
 from cvtimg.designs.descent import EFFORTS, Cube, place, place_latin
 from cvtimg.designs.measures import PointMeasures, point_measures
@@ -41,7 +42,7 @@ _MOST_CHEAP_DIMS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Design:
+class Design(ReadOnly):
     """Points that fill a box, or a part of it, evenly.
 
     Attributes
@@ -70,10 +71,6 @@ class Design:
     energy: float
     latin: bool
     periodic: bool
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.unit_points, self.bounds, self.existing):
-            array.flags.writeable = False
 
     def _repr_html_(self) -> str:
         """Draw all points, old and new, in each pair of the first axes."""

@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import captioned
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -36,7 +37,7 @@ from cvtimg.engine.search import EFFORTS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EnergyCurve:
+class EnergyCurve(ReadOnly):
     """Energies of tessellations with 1 to n_max generators, which never increase.
 
     Attributes
@@ -54,10 +55,6 @@ class EnergyCurve:
     energies: NDArray[np.float64]
     generators: tuple[NDArray[np.float64], ...]
     scale: Scale = field(repr=False)
-
-    def __post_init__(self) -> None:
-        for array in (self.energies, *self.generators):
-            array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell the range of the curve and its elbow in one line."""

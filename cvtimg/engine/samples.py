@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.records import ReadOnly
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WeightedSamples:
+class WeightedSamples(ReadOnly):
     """Samples and their weights.
 
     Attributes
@@ -26,10 +28,6 @@ class WeightedSamples:
     rows: NDArray[Any]
     density: NDArray[np.float64]
     in_order: bool
-
-    def __post_init__(self) -> None:
-        for array in (self.rows, self.density):
-            array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell size and type in one line."""

@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
     check_rows,
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
+from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.block_descent import Descent, check_by_blocks, descend, job_of, label_blocks, sample_points, survey
 from cvtimg.engine.checkpoints import Checkpoint
@@ -38,7 +39,7 @@ from cvtimg.files.whole import StrPath
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tessellation:
+class Tessellation(ReadOnly):
     """Generators and their Voronoi cells.
 
     Attributes
@@ -74,11 +75,6 @@ class Tessellation:
     energies: tuple[float, ...]
     n_iter: int
     converged: bool
-
-    def __post_init__(self) -> None:
-        for array in (self.generators, self.labels, self.masses):
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell size, energy and convergence in one line."""

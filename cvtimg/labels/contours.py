@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
+from cvtimg._shared.records import ReadOnly
 from cvtimg.labels.cracks import OUTSIDE, Pieces, Walk, cut_at_junctions, pixels_beside, walk_cracks
 from cvtimg.labels.figures import region_means
 from cvtimg.labels.simplification import simplify
@@ -55,7 +56,7 @@ class Polygon:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Contours:
+class Contours(ReadOnly):
     """The borders of all segments of an image.
 
     Points are (x, y) in pixels, x to the right and y down; the first pixel spans 0..1 by 0..1.
@@ -74,11 +75,6 @@ class Contours:
     lines: tuple[_Points, ...]
     sides: NDArray[np.int32]
     polygons: tuple[Polygon, ...]
-
-    def __post_init__(self) -> None:
-        self.sides.flags.writeable = False
-        for line in self.lines:
-            line.flags.writeable = False
 
     def __repr__(self) -> str:
         n_points = sum(map(len, self.lines))

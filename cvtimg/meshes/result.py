@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.drawings import MOST_SHAPES, draw_lines, edges_of
+from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -15,7 +16,7 @@ from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Mesh(ReadOnly):
     """Triangles of the plane whose vertices are generators of a centroidal Voronoi tessellation.
 
     Attributes
@@ -43,10 +44,6 @@ class Mesh:
     energies: tuple[float, ...]
     converged: bool
     n_wanted: int | None
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.triangles, self.tags, self.edges):
-            array.flags.writeable = False
 
     @property
     def energy(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_positive, check_shape, check_that
+from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.measures import boundary_faces
@@ -27,7 +28,7 @@ _PER_VOLUME = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VolumeMesh:
+class VolumeMesh(ReadOnly):
     """Tetrahedra that fill a mask of voxels.
 
     Attributes
@@ -43,10 +44,6 @@ class VolumeMesh:
     points: Points
     tetrahedra: NDArray[np.int32]
     n_wanted: int | None
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.tetrahedra):
-            array.flags.writeable = False
 
     @property
     def volume(self) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_picture_density, check_places, check_shape
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.placement import _placement
 
@@ -24,7 +25,7 @@ _PARTS = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class Moments(ReadOnly):
     """Moments of the cells of K generators.
 
     Attributes
@@ -40,10 +41,6 @@ class Moments:
     masses: NDArray[np.float64]
     centroids: NDArray[np.float64]
     energy: float
-
-    def __post_init__(self) -> None:
-        self.masses.flags.writeable = False
-        self.centroids.flags.writeable = False
 
 
 class CellMoments(Protocol):

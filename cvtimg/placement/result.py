@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.drawings import draw_dots
 from cvtimg._shared.extras import optional
+from cvtimg._shared.records import ReadOnly
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import CellMeasures, cell_rings, measure_cells, voronoi_cells
 from cvtimg.placement.descent import Descent
@@ -19,7 +20,7 @@ from cvtimg.placement.regions import Box, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Placement:
+class Placement(ReadOnly):
     """Generators in a region, and what is known of their cells.
 
     Attributes
@@ -53,11 +54,6 @@ class Placement:
     converged: bool
     region: Region
     figures: NDArray[np.float64] | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.masses, self.centroids, self.figures):
-            if array is not None:
-                array.flags.writeable = False
 
     def _repr_html_(self) -> str:
         """Draw the generators, with y down in images and in each pair of axes if there are more than two."""

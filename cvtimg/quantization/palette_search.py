@@ -13,6 +13,7 @@ from cvtimg._shared.checks import check_at_least, check_colors, check_count, che
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg._shared.iteration import Callback, Stopping, iterate
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
 from cvtimg.colors.counting import add_samples, count_blocks, count_picture, in_fixed_order
@@ -52,7 +53,7 @@ class EngineOptions(TypedDict, total=False):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Palette:
+class Palette(ReadOnly):
     """The colors that represent an image.
 
     Attributes
@@ -69,9 +70,6 @@ class Palette:
     colors: NDArray[Any]
     tessellation: Tessellation | None
     alpha: bool = False
-
-    def __post_init__(self) -> None:
-        self.colors.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell the number of colors, and the first of them, in one line."""

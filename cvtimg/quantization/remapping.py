@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
+from cvtimg._shared.records import ReadOnly
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -28,7 +29,7 @@ _FULL = (2, 4, 16, 256)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Quantized(Fidelity):
+class Quantized(ReadOnly, Fidelity):
     """An image in few colors.
 
     Attributes
@@ -69,11 +70,6 @@ class Quantized(Fidelity):
     alpha: bool = False
     inside: NDArray[np.bool_] | None = None
     outside: NDArray[Any] | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.palette, self.indices, self.inside, self.outside):
-            if array is not None:
-                array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""

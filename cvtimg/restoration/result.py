@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.records import ReadOnly
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -19,7 +20,7 @@ from cvtimg.restoration.versions import Floats, Versions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Restoration:
+class Restoration(ReadOnly):
     """An image restored from several versions.
 
     Attributes
@@ -68,11 +69,6 @@ class Restoration:
     energy: float
     energies: tuple[float, ...]
     converged: bool
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if isinstance(array := getattr(self, field.name), np.ndarray):
-                array.flags.writeable = False
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the restored image, as `write_image` does."""

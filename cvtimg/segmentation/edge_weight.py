@@ -21,6 +21,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.segmentation import _segments
 
@@ -30,7 +31,7 @@ _MAX_SWEEPS = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EdgeWeighted:
+class EdgeWeighted(ReadOnly):
     """Segments of low edge-weighted energy."""
 
     labels: NDArray[np.int32]  # (H, W): labels from 1; 0 outside the mask
@@ -41,10 +42,6 @@ class EdgeWeighted:
     energies: tuple[float, ...]  # energy before each sweep and at the end; it never rises
     n_sweeps: int  # number of sweeps over the boundary pixels
     converged: bool  # whether the last sweep transferred almost no pixels
-
-    def __post_init__(self) -> None:
-        for array in (self.labels, self.generators, self.masses):
-            array.flags.writeable = False
 
 
 def descend(

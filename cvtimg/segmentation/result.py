@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
@@ -24,7 +25,7 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Segmentation:
+class Segmentation(ReadOnly):
     """Segments of an image.
 
     Attributes
@@ -63,11 +64,6 @@ class Segmentation:
     converged: bool
     curve: EnergyCurve | None = None
     hierarchy: RegionHierarchy | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.labels, self.generators, self.masses):
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
 
     @property
     def n_segments(self) -> int:

@@ -57,10 +57,6 @@ class CoastalGrid(SphereGrid):
     on_coast: NDArray[np.bool_]
     on_land: NDArray[np.bool_]
 
-    def __post_init__(self) -> None:
-        SphereGrid.__post_init__(self)
-        self.on_coast.flags.writeable = self.on_land.flags.writeable = False
-
 
 def coastal_grid(
     n: int,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_positive
 from cvtimg._shared.drawings import draw_solid
+from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.measures import GridMeasures, measure_grid
@@ -16,7 +17,7 @@ from cvtimg.sphere.triangulation import SphereCells, SphereTriangulation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereGrid:
+class SphereGrid(ReadOnly):
     """Points on the unit sphere that are generators of a centroidal Voronoi tessellation.
 
     Attributes
@@ -44,10 +45,6 @@ class SphereGrid:
     energy: float
     offset: float
     fixed: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.triangles, self.areas, self.density, self.fixed):
-            array.flags.writeable = False
 
     @property
     def lon(self) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_that, refuse
+from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.ordering import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
@@ -151,7 +152,7 @@ class SphereTriangulation(HalfEdges):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereCells:
+class SphereCells(ReadOnly):
     """The Voronoi cells of N points on the unit sphere.
 
     Attributes
@@ -167,10 +168,6 @@ class SphereCells:
     vertices: Points
     offsets: NDArray[np.int32]
     corners: NDArray[np.int32]
-
-    def __post_init__(self) -> None:
-        for array in (self.vertices, self.offsets, self.corners):
-            array.flags.writeable = False
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape, check_that
+from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
@@ -28,7 +29,7 @@ _DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Supports:
+class Supports(ReadOnly):
     """Balls around points that cover a region.
 
     Attributes
@@ -54,10 +55,6 @@ class Supports:
     proved: bool
     region: Region
     visible: Any
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.radii):
-            array.flags.writeable = False
 
     def __repr__(self) -> str:
         n, n_dims = self.points.shape

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.drawings import draw_solid
+from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -15,7 +16,7 @@ from cvtimg.surfaces.measures import SurfaceMeasures, measure_surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SurfacePoints:
+class SurfacePoints(ReadOnly):
     """Points on a surface that are generators of a centroidal Voronoi tessellation, constrained to it.
 
     Attributes
@@ -40,10 +41,6 @@ class SurfacePoints:
     energy: float
     offset: float
     n_iter: int
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.triangles, self.masses):
-            array.flags.writeable = False
 
     @property
     def qualities(self) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
+from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images
 from cvtimg.files.remote import find_remote, is_remote, local_copy, url_of
@@ -45,7 +46,7 @@ TABLE_SUFFIXES = (".csv", ".tsv", ".npy", ".parquet", ".zarr")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class Table(ReadOnly):
     """Rows of numbers.
 
     Attributes
@@ -64,11 +65,6 @@ class Table:
     rows: NDArray[np.float64]
     weights: NDArray[np.float64] | None
     kept: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        for array in (self.rows, self.weights, self.kept):
-            if array is not None:
-                array.flags.writeable = False
 
     def __repr__(self) -> str:
         """Tell the size and the columns in one line."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_alone, check_at_least, check_choice, check_count, check_non_negative
+from cvtimg._shared.records import ReadOnly
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.arrays import load_arrays, save_arrays
@@ -34,7 +35,7 @@ _TINY = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RegionHierarchy:
+class RegionHierarchy(ReadOnly):
     """A tree of regions of an image.
 
     N leaves are small regions of similar color, numbered from 0. Merge m makes node N + m of two nodes, until every
@@ -71,10 +72,6 @@ class RegionHierarchy:
     means: NDArray[np.float64]
     energies: NDArray[np.float64]
     default_threshold: float
-
-    def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            getattr(self, name).flags.writeable = False
 
     def __repr__(self) -> str:
         height, width = self.leaves.shape
