@@ -58,12 +58,6 @@ def imported(tree: ast.Module) -> set[str]:
     return found
 
 
-def raised(tree: ast.Module) -> set[str]:
-    """Return the names of the errors that a module makes and raises."""
-    calls = [node.exc for node in ast.walk(tree) if isinstance(node, ast.Raise)]
-    return {call.func.id for call in calls if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)}
-
-
 def package(module: str) -> str:
     return module.split(".")[0]
 

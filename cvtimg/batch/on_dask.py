@@ -39,16 +39,8 @@ _PATIENCE = 10
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
     """Yield the index and the outcome of each task as it completes.
 
-    Parameters
-    ----------
-    attempt : callable
-        Does one task and never raises; picklable.
-    tasks : sequence of Task
-        Tasks to do. Workers need the same paths of inputs and outputs as this process.
-    address : str
-        Address of the scheduler, "tcp://HOST:PORT", or "local".
-    n_workers : int
-        Number of processes of a local cluster, each with one thread.
+    The address of the scheduler is "tcp://HOST:PORT", whose workers need the same paths of inputs and outputs as this
+    process, or "local" for a cluster of `n_workers` processes, each with one thread. `attempt` never raises.
     """
     with _client(address, n_workers) as client:
         from distributed import as_completed, wait

@@ -25,17 +25,7 @@ _PATIENCE = 5.0
 def in_workers(
     attempt: Attempt, tasks: Sequence[Task], n_workers: int, n_threads: int
 ) -> Generator[tuple[int, Outcome]]:
-    """Yield the index and the outcome of each task as it completes.
-
-    Parameters
-    ----------
-    attempt : callable
-        Does one task and never raises; picklable.
-    tasks : sequence of Task
-        Tasks to do.
-    n_workers, n_threads : int
-        Number of processes, and of threads in each.
-    """
+    """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
     crew = {worker.pipe: worker for worker in (_Worker(attempt, n_threads) for _ in range(n_workers))}
     waiting = iter(enumerate(tasks))
     try:

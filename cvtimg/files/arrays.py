@@ -31,27 +31,7 @@ def save_arrays(
 ) -> None:
     """Write arrays to a NumPy .npz file, complete or not at all.
 
-    Parameters
-    ----------
-    path : str or path-like
-        File or URL.
-    kind : str
-        What the arrays are, such as "region hierarchy".
-    arrays : mapping of str to array-like
-        Numbers and text; "format" is the name of the tag.
-    version : int
-        Raise it when older programs must not read the file.
-    compressed : bool
-        Smaller, but slower.
-    overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written.
+    `kind` says what the arrays are, such as "region hierarchy"; raise `version` when older programs must not read them.
 
     Examples
     --------
@@ -70,17 +50,6 @@ def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, version: int 
     """Read arrays that `save_arrays` wrote.
 
     A file without a tag, as older versions wrote them, is accepted if it has arrays of all the names.
-
-    Parameters
-    ----------
-    path, kind, version
-        As in `save_arrays`.
-    names : iterable of str
-        Arrays to read.
-
-    Returns
-    -------
-    dict of str to array
 
     Raises
     ------

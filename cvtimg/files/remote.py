@@ -44,11 +44,6 @@ def url_of(path: StrPath) -> str:
 def url_as_stored(path: StrPath) -> str:
     """Return the URL of a file as its file system writes it: the same for all ways to write it.
 
-    Raises
-    ------
-    OSError
-        If nothing opens such URLs.
-
     Examples
     --------
     >>> url_as_stored("memory:///folder/a.png"), url_as_stored("memory://folder/a.png")
@@ -70,12 +65,7 @@ def _answering(url: str, done: str = "read") -> Iterator[None]:
 def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     """List the files that a URL names: itself, those that a pattern matches, or those in a folder with such suffixes.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is none.
-    OSError
-        If nothing answers.
+    FileNotFoundError says that there is none, and OSError that nothing answers.
     """
     files, place = _opened(url)
     with _answering(url):
@@ -156,15 +146,7 @@ def fetch(path: StrPath, target: Path) -> None:
 
 
 def send(source: Path, path: StrPath, *, overwrite: bool) -> None:
-    """Copy a whole file or folder elsewhere. Stores of objects show it once it is complete.
-
-    Raises
-    ------
-    FileExistsError
-        If it exists and `overwrite` is false.
-    OSError
-        If it cannot be written.
-    """
+    """Copy a whole file or folder elsewhere. Stores of objects show it once it is complete."""
     if not overwrite:
         check_is_new(path)
     files, place = _opened(url_of(path))
@@ -195,11 +177,6 @@ def local_copy(path: StrPath) -> Iterator[Path]:
     """Give a file to read that is here: the file itself, or a copy of what a URL names, removed when the block ends.
 
     Errors in the block that name the copy name the URL instead.
-
-    Raises
-    ------
-    OSError
-        If a URL cannot be read.
     """
     if not is_remote(path):
         yield Path(path)
