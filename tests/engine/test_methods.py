@@ -1,4 +1,4 @@
-"""Methods one by one; what they have in common is in test_cvt.py."""
+"""Methods one by one; what they have in common is in test_tessellation.py."""
 
 from __future__ import annotations
 

@@ -75,17 +75,33 @@ def needed(control: Control, controls: dict[str, Control]) -> dict[str, Any]:
     return found
 
 
+def go_together(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether settings do not contradict, nor exclude each other in the function."""
+    return all(one.get(name, value) == value for name, value in other.items()) and not (
+        {"detail", "channels"} <= {*one, *other}
+    )
+
+
 def cases() -> Iterator[Any]:
+    """Yield settings that hold one value of each option of a tab, as few as may be; slowly, each value by itself."""
     for tab in TABS.values():
         controls = {control.name: control for control in tab.controls}
-        yield pytest.param(tab.name, {}, id=tab.name)
+        packed: list[dict[str, Any]] = []
         for control in tab.controls:
             for number, value in enumerate(variants(control, tab.name)):
                 if value in ("palette", "picture"):  # have tests of their own
                     continue
                 settings = {**needed(control, controls), control.name: value}
-                marks = [pytest.mark.slow] if number else []  # one value tells that an option reaches all three
-                yield pytest.param(tab.name, settings, id=f"{tab.name}-{control.name}-{value}", marks=marks)
+                yield pytest.param(tab.name, settings, id=f"{control.name}-{value}", marks=pytest.mark.slow)
+                if number and control.name == "effort":
+                    continue
+                pack = next((pack for pack in packed if go_together(pack, settings)), None)
+                if pack is not None:
+                    pack |= settings
+                elif not number:
+                    packed.append(settings)
+        for number, pack in enumerate(packed):
+            yield pytest.param(tab.name, pack, id=f"{tab.name}-{number}")
 
 
 @pytest.fixture(scope="session")
