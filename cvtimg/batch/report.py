@@ -62,7 +62,7 @@ class Report:
 
     def failed(self, path: str | Path, why: str) -> None:
         """Record a failed input, and print the reason."""
-        complain(f"{path}: {why}")
+        complain(f"{path}: {why}" if path else why)
         self._hear("failed", {"input": str(path), "error": why})
 
     def _hear(self, status: str, row: Row) -> None:

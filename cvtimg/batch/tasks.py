@@ -52,8 +52,9 @@ class Task:
 
     @property
     def name(self) -> str:
-        """The name to show for the task: its input, or its output if it has no input."""
-        return self.shown_name(self.source if self.sources else self.output)
+        """The name to show for the task: its input, or its output if it has no input; "" if it only prints."""
+        named = (*self.sources, *self.outputs.values())
+        return self.shown_name(named[0]) if named else ""
 
     def shown_name(self, path: Path) -> str:
         """Return the name to show for a file."""

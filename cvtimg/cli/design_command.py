@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import plan_alone, run_plan
+from cvtimg.cli.running import plan_alone, read_beside, run_plan
 from cvtimg.options.record import Given
 
 EXAMPLES = """Examples:
@@ -41,8 +41,8 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.files.text_tables import csv_text
     from cvtimg.tables.files import read_table
 
-    names, bounds = read_bounds(given.bounds) if given.bounds else (None, given.dimensions)
-    old = read_table(given.existing).rows if given.existing else None
+    names, bounds = read_beside(given.bounds, read_bounds) if given.bounds else (None, given.dimensions)
+    old = read_beside(given.existing, read_table).rows if given.existing else None
     stopwatch.lap("read")
     found = cvtimg.design(given.number, bounds, existing=old, **given.arguments)
     stopwatch.lap("place")

@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, plan_one, run
+from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.options.record import Given
 
-__all__ = ["plan_alone", "run_plan", "running_of", "selected"]
+__all__ = ["plan_alone", "read_beside", "run_plan", "running_of", "selected"]
+
+_Read = TypeVar("_Read")
 
 
 def run_plan(
@@ -45,6 +48,14 @@ def run_plan(
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
     report.quiet |= sends  # a table would mix with the output
     return run(plan, partial(_with_selection, work=work, given=given), report, running_of(given, by_url))
+
+
+def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
+    """Read a file that is given beside the inputs, or instead; errors about it name it."""
+    try:
+        return read(path)
+    except OSError as error:
+        raise InputsFailedError([(str(path), error)]) from error
 
 
 def plan_alone(outputs: Mapping[str, Path | None], also_read: Iterable[Path | None] = ()) -> Plan:

@@ -27,7 +27,7 @@ def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     Raises
     ------
     OSError
-        If the file cannot be read, or has other columns.
+        If the file cannot be read, has other columns or no axis, or a least value is not below the greatest.
 
     Examples
     --------
@@ -42,7 +42,13 @@ def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
         with local_copy(path) as file:
             text = file.read_text(encoding="utf-8-sig")
         lines = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
-        bounds = np.array([[float(line["low"]), float(line["high"])] for line in lines])
-        return [line["name"] for line in lines], bounds.reshape(-1, 2)
+        bounds = np.array([[float(line["low"]), float(line["high"])] for line in lines]).reshape(-1, 2)
+        names = [line["name"] for line in lines]
     except (KeyError, TypeError, ValueError) as error:
         raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
+    if not names:
+        raise OSError(f"{path}: must have a line for each axis after the first")
+    for name, (low, high) in zip(names, bounds.tolist(), strict=True):
+        if not -np.inf < low < high < np.inf:
+            raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+    return names, bounds

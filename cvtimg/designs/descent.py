@@ -63,7 +63,7 @@ class Cube:
         inside = points % 1.0 if self.periodic else points
         if self.exact:
             cells = exact_cells(inside, self.periodic)
-            return Moments(cells.volumes, points + cells.firsts / cells.volumes[:, None], cells.energy)
+            return Moments(cells.volumes, points + per_mass(cells.firsts, cells.volumes), cells.energy)
         labels = nearest_points(self.samples, inside, self.periodic)
         apart = offsets(self.samples, inside, labels, self.periodic)
         loads = np.full(len(apart), 1 / len(apart)) if self.weights is None else self.weights / self.weights.sum()
@@ -97,7 +97,7 @@ def place_latin(
     ends = [
         even_out(_alternate(cube, points, existing, effort), existing, cube.periodic, work, rng) for points in starts
     ]
-    if len(ends) == 1:
+    if len(ends) == 1 or len(ends[0]) + len(existing) == 1:
         return ends[0]
     energies = [cube.moments(np.concatenate([existing, points])).energy for points in ends]
     enough = min(energies) * (1 + _ABOUT)

@@ -236,7 +236,9 @@ def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
     array = np.asarray(bounds, dtype=np.float64)
     fits = array.ndim == 2 and array.shape[1] == 2 and 1 <= len(array) <= _MAX_DIMS
     check_shape("bounds", array.shape, fits, f"(d, 2), d in 1..{_MAX_DIMS}")
-    ordered = np.isfinite(array).all() and (array[:, 0] < array[:, 1]).all()
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = array[:, 1] - array[:, 0]
+    ordered = np.isfinite(array).all() and np.isfinite(apart).all() and (apart > 0).all()
     check_in_range("bounds", array.tolist(), ordered, "finite, the first of each axis below the second")
     return array[:, 0].copy(), array[:, 1].copy()
 
@@ -266,6 +268,8 @@ def _weighted(
     if density is not None and len(samples):
         weights = np.asarray(density(low + samples * (high - low)), dtype=np.float64)
         check_returned("density", weights, len(samples))
+        # Only their ratios count, and sums must be finite.
+        weights = np.ldexp(weights, -np.frexp(np.max(weights))[1])
         check_density(weights, len(samples))
         samples, weights = samples[weights > 0], weights[weights > 0]
     return samples, weights

@@ -136,7 +136,10 @@ class Pair:
     def parse(self, texts: Any) -> tuple[float, float]:
         """Return the numbers."""
         first, second = texts
-        return self.first.parse(first), self.second.parse(second)
+        try:
+            return self.first.parse(first), self.second.parse(second)
+        except ValueError as error:
+            raise ValueError(f"{error}; two are needed, with a space between them") from error
 
 
 Kind: TypeAlias = Whole | Real | Choice | Switch | Text | File | Pair

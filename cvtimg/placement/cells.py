@@ -30,6 +30,8 @@ _POINTS = np.array(
     [[1 / 3] * 3] + [np.roll([1 - 2 * at, at, at], turn).tolist() for at in (_NEAR, _FAR) for turn in range(3)]
 )
 _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 1200] * 3)
+#: Largest triangle over which a density is integrated by these points, in cells of the mean area.
+_COARSEST = 0.5
 #: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
 _SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
 #: How far the frame of points is that closes all power cells, in sides of the picture.
@@ -104,7 +106,7 @@ class PolygonMoments:
         return Moments(masses, generators + per_mass(sums[:, 1:3], masses), float(sums[:, 3].sum()))
 
     def _sums(self, cells: Geometries, generators: Points) -> NDArray[np.float64]:
-        triangles, own = triangulate(cells)
+        triangles, own = _divided(*triangulate(cells), _COARSEST * self._region.measure / len(cells))
         places = np.einsum("qi,tid->tqd", _POINTS, triangles)
         at = places.reshape(-1, 2)
         if isinstance(self._region, Box):
@@ -113,6 +115,20 @@ class PolygonMoments:
         steps = places - generators[own][:, None]
         parts = [weights, weights * steps[..., 0], weights * steps[..., 1], weights * (steps**2).sum(axis=2)]
         return sum_by_label(own, np.stack([part.sum(axis=1) for part in parts], axis=1), len(cells))
+
+
+def _divided(triangles: Points, own: NDArray[np.intp], largest: float) -> tuple[Points, NDArray[np.intp]]:
+    """Divide triangles (T, 3, 2) into four until none has a larger area; `own` are their cells (T,)."""
+    done, cells = [], []
+    while len(triangles):
+        large = triangle_areas(triangles) > largest
+        done.append(triangles[~large])
+        cells.append(own[~large])
+        corners = triangles[large]
+        middles = (corners + np.roll(corners, -1, axis=1)) / 2
+        parts = [np.stack([corners[:, i], middles[:, i], middles[:, i - 1]], axis=1) for i in range(3)]
+        triangles, own = np.concatenate([*parts, middles]), np.tile(own[large], 4)
+    return np.concatenate(done), np.concatenate(cells)
 
 
 def _exact_sums(cells: Geometries, generators: Points) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse
+from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse, refuse_type
 
 Points = NDArray[np.float64]
 #: From (N, D) points to their (N,) densities.
@@ -96,6 +96,8 @@ def as_density(density: DensityLike) -> Density:
         return density
     if callable(density):
         return FunctionDensity(density)
+    if isinstance(density, (str, bytes)):
+        refuse_type("density", type(density).__name__, "a number, an image or a function")
     if np.ndim(density) == 0:
         return ConstantDensity(check_positive("density", float(np.asarray(density)), "an image or a function"))
     return PictureDensity(check_picture_density("density", density))

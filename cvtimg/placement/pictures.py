@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,8 @@ EFFORTS = {
     ),
 }
 
+#: Fixed generators are apart by more than this part of the diagonal of their region.
+_APART = 1e-9
 #: More generators than this need more memory than a machine has.
 MOST_GENERATORS = 1 << 28
 
@@ -109,6 +112,7 @@ def place_in_picture(
     check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     check_fewer("fixed", len(still), n_generators)
+    check_apart("fixed", still, np.array([[0, 0], mass.shape[::-1]]))
     end = place_by_levels(
         picture_moments(mass, n_generators),
         n_generators,
@@ -119,6 +123,20 @@ def place_in_picture(
         watch=Watch(callback),
     )
     return Placement.of(end, PictureRegion(np.ones(mass.shape, bool)))
+
+
+def check_apart(name: str, points: NDArray[np.float64], bounds: NDArray[Any]) -> None:
+    """Refuse points (L, D) that nearly coincide: the cells of all but one of them would be slivers, or empty."""
+    from scipy.spatial import cKDTree
+
+    if len(points) < 2:
+        return
+    gaps, near = cKDTree(points).query(points, 2)
+    least = _APART * float(np.linalg.norm(bounds[1] - bounds[0]))
+    if gaps[:, 1].min() < least:
+        one, other = sorted(near[gaps[:, 1].argmin()].tolist())
+        place = points[other].tolist()
+        raise ValueError(f"{name} must be at least {least:.3g} apart: number {other}, {place}, lies on number {one}")
 
 
 def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMoments:

@@ -25,9 +25,9 @@ from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
 from cvtimg.placement.figures import FigureMoments, Figures
-from cvtimg.placement.metrics import Gauge, LpGauge, MetricLike, as_gauge
+from cvtimg.placement.metrics import Gauge, LpGauge, MetricLike, PolygonGauge, as_gauge
 from cvtimg.placement.moments import CellMoments
-from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, picture_moments, place_by_levels
+from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, check_apart, picture_moments, place_by_levels
 from cvtimg.placement.polygons import PictureRegion, as_region
 from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.result import Placement
@@ -35,6 +35,9 @@ from cvtimg.placement.samples import SampleMoments
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
+#: Least and greatest density of pixels, whose sums are kept in single precision.
+_FAINTEST, _GREATEST = 1e-30, 1e30
+_FOR_PIXELS = f"in {_FAINTEST:g}..{_GREATEST:g} where the region is a mask"
 #: Requirement for every density.
 _NOT_0 = "not be 0 everywhere in the region"
 
@@ -114,6 +117,8 @@ def place_generators(
     [[0.5, 0.5], [1.5, 0.5]]
     """
     where, weight, gauge = as_region(region), as_density(density), as_gauge(metric)
+    flat = not isinstance(gauge, PolygonGauge) or where.n_dims == 2
+    check_in_range("metric", metric, flat, "the power of a p-norm where the region is not in the plane")
     check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
     check_choice("effort", effort, EFFORTS)
     auto = isinstance(on_boundary, str)
@@ -176,6 +181,7 @@ def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike
         parts.append(checked_boundary(on_boundary, region))
     still = np.concatenate(parts)
     check_fewer("fixed and on_boundary", len(still), n_generators)
+    check_apart("fixed and on_boundary" if on_boundary is not None else "fixed", still, region.bounds)
     return still
 
 
@@ -187,7 +193,11 @@ def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
         check_shape("density", values.shape, values.shape == shape, f"{shape}, as the region")
     else:
         y, x = np.mgrid[:height, :width] + 0.5
-        values = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width).astype(np.float32)
+        exact = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width)
+        largest = float(exact[region.mask].max())
+        check_that("density", largest > 0, _NOT_0)
+        check_in_range("the largest density", largest, _FAINTEST <= largest <= _GREATEST, _FOR_PIXELS)
+        values = exact.astype(np.float32)
     inside = np.where(region.mask, values, np.float32(0))
     check_that("density", inside.any(), _NOT_0)
     return inside

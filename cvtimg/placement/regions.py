@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that
+from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
 from cvtimg._shared.extras import optional
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.densities import DensityLike, Points, as_density
@@ -18,6 +18,8 @@ from cvtimg.placement.densities import DensityLike, Points, as_density
 #: shapely has no types that a checker could use.
 Geometry: TypeAlias = Any
 
+#: Sides of boxes, so that areas of their cells are no larger, and no smaller, than numbers can be.
+_SHORTEST, _LONGEST = 1e-60, 1e60
 #: More samples than this need more memory than a machine has.
 _MOST = 1 << 30
 
@@ -160,6 +162,9 @@ class Box(Region):
         bounds = check_places("lower and upper", np.stack([least, greatest]))
         above = f"less than upper={greatest.tolist()} along each axis"
         check_in_range("lower", least.tolist(), (bounds[0] < bounds[1]).all(), above)
+        sides = bounds[1] - bounds[0]
+        if sides.min() < _SHORTEST or sides.max() > _LONGEST:
+            refuse("upper - lower", sides.tolist(), f"in {_SHORTEST:g}..{_LONGEST:g} along each axis")
         wraps = np.asarray(periodic, bool)
         fits = wraps.shape in ((), least.shape)
         check_shape("periodic", wraps.shape, fits, f"a bool, or {least.shape}, one for each axis")

@@ -48,7 +48,7 @@ def find_reaches(points: _Floats, sight: Sight, order: int) -> _Floats:
 
     tree = cKDTree(points)
     n_first = min(len(points), 1 + _FEW + _FEW_PER_ORDER * order)
-    extents = tree.query(points, n_first)[0][:, -1]
+    extents = tree.query(points, n_first)[0].reshape(len(points), n_first)[:, -1]
     widest = 2.1 * sight.size  # sees the whole region from anywhere
     if n_first == len(points):
         extents[:] = widest

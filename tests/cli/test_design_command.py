@@ -73,3 +73,31 @@ def test_a_file_of_bounds_with_other_columns_is_named(capsys: pytest.CaptureFixt
     assert main(["design", "-n", "3", "--bounds", "bad.csv", "-o", "a.csv"]) == 1
     assert "bad.csv: must have the columns name, low and high" in capsys.readouterr().err
     assert not (here / "a.csv").exists()
+
+
+@pytest.mark.parametrize("output", [[], ["-o", "a.csv"]])
+@pytest.mark.parametrize("option", ["--bounds", "--existing"])
+def test_a_missing_file_is_named(
+    option: str, output: list[str], capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    others = [] if option == "--bounds" else ["-d", "2"]
+    assert main(["design", "-n", "3", option, "missing.csv", *others, *output]) == 1
+    assert capsys.readouterr().err.startswith("cvtimg: missing.csv: no such file")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [("heat,90,20", "heat from 90 to 20 must be finite, the first below the second"), ("", "must have a line")],
+)
+def test_bounds_without_a_box_are_refused_by_their_file(
+    lines: str, message: str, capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    (here / "bad.csv").write_text(f"name,low,high\n{lines}\n")
+    assert main(["design", "-n", "3", "--bounds", "bad.csv"]) == 1
+    assert f"cvtimg: bad.csv: {message}" in capsys.readouterr().err
+
+
+def test_errors_of_a_design_that_is_printed_are_told(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    (here / "old.csv").write_text("x1,x2\n5,5\n")
+    assert main(["design", "-n", "3", "-d", "2", "--existing", "old.csv"]) == 1
+    assert capsys.readouterr().err == "cvtimg: existing must be finite and lie within the bounds\n"

@@ -143,3 +143,24 @@ def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
     given = {"n_points": 5, "bounds": 2, "effort": "fast", **options}
     with pytest.raises(ValueError, match=message):
         design(given.pop("n_points"), given.pop("bounds"), **given)
+
+
+def test_one_point_of_one_dimension_is_in_the_middle_at_every_effort() -> None:
+    for effort in ("fast", "balanced", "best"):
+        assert design(1, 1, effort=effort).points.tolist() == [[0.5]]  # type: ignore[arg-type]
+
+
+def test_points_that_exist_may_be_repeated() -> None:
+    once, twice = (design(6, 2, existing=[[0.5, 0.5]] * n, latin=False).energy for n in (1, 2))
+    assert once == pytest.approx(twice, rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [1e305, 1e-310])
+def test_only_ratios_of_densities_count(factor: float) -> None:
+    plain, scaled = (design(8, 2, density=lambda p, by=by: by * (1 + p[:, 0])).points for by in (1.0, factor))
+    np.testing.assert_allclose(plain, scaled, atol=1e-6)
+
+
+def test_bounds_whose_difference_is_infinite_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"bounds=.* must be finite"):
+        design(4, [[-1e308, 1e308], [0, 1]])

@@ -27,6 +27,7 @@ from cvtimg.placement import (
     as_gauge,
     measure_cells,
     place_by_draws,
+    place_in_picture,
     voronoi_cells,
 )
 
@@ -332,3 +333,43 @@ def test_generators_stay_out_of_holes_and_bays(n: int) -> None:
     placement = place_generators(bay, n)
     assert (np.linalg.norm(bay.project(placement.points) - placement.points, axis=1) < 1e-9).all()
     assert (np.diff(placement.energies) < 0).all()
+
+
+@pytest.mark.parametrize("region", [Box([0, 0], [2, 1]), np.ones((20, 40), bool), Box([0, 0, 0], [1, 1, 1])])
+def test_fixed_generators_that_nearly_coincide_are_refused(region: Any) -> None:
+    n_dims = 3 if isinstance(region, Box) and region.n_dims == 3 else 2
+    near = np.full((2, n_dims), 0.5)
+    near[1, 0] += 1e-12
+    with pytest.raises(ValueError, match=r"fixed must be at least .* apart: number 1, .*, lies on number 0"):
+        place_generators(region, 10, fixed=near)
+    with pytest.raises(ValueError, match="fixed must be at least"):
+        place_in_picture(np.ones((20, 40)), 10, fixed=[[3, 3], [5, 5], [3, 3]])
+
+
+@pytest.mark.parametrize("method", ["lloyd", "over-relaxed", "l-bfgs"])
+def test_a_density_that_is_0_in_most_of_a_region_leaves_no_cell_empty(method: str) -> None:
+    box = Box([0, 0], [1, 1])
+    for seed in range(3):
+        placement = place_generators(
+            box, 50, density=lambda p: (p[:, 0] > 0.9) * 1.0, method=method, effort="fast", rng=seed
+        )
+        assert placement.masses.min() > 1e-4
+        assert placement.masses.sum() == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize("value", [1e300, 1e-300])
+def test_densities_that_single_precision_does_not_hold_are_refused_over_pixels(value: float) -> None:
+    with pytest.raises(ValueError, match=r"the largest density=1e.300 must be in 1e-30\.\.1e\+30"):
+        place_generators(np.ones((20, 40), bool), 10, density=lambda p: np.full(len(p), value))
+    energy = place_generators(Box([0, 0], [1, 1]), 4, density=lambda p: np.full(len(p), value), effort="fast").energy
+    assert 0 < energy < np.inf
+
+
+def test_arguments_that_do_not_fit_a_region_are_named() -> None:
+    with pytest.raises(ValueError, match="metric='triangle' must be the power of a p-norm"):
+        place_generators(Box([0, 0, 0], [1, 1, 1]), 8, metric="triangle")
+    with pytest.raises(TypeError, match="density of type str must be a number, an image or a function"):
+        place_generators(Box([0, 0], [1, 1]), 8, density="dense")  # type: ignore[arg-type]
+    for side in (1e200, 1e-200):
+        with pytest.raises(ValueError, match=r"upper - lower=.* must be in 1e-60"):
+            Box([0, 0], [side, 1])

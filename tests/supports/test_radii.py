@@ -243,3 +243,10 @@ def test_plots_show_disks_and_slits(tmp_path: Path) -> None:
         supports.plot(tmp_path / "s.png")
     with pytest.raises(ValueError, match="suffix"):
         supports.plot(tmp_path / "s.txt")
+
+
+@pytest.mark.parametrize("region", [Box([0, 0], [1, 1]), np.ones((1, 1), bool), [[0, 0], [1, 0], [1, 1], [0, 1]]])
+def test_one_point_covers_all_of_a_region_of_the_plane(region: object) -> None:
+    supports = support_radii([[0.5, 0.5]], region)
+    assert supports.proved
+    assert supports.radii[0] == pytest.approx(0.5**0.5, rel=1e-5)
