@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 WHEEL ?=
 # meson and ninja are found by name.
 export PATH := $(abspath $(BIN)):$(PATH)
+# Bytecode is kept, or each of the many processes that tests start would compile the package.
+unexport PYTHONDONTWRITEBYTECODE
 
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build meson.options cvtimg/meson.build
