@@ -358,7 +358,7 @@ def test_a_given_palette_is_taken(photograph: NDArray[Any]) -> None:
     assert all((one.palette == PALETTE).all() for one in result.results)
     with pytest.raises(ValueError, match="palette must not be given with n_colors"):
         quantize_frames(film(photograph), 4, palette=PALETTE)
-    with pytest.raises(TypeError, match="n_colors or palette must be given"):
+    with pytest.raises(TypeError, match="n_colors, psnr or palette must be given"):
         quantize_frames(film(photograph))
 
 
