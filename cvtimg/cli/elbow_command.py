@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.batch.runner import INTERRUPTED
-from cvtimg.cli.pages import read_whole
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
@@ -107,6 +106,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """Read the samples, and the image if the file is one."""
+    from cvtimg.pictures.known import read_whole
     from cvtimg.tables.files import read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:

@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from cvtimg.pictures import Metadata
-    from cvtimg.segmentation import RegionHierarchy, Segmentation
+    from cvtimg.segmentation import RegionHierarchy
 
 #: Numbers of regions on a sheet of cuts.
 SHOWN_CUTS = (5, 10, 20, 50)
-
-
-def cut_regions(
-    image: NDArray[Any],
-    known: NDArray[np.bool_],
-    number: int | str,
-    threshold: float | None,
-    keywords: Mapping[str, Any],
-) -> Segmentation:
-    """Build the tree of an image and cut it into n regions, or for "auto" at the given or default threshold."""
-    from cvtimg import segment_hierarchy
-    from cvtimg.segmentation.result import from_cut
-
-    hierarchy = segment_hierarchy(image, mask=known, **keywords)
-    return from_cut(hierarchy, image, None if number == "auto" else int(number), threshold)
 
 
 def write_tree(

@@ -6,7 +6,6 @@ import math
 from dataclasses import asdict
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.pages import read_whole
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
@@ -27,6 +26,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
     from cvtimg.colors import color_samples
     from cvtimg.pictures import image_info
+    from cvtimg.pictures.known import read_whole
 
     header = asdict(image_info(task.source))
     header["alpha"] = header.pop("has_alpha")

@@ -6,7 +6,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, plan_each
-from cvtimg.cli.pages import read_whole
 from cvtimg.cli.running import run_plan
 from cvtimg.options.quantize_options import DEFAULT_COLORS
 from cvtimg.options.record import Given
@@ -43,6 +42,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import quantize, write_palette
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
+    from cvtimg.pictures.known import read_whole
 
     image = read_whole(task.source)
     stopwatch.lap("read")

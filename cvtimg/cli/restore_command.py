@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -97,11 +100,14 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     try:
         averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
-        result = restore(read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, **given.arguments)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            result = restore(read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
-    notes = _write(task.outputs, result, read, given)
+    notes = [given.worded(_with_names(str(one.message), read)) for one in caught]
+    notes += [*_given_twice(given.versions), *_write(task.outputs, result, read, given)]
     stopwatch.lap("write")
     return {
         "inputs": read.names,
@@ -121,6 +127,13 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "converged": result.converged,
         **({"warning": "; ".join(notes)} if notes else {}),
     }
+
+
+def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
+    """Say which inputs are given more than once, though each counts once."""
+    counts = Counter(os.path.realpath(path) for path in inputs)
+    twice = {str(path): None for path in inputs if counts[os.path.realpath(path)] > 1}
+    return [f"{path} is given more than once and counts once" for path in twice]
 
 
 def _with_names(message: str, read: Versions) -> str:

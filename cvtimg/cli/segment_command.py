@@ -6,18 +6,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.hierarchies import cut_regions
-from cvtimg.cli.pages import segment_pages
 from cvtimg.cli.running import run_plan
 from cvtimg.cli.segment_outputs import Style, Subject, kind_of, outputs_of
-from cvtimg.cli.tiled import check_fit, segment_in_tiles
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
 
@@ -76,36 +72,81 @@ def _averaging(given: Given) -> Averaging | None:
 
 
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg import read_image
-    from cvtimg.pictures import image_info
-    from cvtimg.pictures.known import known_in_all, known_pixels
+    from cvtimg.segmentation.files import divide_file
 
     if _needs_tiles(task):
-        check_fit(task.source, _needing_memory(given), given.max_pixels)
-        options = {name: value for name, value in given.arguments.items() if name in _IN_TILES}
-        options |= {"mask": given.mask, "overwrite": given.overwrite}
-        return segment_in_tiles(task, stopwatch, given.number, given.nodata, options)
-    header = image_info(task.source)
-    divide = partial(_divide, given=given, header=header)
-    if header.has_pages:
-        if [kind_of(option) for option in task.outputs] != ["labels"]:
-            raise ValueError("has several pages, of which only labels are written")
-        find = partial(known_in_all, header=header, mask=given.mask, nodata=given.nodata, noun="page")
-        return segment_pages(task, stopwatch, divide, find, volume=given.volume, overwrite=given.overwrite)
-    image = read_image(task.source)
-    stopwatch.lap("read")
-    image, result = divide(image, known_pixels(image, header, given.mask, given.nodata))
-    stopwatch.lap("cluster")
-    subject = Subject(task.source, image, result.labels, header, given.style, given.overwrite, result.hierarchy)
-    subject.write(task.outputs)
+        return _segment_in_tiles(task, stopwatch, given)
+    only_labels = [kind_of(option) for option in task.outputs] == ["labels"]
+    found = divide_file(
+        task.source,
+        partial(_divide, given=given),
+        target=task.output if only_labels else None,
+        mask=given.mask,
+        nodata=given.nodata,
+        volume=given.volume,
+        on_stage=stopwatch.lap,
+    )
+    results, first, labels = found.results, found.results[0], found.labels
+    if found.pages is None:
+        subject = Subject(task.source, found.image, labels, found.header, given.style, given.overwrite, first.hierarchy)
+        subject.write(task.outputs)
+    else:
+        found.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
-        "width": image.shape[1],
-        "height": image.shape[0],
-        "channels": image.shape[2] if image.ndim == 3 else 1,
-        "left_out": int((result.labels == 0).sum()),
+        "width": found.image.shape[1],
+        "height": found.image.shape[0],
+        "channels": found.image.shape[2] if found.image.ndim == 3 else 1,
+        **({} if found.pages is None else {"pages": len(found.pages.images)}),
+        "left_out": int((labels == 0).sum()),
+        "k": max(result.n_segments for result in results),
+        "elbow": first.curve.elbows() if first.curve and found.pages is None else None,
+        "edge_weight": first.edge_weight,
+        "energy": sum(result.energy for result in results),
+        "n_iter": max(len(result.energies) - 1 for result in results),
+        "converged": all(result.converged for result in results),
+    }
+
+
+def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> Segmentation:
+    """Segment an image."""
+    import cvtimg
+    from cvtimg.segmentation.result import from_cut
+    from cvtimg.segmentation.touching import Objects
+
+    if not known.any():
+        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
+    options = given.arguments
+    if given.hierarchy:
+        space = {} if given.space is None else {"space": given.space}
+        tree = cvtimg.segment_hierarchy(image, mask=known, **space)
+        return from_cut(tree, image, None if given.number == "auto" else given.number, given.threshold)
+    if given.superpixels:
+        options = {name: value for name, value in options.items() if name in ("space", "compactness")}
+        return cvtimg.superpixels(image, given.number, mask=known, **options)
+    objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
+    return cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
+
+
+def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    from cvtimg.pictures.tiles import open_bands
+    from cvtimg.segmentation import segment_file
+
+    for option in _needing_memory(given):
+        raise ValueError(f"is read in tiles, and {option} needs the whole picture in memory")
+    if given.max_pixels is not None and open_bands(task.source).form.n_pixels > given.max_pixels:
+        raise ValueError(f"has over {given.max_pixels} pixels, the limit that --max-pixels sets")
+    options = {name: value for name, value in given.arguments.items() if name in _IN_TILES}
+    options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite}
+    result = segment_file(task.source, task.output, given.number, **options)
+    stopwatch.lap("all")
+    return {
+        "width": result.shape[1],
+        "height": result.shape[0],
+        "channels": result.generators.shape[1],
+        "left_out": result.shape[0] * result.shape[1] - int(result.masses.sum()),
+        "exact": result.exact,
         "k": result.n_segments,
-        "elbow": result.curve.elbows() if result.curve else None,
         "edge_weight": result.edge_weight,
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
@@ -113,31 +154,9 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _divide(
-    image: NDArray[Any], known: NDArray[np.bool_], *, given: Given, header: ImageInfo
-) -> tuple[NDArray[Any], Segmentation]:
-    """Segment an image; return the bands that count, and the result."""
-    import cvtimg
-    from cvtimg.segmentation.touching import Objects
-
-    if header.has_alpha and image.shape[2:] == (4,):
-        image, known = image[:, :, :3], known & (image[:, :, 3] > 0)
-    if not known.any():
-        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
-    options = given.arguments
-    if given.hierarchy:
-        space = {} if given.space is None else {"space": given.space}
-        return image, cut_regions(image, known, given.number, given.threshold, space)
-    if given.superpixels:
-        options = {name: value for name, value in options.items() if name in ("space", "compactness")}
-        return image, cvtimg.superpixels(image, given.number, mask=known, **options)
-    objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
-    return image, cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
-
-
-def _needing_memory(given: Given) -> dict[str, Any]:
+def _needing_memory(given: Given) -> list[str]:
     """Return the options that need the whole image, by their names on the command line."""
-    names = (
+    ways = (
         "superpixels",
         "hierarchy",
         "volume_power",
@@ -147,8 +166,8 @@ def _needing_memory(given: Given) -> dict[str, Any]:
         "averaging",
         "objects",
     )
-    options = {f"--{name.replace('_', '-')}": getattr(given, name) for name in names}
-    return {name: True for name, value in {"-k auto": given.number == "auto", **options}.items() if value}
+    flags = [f"--{name.replace('_', '-')}" for name in ways if getattr(given, name)]
+    return ["-k auto", *flags] if given.number == "auto" else flags
 
 
 def _needs_tiles(task: Task) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.pixels import is_known, not_black
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.files import ImageInfo, read_image
+from cvtimg.pictures.files import ImageInfo, image_info, read_image
 from cvtimg.pictures.formats.opening import Selection, selected, selecting
 from cvtimg.pictures.frames import is_animated, read_frames
 from cvtimg.pictures.pages import read_pages
@@ -129,3 +129,8 @@ def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
         wanted = "1" if n == 1 else f"1 or {n}"
         raise ValueError(f"needs a mask of {wanted} pages or frames, and {path} has {len(masks)}")
     return masks if len(masks) == n else list(masks) * n
+
+
+def read_whole(source: StrPath) -> NDArray[Any]:
+    """Read an image; all pages of a file are stacked vertically, for uses in which only the pixels count."""
+    return np.concatenate(read_pages(source).images) if image_info(source).has_pages else read_image(source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import align as align_versions
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
@@ -48,6 +50,26 @@ def prepare(given: Versions, weights: ArrayLike | None, *, align: bool, hidden: 
     versions, suspicion = placed, None
     if not channels:
         usual = usual_noise(placed, noise)
-        versions = HIDDEN[hidden](placed, usual)
+        versions = HIDDEN[hidden](_fitting(placed, usual, aligned=align, leaves_out=hidden != "none"), usual)
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     return Evidence(placed, versions, shifts, noise, trust, suspicion, channels)
+
+
+def _fitting(versions: Versions, noise: NDArray[np.float64], *, aligned: bool, leaves_out: bool) -> Versions:
+    """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
+    apart = misfits(versions, noise)
+    reference = int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
+    is_out = apart[reference] > MOST_MISFIT
+    if not is_out.any():
+        return versions
+    numbers = np.flatnonzero(is_out).tolist()
+    names = ", ".join(f"images[{number}]" for number in numbers)
+    values = ", ".join(f"{apart[reference, number]:.2f}" for number in numbers)
+    done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
+    why = "align=True only shifts them" if aligned else "align=True shifts them into place"
+    warnings.warn(
+        f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}",
+        UserWarning,
+        stacklevel=4,
+    )
+    return versions.knowing(versions.known & ~is_out) if leaves_out else versions

@@ -75,7 +75,8 @@ def restore(
         of three or more, such as cosmic rays, dust, passers-by and parts painted over; and if that happens, also where
         fewer know a pixel, what is likelier to be such an addition than what is around it. "background": versions that
         show the background, the most frequent color, where another shows something else; the result is the union of
-        what all versions show, whichever of them hide it. "none" or None: nothing.
+        what all versions show, whichever of them hide it. "none" or None: nothing. But for "none", versions that cannot
+        be laid over the others, as they are turned, distorted or of something else, are left out altogether.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. Floating point values are clipped to 0..1 except in "rgb".
     averaging : {"before", "after"} or Averaging, optional
@@ -110,6 +111,11 @@ def restore(
     ------
     TypeError, ValueError
         If an argument is invalid, or no version knows any pixel; the message names it.
+
+    Warns
+    -----
+    UserWarning
+        If versions cannot be laid over the others.
 
     Notes
     -----

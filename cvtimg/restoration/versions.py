@@ -92,6 +92,11 @@ def stack_versions(
     alpha: bool | None = None,
 ) -> Versions:
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
+    if hasattr(images, "mode") or (isinstance(images, np.ndarray) and images.ndim < 4):
+        shape = array_of(images).shape
+        raise TypeError(
+            f"images of shape {shape} must be a list of versions: [image] for one, list(images) for a stack"
+        )
     check_that("images", len(images) > 0, "have at least one version")
     read = [_read(number, image, nodata, alpha) for number, image in enumerate(images)]
     _check_same("size", [known.shape for _, known in read])
@@ -231,7 +236,7 @@ def fill(total: Floats, weight: Floats) -> Floats:
     filled = np.divide(total, weight[:, :, None], out=np.zeros_like(total), where=weight[:, :, None] > 0)
     missing = weight <= 0
     sigma = 1.0
-    while missing.any():
+    while missing.any() and not missing.all():
         near = gaussian_filter(weight, sigma)
         reached = missing & (near > 1e-6 * weight.max())
         blurred = gaussian_filter(total, (sigma, sigma, 0))

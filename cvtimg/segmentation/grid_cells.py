@@ -81,7 +81,7 @@ def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
     height, width = inside.shape
     # The whole image gets proportionally more cells, so that the number requested lies inside the mask.
     n_all = n_cells * inside.size / inside.sum()
-    n_columns = max(1, min(width, round(np.sqrt(n_all * width / height))))
+    n_columns = max(1, min(width, round(np.sqrt(n_all * width / height)), round(n_all)))
     n_rows = max(1, min(height, round(n_all / n_columns)))
     rows, columns = np.arange(height) * n_rows // height, np.arange(width) * n_columns // width
     cells = (rows[:, None] * n_columns + columns + 1).astype(np.int32)

@@ -85,7 +85,7 @@ def segment_file(
     space: SpaceName = "rgb",
     edge_weight: float | str = 0,
     edge_radius: int = 3,
-    has_alpha: bool = False,
+    has_alpha: bool | None = None,
     nodata: float | None = None,
     mask: StrPath | None = None,
     effort: EffortName = "balanced",
@@ -110,10 +110,10 @@ def segment_file(
         K, in 1..65535.
     space, edge_weight, edge_radius, effort, rng
         As in `segment`.
-    has_alpha : bool
-        Whether the last band is alpha; pixels where it is 0 are left out.
+    has_alpha : bool, optional
+        Whether the last band is alpha; pixels where it is 0 are left out. By default what the file says.
     nodata : float, optional
-        Pixels with this value in all bands are left out.
+        Pixels with this value in all bands are left out; by default what the file says.
     mask : path, optional
         Image of the same size, whose black pixels are left out.
     overwrite : bool
@@ -148,6 +148,8 @@ def segment_file(
     check_choice("space", space, SPACES)
     weight = check_edge_weight(edge_weight)
     bands = open_bands(source)
+    has_alpha = bands.form.alpha if has_alpha is None else has_alpha
+    nodata = bands.form.nodata if nodata is None else nodata
     with scratch_folder(target) as folder, ExitStack() as stack:
         picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata, mask=mask)
         stack.callback(picture.close)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from damaging import card, damage, psnr
+from numpy.typing import NDArray
 
 from cvtimg import read_image, restore, write_image
 from cvtimg.cli import app as cli
@@ -144,3 +146,20 @@ def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
     before = Path("v_2.png").read_bytes()
     assert run("v_1.csv", "v_2.png", "-k", "4", "-o", "out.png", "--report", "v_2.png", "--overwrite")[0] == 2
     assert Path("v_2.png").read_bytes() == before
+
+
+def test_a_version_given_twice_is_told(run: Run) -> None:
+    status, _, err = run("v_1.png", "v_2.png", "v_1.png", "-k", "4", "-o", "a.png")
+    assert (status, "v_1.png is given more than once and counts once" in err) == (0, True)
+    assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "-o", "b.png")[2]
+
+
+def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: NDArray[Any]) -> None:
+    write_image("upright.png", photograph)
+    write_image("upside_down.png", photograph[::-1])
+    status, _, err = run("upright.png", "upside_down.png", "-k", "4", "-o", "a.png")
+    assert (status, "upside_down.png cannot be laid over " in err, "upright.png and is left out" in err) == (
+        0,
+        True,
+        True,
+    )

@@ -52,3 +52,9 @@ def test_superpixels_do_not_depend_on_the_type(photograph: NDArray[Any]) -> None
 def test_more_superpixels_than_pixels_are_refused() -> None:
     with pytest.raises(ValueError, match=r"n_superpixels=7 must be in 1\.\.6"):
         superpixels(np.zeros((2, 3)), 7)
+
+
+@pytest.mark.parametrize("shape", [(1, 100_000), (6, 20_000), (20_000, 6), (40, 5000)])
+def test_strips_get_as_many_superpixels_as_asked(shape: tuple[int, int]) -> None:
+    image = np.add.outer(np.arange(shape[0]), np.arange(shape[1])).astype(np.uint16)
+    assert 95 <= superpixels(image, 100).n_segments <= 105

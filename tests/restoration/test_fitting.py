@@ -1,0 +1,96 @@
+"""Versions that cannot be laid over each other are told, and left out."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from damaging import psnr
+from numpy.typing import NDArray
+from skimage.transform import EuclideanTransform, warp
+
+from cvtimg import restore
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits
+from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.versions import stack_versions
+
+RNG = np.random.default_rng(3)
+
+
+def noisy(image: NDArray[Any], sigma: float = 18) -> NDArray[np.uint8]:
+    return np.clip(image + RNG.normal(0, sigma, image.shape), 0, 255).astype(np.uint8)
+
+
+def turned(image: NDArray[Any], degrees: float, shift: tuple[float, float]) -> NDArray[Any]:
+    transform = EuclideanTransform(rotation=np.radians(degrees), translation=shift)
+    return warp(image, transform, mode="edge", preserve_range=True)
+
+
+def misfit(*images: NDArray[Any]) -> NDArray[np.float64]:
+    versions = stack_versions(images)
+    return misfits(versions, noise_of(versions))
+
+
+@pytest.fixture
+def turned_series(photograph: NDArray[Any]) -> list[NDArray[np.uint8]]:
+    return [noisy(photograph), noisy(turned(photograph, 4, (5, -7))), noisy(turned(photograph, -3, (-6, 5)))]
+
+
+@pytest.mark.parametrize("align", [False, True])
+def test_turned_frames_are_left_out_with_a_warning(
+    turned_series: list[NDArray[np.uint8]], photograph: NDArray[Any], align: bool
+) -> None:
+    with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] cannot be laid over images\[0\] and are left out"):
+        result = restore(turned_series, detail=True, align=align, effort="fast")
+    alone = restore(turned_series[:1], detail=True, effort="fast")
+    truth = photograph / 255
+    assert psnr(result.image / 255, truth) > psnr(alone.image / 255, truth) - 0.1
+    assert (result.left_out[100:150, 100:150] == 2).all()
+
+
+def test_nothing_is_left_out_with_hidden_none_but_said(turned_series: list[NDArray[np.uint8]]) -> None:
+    with pytest.warns(UserWarning, match=r"images\[2\] .* may spoil the result"):
+        result = restore(turned_series, 6, hidden="none")
+    assert not result.left_out.any()
+
+
+def test_the_odd_one_is_left_out_even_if_it_comes_first(photograph: NDArray[Any]) -> None:
+    other = noisy(np.ascontiguousarray(photograph[::-1]))
+    with pytest.warns(UserWarning, match=r"^images\[0\] cannot be laid over images\[1\] and is left out"):
+        result = restore([other, noisy(photograph), noisy(photograph)], 8)
+    np.testing.assert_array_equal(result.left_out, 1)
+
+
+def test_versions_that_fit_have_no_misfit_whatever_noise_gaps_and_exposure(photograph: NDArray[Any]) -> None:
+    painted, salted = photograph.copy(), photograph.copy()
+    painted[:, :100] = 60
+    where = RNG.random(photograph.shape[:2]) < 0.1
+    salted[where] = RNG.integers(0, 256, (int(where.sum()), 3))
+    holes = noisy(photograph).astype(np.float32)
+    holes[RNG.random(holes.shape[:2]) < 0.3] = np.nan
+    whole = noisy(photograph)
+    assert misfit(whole, noisy(painted), noisy(salted), noisy(photograph * 0.6), noisy(photograph, 40)).max() < 0.15
+    assert misfit(whole.astype(np.float32), holes).max() < 0.15
+    assert misfit(whole, noisy(turned(photograph, 0, (0.5, 0)))).max() < 0.15
+    assert misfit(whole, noisy(turned(photograph, 0, (3, 0)))).max() > 2 * MOST_MISFIT
+    assert misfit(np.full((40, 50), 9, np.uint8), np.full((40, 50), 99, np.uint8)).max() == 0
+
+
+def test_fitting_versions_are_restored_without_a_warning(photograph: NDArray[Any]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        restore([noisy(photograph), noisy(photograph)], 4)
+
+
+@pytest.mark.parametrize("shape", [(20, 30), (20, 30, 3)])
+def test_an_array_in_place_of_a_list_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(TypeError, match=r"images of shape \(20, 30.* must be a list of versions"):
+        restore(np.zeros(shape, np.uint8), 2)  # type: ignore[arg-type]
+
+
+def test_a_version_without_a_known_pixel_is_no_hang() -> None:
+    image = RNG.integers(0, 256, (30, 40), np.uint8)
+    result = restore([image, image], 3, masks=[None, np.zeros((30, 40))], align=True)
+    np.testing.assert_array_equal(result.coverage, 1)
