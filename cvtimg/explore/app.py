@@ -17,12 +17,12 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import SpaceName
+from cvtimg.colors import SPACES
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Guard, Pass
 from cvtimg.explore.lanes import Lanes
 from cvtimg.explore.room import MOST_BYTES, Room
 from cvtimg.explore.tabs import TABS
-from cvtimg.explore.tabs.base import SPACES
 
 __all__ = ["Server", "static_files"]
 

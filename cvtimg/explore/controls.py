@@ -1,17 +1,19 @@
 """Controls of the page: what a person can choose, and how the command line and Python say it.
 
-A tab declares its controls once. The page draws them from `Control.described`, the server checks what it receives by
-`Control.parse`, and the command that the page shows consists of `Control.words`.
+Most are made from the options of the command (`controls_of`). The page draws them from `Control.described`, the server
+checks what it receives by `Control.parse`, and the command that the page shows consists of `Control.words`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from cvtimg._shared.svg import shortest
+from cvtimg.options import options_of, record
+from cvtimg.options.record import Option
 
 __all__ = [
     "Choice",
@@ -21,8 +23,10 @@ __all__ = [
     "Number",
     "Settings",
     "Switch",
+    "Switches",
     "UnfitRequestError",
     "active",
+    "controls_of",
     "parse_settings",
     "words_of",
 ]
@@ -192,6 +196,77 @@ class Files(Control):
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the control."""
         return {**Control.described(self), "of": self.of, "most": self.most}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switches(Choice):
+    """One of several switches of the command, each by its name, or none of them: the default."""
+
+    def words(self, value: Any) -> list[str]:
+        """Return the switch that is on."""
+        return [] if value == self.default else [f"--{value}"]
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {**Choice.described(self), "kind": "choice"}
+
+
+def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) -> tuple[Control, ...]:
+    """Return controls of a verb: own ones as they are, and those of options by name, with what differs from the record.
+
+    An option is in effect where the page chooses what it needs, and nothing that it excludes.
+    """
+    known = {option.name: option for option in options_of(verb)}
+    made: list[Control] = []
+    for one in listed:
+        if isinstance(one, Control):
+            made.append(one)
+            continue
+        name, changed = one if isinstance(one, tuple) else (one, {})
+        control = _control_of(known[name], changed)
+        made.append(replace(control, when={**_when(known[name], made), **control.when}))
+    return tuple(made)
+
+
+def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
+    page, kind = option.page, option.kind
+    assert page is not None, option.name
+    default = option.parse(None) if page.default is None else page.default
+    about: dict[str, Any] = {"name": option.name, "label": page.label, "about": page.about, "default": default}
+    about |= {"flag": option.flag, "keyword": option.keyword}
+    if isinstance(kind, record.Switch):
+        return Switch(**{**about, **changed})
+    if isinstance(kind, record.Choice):
+        return Choice(**{**about, "choices": {name: kind.labels.get(name, name) for name in kind.names}, **changed})
+    low, high = (kind.low, kind.high) if isinstance(kind, (record.Whole, record.Real)) else (-math.inf, math.inf)
+    about |= {
+        "low": low if page.least is None else page.least,
+        "high": high if page.most is None else page.most,
+        "step": page.step,
+        "slider": page.slider,
+        "log": page.log,
+        "unit": page.unit,
+        "suffix": page.suffix,
+        "auto": default == "auto" or getattr(kind, "auto", False),
+        "always": option.default is None and default != "auto",
+    }
+    return Number(**{**about, **changed})
+
+
+def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]:
+    when: dict[str, Sequence[Any]] = {}
+    for need in option.needs:
+        name, _, value = need.partition("=")
+        for other in others:
+            if isinstance(other, Switches) and name in other.choices:
+                when[other.name] = [name]
+            elif isinstance(other, Choice) and other.name == name:
+                when[name] = [value] if value else [one for one in other.choices if one != other.default]
+    for name in option.excludes:
+        for other in others:
+            if isinstance(other, Switches) and name in other.choices:
+                when[other.name] = [one for one in when.get(other.name, list(other.choices)) if one != name]
+    return when
 
 
 def _is_hexadecimal(text: str) -> bool:

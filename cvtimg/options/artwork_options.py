@@ -65,7 +65,7 @@ STIPPLE = (
         metavar="F",
         default=0.9,
         keyword="max_ink",
-        page=Page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01),
+        page=Page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, least=0.01),
     ),
     Option(
         "white_cutoff",
@@ -99,7 +99,7 @@ STIPPLE = (
         "Width of the drawing: 200mm, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
         default=200,
-        page=Page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm"),
+        page=Page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", least=1, most=10_000),
     ),
     Option(
         "marks",
@@ -116,7 +116,9 @@ STIPPLE = (
         Text(_length),
         "Width of the pen's line in .svg; by default what suits the dots.",
         metavar="MM",
-        page=Page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", default="auto"),
+        page=Page(
+            "Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", least=0.01, most=100, default="auto"
+        ),
     ),
     Option(
         "order",

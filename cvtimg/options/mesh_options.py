@@ -27,7 +27,7 @@ MESH = (
         "N",
         excludes=("edge_length",),
         keyword="n",
-        page=Page("Vertices", slider=(100, 20_000), log=True, most=10**6, default=2000),
+        page=Page("Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default=2000),
     ),
     Option(
         "edge_length",
@@ -36,7 +36,7 @@ MESH = (
         metavar="H",
         excludes=("size",),
         keyword="edge_length",
-        page=Page("Edge length", slider=(2, 100), step=0.5, unit="px", most=10_000, default=10.0),
+        page=Page("Edge length", slider=(2, 100), step=0.5, unit="px", least=0.1, most=10_000, default=10.0),
     ),
     file("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
     Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
@@ -47,7 +47,9 @@ MESH = (
         metavar="G",
         default=GRADE,
         keyword="grade",
-        page=Page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, most=10),
+        page=Page(
+            "Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, least=0.01, most=10
+        ),
     ),
     Option(
         "min_size",

@@ -159,7 +159,9 @@ class Page:
     # Shown after a number on the page, and on the command line.
     unit: str = ""
     suffix: str = ""
-    most: float | None = None  # Largest number that the page takes, where the command takes larger ones
+    # Limits of the page, where the command has wider ones.
+    least: float | None = None
+    most: float | None = None
     default: Any = None  # Value of the page where the command has none, or another
 
 

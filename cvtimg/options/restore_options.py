@@ -55,7 +55,7 @@ RESTORE = (
         "Treat pixels that are V in all bands as missing.",
         metavar="V",
         keyword="nodata",
-        page=Page("Value", slider=(0, 255), step=0.5, most=1e9, default=0.0),
+        page=Page("Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0),
     ),
     Option(
         "weights",
@@ -114,7 +114,7 @@ RESTORE = (
         metavar="PIXELS",
         default=2,
         needs=("averaging",),
-        page=Page("Radius", slider=(0.5, 20), step=0.5, unit="px"),
+        page=Page("Radius", slider=(0.5, 20), step=0.5, unit="px", least=0.5),
     ),
     Option(
         "edge_weight",

@@ -288,7 +288,7 @@ NOT_ALLOWED: list[tuple[dict[str, Any], str]] = [
     ({"settings": {"k": "x"}}, "Colors: 'x' must be a number in 1..65536"),
     ({"settings": {"k": 2.5}}, "whole number"),
     ({"settings": {"k": True}}, "must be a number"),
-    ({"settings": {"space": "cmyk"}}, "must be one of rgb, oklab, lab, linear"),
+    ({"settings": {"space": "cmyk"}}, "must be one of rgb, linear, lab, oklab"),
     ({"settings": {"locked": ["red; rm"]}}, "a color as #rrggbb"),
     ({"settings": {"aim": "palette"}}, "open a palette file first"),
     ({"settings": {"aim": "palette", "palette": ["x"]}}, "no longer open"),

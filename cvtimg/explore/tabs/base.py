@@ -10,16 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.controls import Choice, Control, Settings, UnfitRequestError, active, words_of
+from cvtimg.explore.controls import Control, Settings, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 
-__all__ = ["SPACES", "Ask", "Shelf", "Tab", "choices", "effort", "reading", "space"]
-
-#: Color spaces, with their labels.
-SPACES = {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}
-EFFORTS = {"fast": "fast", "balanced": "balanced", "best": "best"}
+__all__ = ["Ask", "Shelf", "Tab", "reading", "saved"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,22 +99,6 @@ class Tab:
         """Return what the page needs to draw the tab."""
         about = {"name": self.name, "title": self.title, "about": self.about}
         return {**about, "controls": [control.described() for control in self.controls]}
-
-
-def choices(*names: str, **labels: str) -> dict[str, str]:
-    """Return choices that are called as they are named, but for those with a label."""
-    return {name: labels.get(name.replace("-", "_"), name) for name in names}
-
-
-def space(**more: Any) -> Choice:
-    """Return the control of the color space."""
-    return Choice(name="space", label="Color space", default="rgb", choices=SPACES, flag="--space", **more)
-
-
-def effort(**more: Any) -> Choice:
-    """Return the control of the effort."""
-    given = {"choices": EFFORTS, "flag": "--effort", "keyword": "effort", **more}
-    return Choice(name="effort", label="Effort", default="balanced", **given)
 
 
 def reading(picture: Picture) -> str:

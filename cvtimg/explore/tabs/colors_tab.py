@@ -17,13 +17,13 @@ from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
 from cvtimg.explore.calls import Call, Named
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Settings
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Settings, controls_of
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, choices, effort, reading, saved, space
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, reading, saved
 from cvtimg.pictures import encode_image
-from cvtimg.quantization import DITHERS, Quantized, map_to_palette
+from cvtimg.quantization import Quantized, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
 #: Formats of palettes that are offered, with their labels.
@@ -53,7 +53,8 @@ class ColorsTab(Tab):
     title = "Colors"
     about = "Reduce the picture to few colors, with the least error."
     verb = "quantize"
-    controls: ClassVar[tuple[Control, ...]] = (
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "quantize",
         Choice(
             name="aim",
             label="Choose by",
@@ -66,30 +67,8 @@ class ColorsTab(Tab):
                 "palette": "given palette",
             },
         ),
-        Number(
-            name="k",
-            label="Colors",
-            default=16,
-            low=1,
-            high=65536,
-            slider=(2, 256),
-            log=True,
-            when={"aim": ["k"]},
-        ),
-        Number(
-            name="psnr",
-            label="Quality at least",
-            default=35.0,
-            low=0,
-            high=100,
-            slider=(20, 50),
-            step=0.5,
-            unit="dB",
-            flag="--psnr",
-            keyword="psnr",
-            always=True,
-            when={"aim": ["psnr"]},
-        ),
+        ("number", {"name": "k", "when": {"aim": ["k"]}, "auto": False, "keyword": ""}),
+        ("psnr", {"when": {"aim": ["psnr"]}}),
         Number(
             name="max_bytes",
             label="File at most",
@@ -111,17 +90,9 @@ class ColorsTab(Tab):
             when={"aim": ["palette"]},
             about="A .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
         ),
-        space(keyword="space", about="Where distances between colors are measured."),
-        Choice(name="dither", label="Dither", default="none", choices=choices("none", *DITHERS), flag="--dither"),
-        Number(
-            name="strength",
-            label="Dither strength",
-            default=STRENGTH,
-            low=0,
-            high=1,
-            step=0.05,
-            when={"dither": list(DITHERS)},
-        ),
+        "space",
+        "dither",
+        ("dither_strength", {"name": "strength", "default": STRENGTH, "always": False, "flag": "", "keyword": ""}),
         Colors(
             name="locked",
             label="Locked colors",
@@ -129,7 +100,7 @@ class ColorsTab(Tab):
             when={"aim": list(_SEARCHED)},
             about="Kept in the palette as they are. Pick them in the picture, or lock colors of the palette.",
         ),
-        effort(when={"aim": list(_SEARCHED)}),
+        ("effort", {"when": {"aim": list(_SEARCHED)}}),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
@@ -144,7 +115,7 @@ class ColorsTab(Tab):
         call = self._call(ask)
         known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
         size = _SIZE.format(_suffix(picture)) if settings["aim"] == "max_bytes" else ""
-        words = {"k": ["-k", str(settings["k"])], "auto": ["-k", "auto"]}.get(settings["aim"], [])
+        words = ["-k", "auto"] if settings["aim"] == "auto" else []
         if settings["aim"] == "palette":
             words = ["--palette", ask.shelf.palette(settings["palette"])[0]]
         if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call
-from cvtimg.explore.controls import Choice, Control, Number, Settings
+from cvtimg.explore.controls import Choice, Control, Number, Settings, controls_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, effort, reading, saved
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, reading, saved
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
@@ -29,7 +29,8 @@ class MeshTab(Tab):
     title = "Mesh"
     about = "Divide the segments of the picture, or a mask, into triangles for computations."
     verb = "mesh"
-    controls: ClassVar[tuple[Control, ...]] = (
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "mesh",
         Choice(
             name="of",
             label="Mesh",
@@ -48,58 +49,11 @@ class MeshTab(Tab):
             when={"of": ["segments"]},
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
-        Number(
-            name="n",
-            label="Vertices",
-            default=2000,
-            low=3,
-            high=10**6,
-            slider=(100, 20_000),
-            log=True,
-            flag="-n",
-            keyword="n",
-            always=True,
-            when={"by": ["n"]},
-        ),
-        Number(
-            name="edge_length",
-            label="Edge length",
-            default=10.0,
-            low=0.1,
-            high=10_000,
-            slider=(2, 100),
-            step=0.5,
-            unit="px",
-            flag="--edge-length",
-            keyword="edge_length",
-            always=True,
-            when={"by": ["edge"]},
-        ),
-        Number(
-            name="grade",
-            label="Growth",
-            default=0.2,
-            low=0.01,
-            high=10,
-            slider=(0.05, 1),
-            step=0.05,
-            flag="--grade",
-            keyword="grade",
-            about="How fast triangles grow away from borders.",
-        ),
-        Number(
-            name="min_size",
-            label="Least edge",
-            default=0.0,
-            low=0,
-            high=1000,
-            slider=(0, 20),
-            step=0.5,
-            unit="px",
-            flag="--min-size",
-            keyword="min_size",
-        ),
-        effort(),
+        ("number", {"name": "n", "when": {"by": ["n"]}}),
+        ("edge_length", {"when": {"by": ["edge"]}}),
+        "grade",
+        "min_size",
+        "effort",
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:

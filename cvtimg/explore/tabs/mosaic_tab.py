@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 
 from cvtimg.artwork import Mosaic
 from cvtimg.explore.calls import Call, literal
-from cvtimg.explore.controls import Choice, Control, Number, Settings
+from cvtimg.explore.controls import Choice, Control, Settings, controls_of
 from cvtimg.explore.layers import Drawing, Window
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
-from cvtimg.explore.tabs.base import Ask, Tab, effort, reading, space
+from cvtimg.explore.tabs.base import Ask, Tab, reading
 
 #: Pixels of a draft.
 _DRAFT = 1 << 16
@@ -25,50 +25,15 @@ class MosaicTab(Tab):
     title = "Mosaic"
     about = "Compose the picture of tiles of one color each, whose borders follow its edges."
     verb = "mosaic"
-    controls: ClassVar[tuple[Control, ...]] = (
-        Number(
-            name="n_cells",
-            label="Tiles",
-            default=1000,
-            low=1,
-            high=10**6,
-            slider=(50, 20_000),
-            log=True,
-            flag="-n",
-            always=True,
-        ),
-        Choice(
-            name="shape",
-            label="Shape",
-            default="cells",
-            choices={"cells": "Voronoi cells", "triangles": "triangles"},
-            flag="--shape",
-            keyword="shape",
-        ),
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "mosaic",
+        ("number", {"name": "n_cells", "keyword": ""}),
+        "shape",
         Choice(name="limit", label="Colors", default="all", choices={"all": "one for each tile", "few": "only a few"}),
-        Number(
-            name="palette",
-            label="Colors in all",
-            default=8,
-            low=1,
-            high=65536,
-            slider=(2, 64),
-            log=True,
-            when={"limit": ["few"]},
-        ),
-        Number(
-            name="outline",
-            label="Outlines",
-            default=0.0,
-            low=0,
-            high=1000,
-            slider=(0, 5),
-            step=0.1,
-            unit="px",
-            flag="--outline",
-        ),
-        space(keyword="space"),
-        effort(),
+        ("palette", {"when": {"limit": ["few"]}, "keyword": ""}),
+        "outline",
+        "space",
+        "effort",
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
@@ -85,9 +50,8 @@ class MosaicTab(Tab):
 
     def recipe(self, ask: Ask) -> Recipe:
         """Return the command and the lines of Python."""
-        words = ["-k", str(ask.settings["palette"])] if ask.settings["limit"] == "few" else []
         text = self._call(ask.settings).text()
-        return Recipe(self.words(ask, *words), f"{reading(ask.picture)}\nresult = {text}")
+        return Recipe(self.words(ask), f"{reading(ask.picture)}\nresult = {text}")
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)

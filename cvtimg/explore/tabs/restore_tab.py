@@ -9,15 +9,15 @@ import numpy as np
 
 from cvtimg import write_image
 from cvtimg.explore.calls import Call
-from cvtimg.explore.controls import Choice, Control, Files, Number, Settings, Switch, UnfitRequestError, words_of
+from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, effort, saved, space
+from cvtimg.explore.tabs.base import SAVED, Ask, Tab, saved
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
-_FLAT = {"detail": [False]}
+_FLAT = {"when": {"detail": [False]}}
 _RESTORED = "{}-restored.png"
 
 
@@ -28,7 +28,8 @@ class RestoreTab(Tab):
     title = "Restore"
     about = "Restore one picture from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
-    controls: ClassVar[tuple[Control, ...]] = (
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "restore",
         Files(
             name="versions",
             label="Versions",
@@ -36,106 +37,19 @@ class RestoreTab(Tab):
             most=32,
             about="All of one size. Transparent pixels are missing.",
         ),
-        Switch(
-            name="detail",
-            label="Detail",
-            flag="--detail",
-            keyword="detail",
-            about="Restore texture too, for photographs.",
-        ),
-        Number(
-            name="k",
-            label="Segments",
-            default="auto",
-            low=1,
-            high=65535,
-            slider=(2, 64),
-            log=True,
-            auto=True,
-            flag="-k",
-        ),
-        Switch(name="align", label="Align versions", flag="--align", keyword="align"),
-        Switch(
-            name="channels",
-            label="Versions are channels",
-            flag="--channels",
-            keyword="channels",
-            about="They share segments but not colors; the first is restored.",
-        ),
-        Choice(
-            name="hidden",
-            label="Disagreement",
-            default="outliers",
-            choices={
-                "outliers": "leave out outliers",
-                "background": "leave out background",
-                "none": "use all",
-            },
-            flag="--hidden",
-            keyword="hidden",
-        ),
-        Choice(
-            name="renormalize",
-            label="Contrast",
-            default="range",
-            choices={
-                "range": "as in the versions",
-                "median": "median of a segment",
-                "none": "keep",
-            },
-            flag="--renormalize",
-            keyword="renormalize",
-            when=_FLAT,
-        ),
+        "detail",
+        ("number", {"name": "k", "keyword": ""}),
+        "align",
+        "channels",
+        "hidden",
+        ("renormalize", _FLAT),
         Switch(name="has_nodata", label="Missing value"),
-        Number(
-            name="nodata",
-            label="Value",
-            default=0.0,
-            low=-1e9,
-            high=1e9,
-            slider=(0, 255),
-            step=0.5,
-            flag="--nodata",
-            keyword="nodata",
-            always=True,
-            when={"has_nodata": [True]},
-        ),
-        Choice(
-            name="averaging",
-            label="Averaging",
-            default="none",
-            choices={"none": "none", "before": "of the versions, before", "after": "of the segments, after"},
-            flag="--averaging",
-            when=_FLAT,
-        ),
-        Number(
-            name="radius",
-            label="Radius",
-            default=2.0,
-            low=0.5,
-            high=1000,
-            slider=(0.5, 20),
-            step=0.5,
-            unit="px",
-            flag="--radius",
-            when={"averaging": ["before", "after"], **_FLAT},
-        ),
-        Number(
-            name="edge_weight",
-            label="Edge weight",
-            default="auto",
-            low=0,
-            high=10**6,
-            slider=(0, 200),
-            step=0.5,
-            auto=True,
-            flag="--edge-weight",
-            keyword="edge_weight",
-            when=_FLAT,
-        ),
-        space(keyword="space", when=_FLAT),
-        effort(when=_FLAT),
+        ("nodata", {"when": {"has_nodata": [True]}, "keyword": ""}),
+        ("averaging", _FLAT),
+        ("radius", _FLAT),
+        ("edge_weight", _FLAT),
+        ("space", _FLAT),
+        ("effort", _FLAT),
         Choice(
             name="seen",
             label="Show",

@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from cvtimg import find_contours, find_edges, write_image
 from cvtimg.explore.calls import Call, Named
-from cvtimg.explore.controls import Choice, Control, Number, Settings
+from cvtimg.explore.controls import Control, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import SPACES, Ask, Tab, effort, reading, space
+from cvtimg.explore.tabs.base import Ask, Tab, reading
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
 from cvtimg.segmentation import Averaging, Objects
 
 #: Pixels of a draft.
 _DRAFT = 1 << 17
-_SEGMENTS, _REGIONS, _CELLS = ({"way": [way]} for way in ("segments", "regions", "superpixels"))
+_SEGMENTS = {"way": ["segments"]}
+_REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
+_CELLS: dict[str, Any] = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
 
 
 class Divided(NamedTuple):
@@ -40,133 +42,29 @@ class SegmentsTab(Tab):
     title = "Segments"
     about = "Divide the picture into segments of similar color, connected regions, or superpixels."
     verb = "segment"
-    controls: ClassVar[tuple[Control, ...]] = (
-        Choice(
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "segment",
+        Switches(
             name="way",
             label="Divide into",
             default="segments",
             choices={
                 "segments": "segments by color",
-                "regions": "connected regions",
+                "hierarchy": "connected regions",
                 "superpixels": "superpixels",
             },
         ),
-        Number(
-            name="k",
-            label="Segments",
-            default=4,
-            low=1,
-            high=65536,
-            slider=(2, 64),
-            log=True,
-            auto=True,
-            flag="-k",
-            always=True,
-            when=_SEGMENTS,
-        ),
-        Number(
-            name="regions",
-            label="Regions",
-            default="auto",
-            low=1,
-            high=65536,
-            slider=(2, 200),
-            log=True,
-            auto=True,
-            flag="-k",
-            when=_REGIONS,
-        ),
-        Number(
-            name="cells",
-            label="Superpixels",
-            default=400,
-            low=1,
-            high=65536,
-            slider=(16, 4000),
-            log=True,
-            flag="-k",
-            always=True,
-            when=_CELLS,
-        ),
-        Number(
-            name="threshold",
-            label="Threshold",
-            default="auto",
-            low=0,
-            high=1000,
-            slider=(0.05, 2),
-            step=0.05,
-            auto=True,
-            flag="--threshold",
-            when={**_REGIONS, "regions": ["auto"]},
-        ),
-        Number(
-            name="compactness",
-            label="Compactness",
-            default=10.0,
-            low=0,
-            high=10**6,
-            slider=(0, 100),
-            step=0.5,
-            flag="--compactness",
-            keyword="compactness",
-            when=_CELLS,
-        ),
-        Choice(
-            name="averaging",
-            label="Averaging",
-            default="none",
-            choices={"none": "none", "before": "of the picture, before", "after": "of the segments, after"},
-            flag="--averaging",
-            when=_SEGMENTS,
-            about="Against noise.",
-        ),
-        Choice(
-            name="kernel",
-            label="Kernel",
-            default="gaussian",
-            choices={"gaussian": "Gaussian", "box": "box"},
-            flag="--kernel",
-            when={"averaging": ["before", "after"]},
-        ),
-        Number(
-            name="radius",
-            label="Radius",
-            default=2,
-            low=1,
-            high=1000,
-            slider=(1, 20),
-            unit="px",
-            flag="--radius",
-            when={"averaging": ["before", "after"]},
-        ),
-        Number(
-            name="edge_weight",
-            label="Edge weight",
-            default=0.0,
-            low=0,
-            high=10**6,
-            slider=(0, 100),
-            step=0.5,
-            auto=True,
-            flag="--edge-weight",
-            keyword="edge_weight",
-            when=_SEGMENTS,
-            about="Penalty per pixel of border: larger values give smoother segments. Auto follows the noise.",
-        ),
-        Number(
-            name="edge_radius",
-            label="Edge radius",
-            default=3,
-            low=1,
-            high=30,
-            slider=(1, 10),
-            unit="px",
-            flag="--edge-radius",
-            keyword="edge_radius",
-            when=_SEGMENTS,
-        ),
-        Choice(
+        ("number", {"name": "k", "when": _SEGMENTS}),
+        ("number", {**_REGIONS, "name": "regions", "default": "auto", "slider": (2, 200), "always": False}),
+        ("number", {**_CELLS, "name": "cells", "default": 400, "slider": (16, 4000), "auto": False}),
+        ("threshold", {"when": {"regions": ["auto"]}}),
+        ("compactness", {"always": False}),
+        "averaging",
+        "kernel",
+        ("radius", {"default": 2, "low": 1}),
+        "edge_weight",
+        "edge_radius",
+        Switches(
             name="pieces",
             label="Pieces",
             default="together",
@@ -178,62 +76,13 @@ class SegmentsTab(Tab):
             about="Whether pieces of one color that do not touch are one segment.",
             when=_SEGMENTS,
         ),
-        Number(
-            name="border_price",
-            label="Border price",
-            default=0.0,
-            low=0,
-            high=10**7,
-            slider=(0, 5000),
-            step=10.0,
-            flag="--border-price",
-            keyword="border_price",
-            when={"pieces": ["components"]},
-            about="Merge neighbors where that costs less per pixel of border.",
-        ),
-        Choice(
-            name="background",
-            label="Background",
-            default="largest",
-            choices={"largest": "largest segment", "darkest": "darkest segment", "brightest": "brightest segment"},
-            flag="--background",
-            when={"pieces": ["objects"]},
-        ),
-        Number(
-            name="neck_depth",
-            label="Depth of necks",
-            default=0.5,
-            low=0,
-            high=1000,
-            slider=(0, 10),
-            step=0.1,
-            unit="px",
-            flag="--neck-depth",
-            when={"pieces": ["objects"]},
-        ),
-        Number(
-            name="min_size",
-            label="Least size",
-            default=0,
-            low=0,
-            high=2**31 - 1,
-            slider=(0, 2000),
-            unit="px",
-            flag="--min-size",
-            keyword="min_size",
-            when=_SEGMENTS,
-            about="Merge smaller pieces into a neighbor.",
-        ),
-        space(when={"way": ["segments", "superpixels"]}),
-        Choice(
-            name="tree_space",
-            label="Color space",
-            default="lab",
-            choices={name: label for name, label in SPACES.items() if name != "rgb"},
-            flag="--space",
-            when=_REGIONS,
-        ),
-        effort(when=_SEGMENTS),
+        "border_price",
+        "background",
+        "neck_depth",
+        "min_size",
+        ("space", {"when": {"way": ["segments", "superpixels"]}}),
+        ("space", {"name": "tree_space", "default": "lab", "when": _REGIONS["when"]}),
+        ("effort", {"when": _SEGMENTS}),
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
@@ -243,30 +92,23 @@ class SegmentsTab(Tab):
     def recipe(self, ask: Ask) -> Recipe:
         """Return the command and the lines of Python."""
         settings, picture = ask.settings, ask.picture
-        flags = {"regions": ["--hierarchy"], "superpixels": ["--superpixels"]}.get(settings["way"], [])
-        if settings["way"] == "segments":
-            flags = {"components": ["--components"], "objects": ["--objects"]}.get(settings["pieces"], [])
         lines = [reading(picture)]
         if picture.has_alpha:
             lines += ["known = image[..., 3] > 0", "image = image[..., :3]"]
         elif picture.header.nodata is not None and picture.known is not None:
             lines += [f"known = (image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"]
         call = self._call(settings, _known(picture))
-        if settings["way"] == "regions":
+        if settings["way"] == "hierarchy":
             lines += [f"labels = {call.text()}.{_cut_text(settings)}"]
         else:
             lines += [f"labels = {call.text()}.labels"]
-        return Recipe(self.words(ask, *flags), "\n".join(lines))
+        return Recipe(self.words(ask), "\n".join(lines))
 
     def _call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
         keywords: dict[str, Any] = {} if known is None else {"mask": Named("known", known)}
         keywords |= self.keywords(settings)
-        if settings["way"] == "regions":
-            if settings["tree_space"] != "lab":
-                keywords["space"] = settings["tree_space"]
+        if settings["way"] == "hierarchy":
             return Call("segment_hierarchy", (), keywords)
-        if settings["space"] != "rgb":
-            keywords["space"] = settings["space"]
         if settings["way"] == "superpixels":
             return Call("superpixels", (settings["cells"],), keywords)
         if settings["averaging"] != "none":
@@ -295,7 +137,7 @@ class SegmentsTab(Tab):
         image = window.of_array(picture.plain[..., :3] if picture.has_alpha else picture.plain)
         known = _known(picture)
         call = self._call(settings, None if known is None else window.of_array(known))
-        if settings["way"] != "regions":
+        if settings["way"] != "hierarchy":
             return Divided(call.run(image).labels, image)
         tree = picture.kept(("tree", settings["tree_space"], window), lambda: call.run(image))
         regions, threshold = settings["regions"], settings["threshold"]

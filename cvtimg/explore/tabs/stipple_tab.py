@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from cvtimg.artwork import Stipples
 from cvtimg.explore.calls import Call, literal
-from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch
+from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
 from cvtimg.explore.tabs.base import Ask, Tab, reading
@@ -40,50 +40,15 @@ class StippleTab(Tab):
     title = "Stipple"
     about = "Reproduce the tones of the picture by dots, for pen plotters and print."
     verb = "stipple"
-    controls: ClassVar[tuple[Control, ...]] = (
-        Number(
-            name="n_dots",
-            label="Dots",
-            default=5000,
-            low=1,
-            high=10**6,
-            slider=(100, 100_000),
-            log=True,
-            flag="-n",
-            always=True,
-        ),
-        Choice(
-            name="dots",
-            label="Sizes",
-            default="equal",
-            choices={"equal": "equal", "equal-mass": "equal ink", "sized": "by tone"},
-            flag="--dots",
-            keyword="dots",
-        ),
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "stipple",
+        ("number", {"name": "n_dots"}),
+        "dots",
         Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
         _radius("least", "Least radius", 0.5, 10),
         _radius("greatest", "Greatest radius", 4.0, 20),
-        Number(
-            name="max_ink",
-            label="Ink in black",
-            default=0.9,
-            low=0.01,
-            high=1,
-            step=0.01,
-            flag="--max-ink",
-            keyword="max_ink",
-            about="Share of the paper that black covers.",
-        ),
-        Number(
-            name="white_cutoff",
-            label="White up to",
-            default=0.0,
-            low=0,
-            high=1,
-            step=0.01,
-            flag="--white-cutoff",
-            keyword="white_cutoff",
-        ),
+        "max_ink",
+        "white_cutoff",
         Choice(
             name="layers",
             label="Pens",
@@ -93,51 +58,11 @@ class StippleTab(Tab):
         Number(
             name="pens", label="Pens in all", default=4, low=1, high=64, slider=(2, 16), when={"layers": ["colors"]}
         ),
-        Switch(
-            name="invert",
-            label="Light on dark",
-            flag="--invert",
-            keyword="invert",
-            when={"layers": ["one"]},
-        ),
-        Choice(
-            name="marks",
-            label="Marks",
-            default="disks",
-            choices={"disks": "filled disks", "circles": "circles", "points": "points", "lines": "short lines"},
-            flag="--marks",
-        ),
-        Number(
-            name="width",
-            label="Drawing width",
-            default=200.0,
-            low=1,
-            high=10_000,
-            slider=(50, 1000),
-            step=0.5,
-            unit="mm",
-            suffix="mm",
-            flag="--width",
-        ),
-        Number(
-            name="pen_width",
-            label="Pen width",
-            default="auto",
-            low=0.01,
-            high=100,
-            slider=(0.05, 2),
-            step=0.05,
-            auto=True,
-            unit="mm",
-            suffix="mm",
-        ),
-        Choice(
-            name="order",
-            label="Order of dots",
-            default="tour",
-            choices={"tour": "short tour", "none": "none"},
-            flag="--order",
-        ),
+        ("invert", {"when": {"layers": ["one"]}}),
+        "marks",
+        "width",
+        ("pen_width", {"always": False}),
+        "order",
     )
 
     def outputs(self, ask: Ask) -> Sequence[Output]:
@@ -156,8 +81,6 @@ class StippleTab(Tab):
             words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
         if settings["layers"] != "one":
             words += ["--layers", "cmyk" if settings["layers"] == "cmyk" else str(settings["pens"])]
-        if settings["pen_width"] != "auto":
-            words += ["--pen-width", f"{settings['pen_width']:g}mm"]
         return Recipe(self.words(ask, *words), f"{reading(ask.picture)}\nresult = {call.text()}")
 
     def exact(self, ask: Ask) -> Outcome:
