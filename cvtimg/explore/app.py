@@ -18,10 +18,10 @@ from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import SPACES
+from cvtimg.explore.channel import Channel
 from cvtimg.explore.controls import UnfitRequestError
-from cvtimg.explore.guard import ENTRANCE, Guard, Pass
-from cvtimg.explore.lanes import Lanes
-from cvtimg.explore.room import MOST_BYTES, Room
+from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
+from cvtimg.explore.store import MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
 __all__ = ["Server", "static_files"]
@@ -48,12 +48,12 @@ class Server:
     ----------
     app : ASGI application
         To be run by uvicorn.
-    room : Room
+    store : Store
         What is open.
     """
 
-    def __init__(self, own: Pass, paths: Sequence[Path] = ()) -> None:
-        self.room = Room()
+    def __init__(self, own: Credentials, paths: Sequence[Path] = ()) -> None:
+        self.store = Store()
         self._own, self._paths = own, paths
         self._n_pages, self._last_used = 0, time.monotonic()
         files = static_files()
@@ -98,10 +98,10 @@ class Server:
         return JSONResponse({"tabs": [tab.described() for tab in TABS.values()], "given": given})
 
     async def _open_picture(self, request: Request) -> Response:
-        return await self._sent(request, lambda name, content: self.room.open_sent(name, content).described())
+        return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())
 
     async def _open_palette(self, request: Request) -> Response:
-        return await self._sent(request, self.room.open_palette)
+        return await self._sent(request, self.store.open_palette)
 
     async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
         """Take a file that a page sends, up to the limit."""
@@ -121,7 +121,7 @@ class Server:
         number = request.path_params["number"]
         if number >= len(self._paths):
             return PlainTextResponse("there is no such picture", 404)
-        return await _answered(lambda: self.room.open_file(self._paths[number]).described())
+        return await _answered(lambda: self.store.open_file(self._paths[number]).described())
 
     async def _curve(self, request: Request) -> Response:
         key, space = request.path_params["picture"], request.path_params["space"]
@@ -130,7 +130,7 @@ class Server:
             if space not in SPACES:
                 raise UnfitRequestError("there is no such color space")
             name: SpaceName = space
-            curve = self.room.shelf.picture(key).curve(name, wait=True)
+            curve = self.store.files.picture(key).curve(name, wait=True)
             if curve is None:
                 raise UnfitRequestError("the energy curve cannot be computed")
             psnr = None if curve.psnr is None else [round(float(value), 2) for value in curve.psnr if value < 1e3]
@@ -141,7 +141,7 @@ class Server:
         return await _answered(measured)
 
     async def _file(self, request: Request) -> Response:
-        outcome = self.room.result(request.path_params["result"])
+        outcome = self.store.result(request.path_params["result"])
         if outcome is None:
             return PlainTextResponse("this result is gone; change a setting to make it again", 404)
         try:
@@ -157,7 +157,7 @@ class Server:
     async def _live(self, socket: WebSocket) -> None:
         self._n_pages += 1
         try:
-            await Lanes(socket, self.room).run()
+            await Channel(socket, self.store).run()
         finally:
             self._n_pages -= 1
             self._used()

@@ -11,7 +11,7 @@ import secrets
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any, NamedTuple, TypeAlias
 
-__all__ = ["Guard", "Pass"]
+__all__ = ["Credentials", "Guard"]
 
 Scope: TypeAlias = MutableMapping[str, Any]
 Receive: TypeAlias = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -23,7 +23,7 @@ ENTRANCE = "/enter"
 _REFUSED = 4403  # code of a closed WebSocket
 
 
-class Pass(NamedTuple):
+class Credentials(NamedTuple):
     """What lets a page in: the port of the server and the token."""
 
     port: int
@@ -47,7 +47,7 @@ class Pass(NamedTuple):
 class Guard:
     """Middleware that refuses what does not come from a page of the server, and says what its pages may do."""
 
-    def __init__(self, app: App, own: Pass) -> None:
+    def __init__(self, app: App, own: Credentials) -> None:
         self._app, self._own = app, own
         sockets = " ".join(f"ws://{host}" for host in own.hosts)
         policy = (
@@ -65,7 +65,7 @@ class Guard:
         self._headers = [(name.encode(), value.encode()) for name, value in headers.items()]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
+        """Credentials a request on, or refuse it."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cvtimg._shared.messages import one_line
-from cvtimg.explore.guard import ENTRANCE, Pass
+from cvtimg.explore.guard import ENTRANCE, Credentials
 
 __all__ = ["serve"]
 
@@ -54,7 +54,7 @@ def serve(
     from cvtimg.explore.app import Server
 
     listener = _bound(port)
-    own = Pass(listener.getsockname()[1], secrets.token_urlsafe(24))
+    own = Credentials(listener.getsockname()[1], secrets.token_urlsafe(24))
     server = Server(own, paths)
     address = f"http://{own.hosts[0]}{ENTRANCE}?token={own.token}"
 
@@ -80,7 +80,7 @@ def serve(
     try:
         asyncio.run(run())
     finally:
-        server.room.close()
+        server.store.close()
 
 
 async def _end_when_idle(running: object, server: object, seconds: float) -> None:

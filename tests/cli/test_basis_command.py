@@ -70,7 +70,7 @@ def test_a_folder_of_frames_is_a_film(here: Path, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["keyframes", "film.png", "-n", "99"], 1, "n_frames=99 must be in 1..15, the number of frames"),
+        (["keyframes", "film.png", "-n", "99"], 1, "-n 99 must be in 1..15, the number of frames"),
         (["basis", "film.png", "-n", "2", "-o", "a.txt"], 2, ".npz"),
         (["basis", "film.png", "-n", "2", "-o", "a.npz", "--passes", "3"], 2, "'3' must be an even number in 2..64"),
         (["basis", "none.gif", "-n", "2", "-o", "a.npz"], 1, "none.gif: no such file"),

@@ -117,7 +117,7 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons, which have no --label"),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
-        (["mesh", "labels.png", "-n", "3"], 1, "n=3 must be at least"),
+        (["mesh", "labels.png", "-n", "3"], 1, "-n 3 must be at least"),
     ],
 )
 def test_wrong_usage_and_bad_inputs_are_named(

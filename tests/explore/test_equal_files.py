@@ -17,8 +17,8 @@ from cvtimg.explore import TABS
 from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Switch, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.room import Room
-from cvtimg.explore.tabs.base import Ask
+from cvtimg.explore.store import Store
+from cvtimg.explore.tabs.base import Request
 
 #: What makes the results of a tab quick, and small.
 BASE: dict[str, dict[str, Any]] = {
@@ -115,28 +115,30 @@ def scene() -> NDArray[np.uint8]:
 
 
 @pytest.fixture
-def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     monkeypatch.chdir(tmp_path)
-    made = Room()
+    made = Store()
     yield made
     made.close()
 
 
-def opened(room: Room, pixels: NDArray[Any], name: str = "my scene.png", **options: Any) -> Picture:
+def opened(store: Store, pixels: NDArray[Any], name: str = "my scene.png", **options: Any) -> Picture:
     Image.fromarray(pixels).save(name, **options)
-    return room.open_file(Path(name))
+    return store.open_file(Path(name))
 
 
-def ask_for(room: Room, tab: str, picture: Picture, settings: dict[str, Any]) -> Ask:
+def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, Any]) -> Request:
     checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
     window = Window.of(None, picture.size, 1 << 20)
-    return Ask(picture, checked, room.shelf, window, lambda step, energy: False)
+    return Request(picture, checked, store.files, window, lambda step, energy: False)
 
 
-def check_equal(room: Room, tab: str, picture: Picture, settings: dict[str, Any], n_outputs: int | None = None) -> None:
+def check_equal(
+    store: Store, tab: str, picture: Picture, settings: dict[str, Any], n_outputs: int | None = None
+) -> None:
     """Compare the files of the page with those of the commands and of the lines of Python."""
-    ask = ask_for(room, tab, picture, settings)
-    recipe, outcome = TABS[tab].recipe(ask), TABS[tab].exact(ask)
+    request = request_for(store, tab, picture, settings)
+    recipe, outcome = TABS[tab].recipe(request), TABS[tab].exact(request)
     for output in outcome.outputs[:n_outputs]:
         shown, named = recipe.shown(output, picture.stem), outcome.file(output.key)
         assert named is not None
@@ -155,81 +157,81 @@ def check_equal(room: Room, tab: str, picture: Picture, settings: dict[str, Any]
 
 
 @pytest.mark.parametrize(("tab", "settings"), [*cases()])
-def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], room: Room, scene: NDArray[Any]) -> None:
-    check_equal(room, tab, opened(room, scene), settings, 1)
+def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
+    check_equal(store, tab, opened(store, scene), settings, 1)
 
 
 @pytest.mark.parametrize("tab", TABS)
-def test_each_kind_of_file_is_the_same(tab: str, room: Room, scene: NDArray[Any]) -> None:
-    check_equal(room, tab, opened(room, scene), {})
+def test_each_kind_of_file_is_the_same(tab: str, store: Store, scene: NDArray[Any]) -> None:
+    check_equal(store, tab, opened(store, scene), {})
 
 
-def test_drawings_of_objects_are_the_same(room: Room, scene: NDArray[Any]) -> None:
-    check_equal(room, "segments", opened(room, scene), {"k": 2, "pieces": "objects"})
+def test_drawings_of_objects_are_the_same(store: Store, scene: NDArray[Any]) -> None:
+    check_equal(store, "segments", opened(store, scene), {"k": 2, "pieces": "objects"})
 
 
 @pytest.mark.parametrize("dither", ["none", "floyd-steinberg"])
-def test_a_given_palette_gives_the_same_file(dither: str, room: Room, scene: NDArray[Any]) -> None:
+def test_a_given_palette_gives_the_same_file(dither: str, store: Store, scene: NDArray[Any]) -> None:
     content = b"102030\nff0080\n40c0a0\nf0f0e0\n"
     Path("my colors.hex").write_bytes(content)
-    palette = room.open_palette("my colors.hex", content)["id"]
-    check_equal(room, "colors", opened(room, scene), {"aim": "palette", "palette": [palette], "dither": dither}, 2)
+    palette = store.open_palette("my colors.hex", content)["id"]
+    check_equal(store, "colors", opened(store, scene), {"aim": "palette", "palette": [palette], "dither": dither}, 2)
 
 
-def test_a_mask_gives_the_same_mesh(room: Room) -> None:
+def test_a_mask_gives_the_same_mesh(store: Store) -> None:
     y, x = np.mgrid[:60, :80]
     mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 600).astype(np.uint8)
-    check_equal(room, "mesh", opened(room, mask, "mask.png"), {"of": "picture"}, 1)
+    check_equal(store, "mesh", opened(store, mask, "mask.png"), {"of": "picture"}, 1)
     labels = (1 + (x > 40)).astype(np.uint8)
-    check_equal(room, "mesh", opened(room, labels, "labels.png"), {"of": "picture"}, 1)
+    check_equal(store, "mesh", opened(store, labels, "labels.png"), {"of": "picture"}, 1)
 
 
 @pytest.mark.parametrize("settings", [{}, {"detail": True}, {"align": True, "hidden": "background"}], ids=str)
-def test_several_versions_give_the_same_file(settings: dict[str, Any], room: Room, scene: NDArray[Any]) -> None:
+def test_several_versions_give_the_same_file(settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
     rng = np.random.default_rng(0)
     versions = []
     for number in range(3):
         noisy = np.clip(scene + rng.normal(0, 9, scene.shape), 0, 255).astype(np.uint8)
-        versions.append(opened(room, noisy, f"scan {number}.png").key)
-    picture = room.shelf.picture(versions[0])
-    check_equal(room, "restore", picture, {"versions": versions, **settings})
+        versions.append(opened(store, noisy, f"scan {number}.png").key)
+    picture = store.files.picture(versions[0])
+    check_equal(store, "restore", picture, {"versions": versions, **settings})
 
 
 @pytest.mark.parametrize("kind", ["gray", "rgba", "transparent", "indexed", "16-bit", "-dash"])
 @pytest.mark.parametrize("tab", ["colors", "segments"])
-def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, room: Room, scene: NDArray[Any]) -> None:
+def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, store: Store, scene: NDArray[Any]) -> None:
     if kind == "16-bit":
         deep = scene[..., 0].astype(np.uint16) * 257 + 3
         Image.fromarray(deep).save("a.png")
-        picture = room.open_file(Path("a.png"))
+        picture = store.open_file(Path("a.png"))
     elif kind == "indexed":
         Image.fromarray(scene).quantize(12, dither=Image.Dither.NONE).save("a.png")
-        picture = room.open_file(Path("a.png"))
+        picture = store.open_file(Path("a.png"))
     else:
         alpha = np.full((*scene.shape[:2], 1), 255, np.uint8)
         alpha[5:30, 5:30] = 0 if kind == "transparent" else 255
         pixels = {"gray": scene[..., 1], "-dash": scene}.get(kind, np.concatenate([scene, alpha], axis=2))
-        picture = opened(room, pixels, "-a.png" if kind == "-dash" else "a.png")
-    check_equal(room, tab, picture, {}, 1)
+        picture = opened(store, pixels, "-a.png" if kind == "-dash" else "a.png")
+    check_equal(store, tab, picture, {}, 1)
     if tab == "colors":
-        check_equal(room, tab, picture, {"k": 5, "locked": ["#ff0000"]}, 1)
+        check_equal(store, tab, picture, {"k": 5, "locked": ["#ff0000"]}, 1)
 
 
-def test_samples_that_png_cannot_hold_are_saved_as_numpy_arrays(room: Room, scene: NDArray[Any]) -> None:
+def test_samples_that_png_cannot_hold_are_saved_as_numpy_arrays(store: Store, scene: NDArray[Any]) -> None:
     np.save("field.npy", scene.astype(np.float32) / 255)
-    check_equal(room, "colors", room.open_file(Path("field.npy")), {"k": 5}, 1)
+    check_equal(store, "colors", store.open_file(Path("field.npy")), {"k": 5}, 1)
 
 
-def test_a_value_that_means_missing_is_left_out(room: Room, scene: NDArray[Any]) -> None:
+def test_a_value_that_means_missing_is_left_out(store: Store, scene: NDArray[Any]) -> None:
     import tifffile
 
     pixels = scene[..., 0].copy()
     pixels[:20, :30] = 0
     tifffile.imwrite("map.tif", pixels, extratags=[(42113, "s", 0, "0", True)])
-    picture = room.open_file(Path("map.tif"))
+    picture = store.open_file(Path("map.tif"))
     assert picture.known is not None
     for tab in ("colors", "segments"):
-        check_equal(room, tab, picture, {}, 1)
+        check_equal(store, tab, picture, {}, 1)
 
 
 def test_every_control_has_an_effect_on_the_command_or_shows_another() -> None:

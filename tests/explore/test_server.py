@@ -22,11 +22,11 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from cvtimg.explore import TABS, room
+from cvtimg.explore import TABS, store
 from cvtimg.explore.app import Server, static_files
-from cvtimg.explore.guard import Pass
+from cvtimg.explore.guard import Credentials
 
-OWN = Pass(8123, "right")
+OWN = Credentials(8123, "right")
 HOST = "http://127.0.0.1:8123"
 ORIGIN = {"origin": HOST}
 LIVE = "ws://127.0.0.1:8123/live"
@@ -36,7 +36,7 @@ LIVE = "ws://127.0.0.1:8123/live"
 def server() -> Iterator[Server]:
     made = Server(OWN)
     yield made
-    made.room.close()
+    made.store.close()
 
 
 @pytest.fixture
@@ -76,8 +76,8 @@ class Reply(NamedTuple):
         return self.colors[self.indices][..., :3]
 
 
-def ask(page: TestClient, picture: str, tab: str = "colors", lane: str = "exact", **more: Any) -> Reply:
-    """Ask for a result by a socket of its own."""
+def request(page: TestClient, picture: str, tab: str = "colors", lane: str = "exact", **more: Any) -> Reply:
+    """Request for a result by a socket of its own."""
     settings = more.pop("settings", {})
     with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
         socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
@@ -231,8 +231,8 @@ def test_files_over_the_limit_are_refused_announced_or_not(page: TestClient, mon
 def test_names_of_files_that_are_sent_lead_nowhere(name: str, page: TestClient, server: Server) -> None:
     about = opened(page, png(np.zeros((4, 5))), name)
     assert not set(about["name"]) & set("/\\\x00\x1b")
-    path = server.room.shelf.picture(about["id"]).path
-    assert path.parent == Path(server.room._folder.name)
+    path = server.store.files.picture(about["id"]).path
+    assert path.parent == Path(server.store._folder.name)
 
 
 def test_animations_are_refused_with_what_to_do(page: TestClient) -> None:
@@ -247,13 +247,13 @@ def test_animations_are_refused_with_what_to_do(page: TestClient) -> None:
 def test_the_oldest_picture_goes_and_its_file_with_it(
     page: TestClient, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "_MOST_PICTURES", 2)
+    monkeypatch.setattr(store, "_MOST_PICTURES", 2)
     first = opened(page, png(np.zeros((4, 5))))["id"]
-    path = server.room.shelf.picture(first).path
+    path = server.store.files.picture(first).path
     kept = [opened(page, png(np.zeros((4, 5))))["id"] for _ in range(2)]
     assert not path.exists()
-    assert "no longer open" in ask(page, first).about["error"]
-    assert ask(page, kept[0]).about["facts"]["k"] == 1
+    assert "no longer open" in request(page, first).about["error"]
+    assert request(page, kept[0]).about["facts"]["k"] == 1
 
 
 # What is answered
@@ -300,13 +300,13 @@ NOT_ALLOWED: list[tuple[dict[str, Any], str]] = [
 def test_values_that_are_not_allowed_get_a_message(page: TestClient) -> None:
     picture = opened(page, png(np.zeros((1200, 1200, 3))))["id"]
     for changed, message in NOT_ALLOWED:
-        reply = ask(page, **{"picture": picture, "lane": "draft", "view": None, **changed})
+        reply = request(page, **{"picture": picture, "lane": "draft", "view": None, **changed})
         assert message in reply.about["error"], changed
 
 
 def test_a_result_is_what_the_function_returns(page: TestClient, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    reply = ask(page, picture, settings={"k": 6, "dither": "blue-noise"})
+    reply = request(page, picture, settings={"k": 6, "dither": "blue-noise"})
     wanted = cvtimg.quantize(photograph, 6, dither="blue-noise")
     assert np.array_equal(reply.seen, wanted.image)
     assert reply.about["facts"]["psnr"] == wanted.psnr
@@ -315,32 +315,32 @@ def test_a_result_is_what_the_function_returns(page: TestClient, photograph: NDA
 
 def test_a_draft_is_near_the_result(page: TestClient, server: Server, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    server.room.shelf.picture(picture).curve("rgb", wait=True)
-    draft, exact = (ask(page, picture, lane=lane, settings={"k": 9}) for lane in ("draft", "exact"))
+    server.store.files.picture(picture).curve("rgb", wait=True)
+    draft, exact = (request(page, picture, lane=lane, settings={"k": 9}) for lane in ("draft", "exact"))
     assert len(draft.colors) == len(exact.colors) == 9
     assert abs(draft.about["facts"]["psnr"] - exact.about["facts"]["psnr"]) < 0.3
 
 
 def test_locked_colors_are_in_drafts_too(page: TestClient, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    draft = ask(page, picture, lane="draft", settings={"k": 5, "locked": ["#00ff7f"]})
+    draft = request(page, picture, lane="draft", settings={"k": 5, "locked": ["#00ff7f"]})
     assert [0, 255, 127, 255] in draft.colors.tolist()
 
 
 def test_the_picture_itself_is_sent_as_it_is(page: TestClient, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    reply = ask(page, picture, lane="before")
+    reply = request(page, picture, lane="before")
     pixels = np.frombuffer(reply.content, np.uint8).reshape(256, 256, 4)
     assert np.array_equal(pixels[..., :3], photograph)
 
 
 def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg.explore.lanes.EXACT_PIXELS", 10_000)
+    monkeypatch.setattr("cvtimg.explore.channel.EXACT_PIXELS", 10_000)
     pixels = np.arange(400 * 300, dtype=np.uint32).view(np.uint8).reshape(300, 400, 4)[..., :3]
     picture = opened(page, png(pixels))["id"]
-    whole = ask(page, picture, lane="before").about["window"]
+    whole = request(page, picture, lane="before").about["window"]
     assert whole == [0, 0, 400, 300, 4]
-    reply = ask(page, picture, lane="before", view=[100, 100, 160.5, 150])
+    reply = request(page, picture, lane="before", view=[100, 100, 160.5, 150])
     left, top, right, bottom, step = reply.about["window"]
     assert left <= 100
     assert right >= 160
@@ -374,7 +374,7 @@ def test_pages_share_the_pictures_of_the_command_line(tmp_path: Path) -> None:
     assert first == second
     assert first["name"] == str(tmp_path / "a.png")
     assert page.post("/given/1").status_code == 404
-    server.room.close()
+    server.store.close()
 
 
 def test_the_curve_is_that_of_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:
@@ -393,7 +393,7 @@ def test_palettes_are_opened_and_used(page: TestClient, photograph: NDArray[Any]
     picture = opened(page, png(photograph))["id"]
     palette = page.post("/palette", params={"name": "two.hex"}, content=b"ff0000\n00ff00\n").json()
     assert palette["colors"] == ["#ff0000", "#00ff00"]
-    reply = ask(page, picture, settings={"aim": "palette", "palette": [palette["id"]]})
+    reply = request(page, picture, settings={"aim": "palette", "palette": [palette["id"]]})
     assert reply.colors.tolist() == [[255, 0, 0, 255], [0, 255, 0, 255]]
     assert page.post("/palette", params={"name": "a.ase"}, content=b"no").status_code == 422
 

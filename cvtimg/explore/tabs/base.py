@@ -15,11 +15,11 @@ from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 
-__all__ = ["Ask", "Shelf", "Tab", "reading", "saved"]
+__all__ = ["OpenFiles", "Request", "Tab", "reading", "saved"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shelf:
+class OpenFiles:
     """What is open beside the picture itself: other pictures, and palettes by their names."""
 
     pictures: Mapping[str, Picture]
@@ -41,12 +41,12 @@ class Shelf:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ask:
+class Request:
     """What a tab is asked for."""
 
     picture: Picture  # The picture that is shown
     settings: Settings  # Values of all controls of the tab
-    shelf: Shelf  # What else is open
+    files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
     # Called now and then with two numbers; it raises an exception when the result is not wanted any more.
     watch: Callable[[int, float], bool]
@@ -62,11 +62,11 @@ class Tab:
     verb: ClassVar[str]  # The command
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python that make the result."""
         raise NotImplementedError
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the files that the result can be saved as, the main one first."""
         raise NotImplementedError
 
@@ -74,17 +74,17 @@ class Tab:
         """Return how many pixels a draft has at most: as many as are shown while a control moves."""
         return 1 << 20
 
-    def draft(self, ask: Ask) -> Outcome | None:
+    def draft(self, request: Request) -> Outcome | None:
         """Return what can be shown at once; None if nothing can."""
         return None
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Return the result."""
         raise NotImplementedError
 
-    def words(self, ask: Ask, *more: str) -> list[str]:
+    def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
-        return ["cvtimg", self.verb, safe_name(ask.picture.name), *more, *words_of(self.controls, ask.settings)]
+        return ["cvtimg", self.verb, safe_name(request.picture.name), *more, *words_of(self.controls, request.settings)]
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""

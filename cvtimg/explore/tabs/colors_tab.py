@@ -21,7 +21,7 @@ from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Sett
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, reading, saved
+from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import Quantized, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
@@ -103,34 +103,34 @@ class ColorsTab(Tab):
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the picture, as PNG where that holds its samples, and its palette in several formats."""
-        suffix = _suffix(ask.picture)
+        suffix = _suffix(request.picture)
         image = Output(f"Picture, {suffix[1:].upper()}", "-o", "{}-quantized" + suffix, saved, SAVED)
         return [image, *(_palette_output(end, label) for end, label in _PALETTES.items())]
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        settings, picture = ask.settings, ask.picture
-        call = self._call(ask)
+        settings, picture = request.settings, request.picture
+        call = self._call(request)
         known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
         size = _SIZE.format(_suffix(picture)) if settings["aim"] == "max_bytes" else ""
         words = ["-k", "auto"] if settings["aim"] == "auto" else []
         if settings["aim"] == "palette":
-            words = ["--palette", ask.shelf.palette(settings["palette"])[0]]
+            words = ["--palette", request.files.palette(settings["palette"])[0]]
         if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
             words += ["--dither-strength", f"{settings['strength']:g}"]
         start = reading(picture) + known.format(picture.header.nodata)
-        return Recipe(self.words(ask, *words), f"{start}\n{size}result = {call.text()}")
+        return Recipe(self.words(request, *words), f"{start}\n{size}result = {call.text()}")
 
-    def _call(self, ask: Ask) -> Call:
-        settings, picture = ask.settings, ask.picture
+    def _call(self, request: Request) -> Call:
+        settings, picture = request.settings, request.picture
         keywords = self._mapping(settings)
         if picture.header.nodata is not None and picture.known is not None:
             keywords["mask"] = Named("known", picture.known)
         dtype = picture.array.dtype
         if settings["aim"] == "palette":
-            name, colors = ask.shelf.palette(settings["palette"])
+            name, colors = request.files.palette(settings["palette"])
             text = f"cvtimg.read_palette({quoted(name)})"
             if dtype != np.uint8:
                 text = f"cvtimg.colors.to_depth({text}, image.dtype)"
@@ -163,27 +163,27 @@ class ColorsTab(Tab):
         """Return as many pixels as are mapped in a tenth of a second."""
         return _DITHERED.get(settings["dither"], 1 << 18) if settings["dither"] != "none" else 1 << 20
 
-    def draft(self, ask: Ask) -> Outcome | None:
+    def draft(self, request: Request) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""
-        settings, picture = ask.settings, ask.picture
-        palette = self._quick_palette(ask)
+        settings, picture = request.settings, request.picture
+        palette = self._quick_palette(request)
         if palette is None:
             return None
         dither = None if settings["dither"] == "none" else settings["dither"]
         result = map_to_palette(
-            picture.samples_in(ask.window),
+            picture.samples_in(request.window),
             palette,
             space=settings["space"],
             dither=dither,
             dither_strength=settings["strength"] if dither else 1.0,
         )
-        return replace(self._outcome(picture, result), drawn=ask.window)
+        return replace(self._outcome(picture, result), drawn=request.window)
 
-    def _quick_palette(self, ask: Ask) -> NDArray[Any] | None:
+    def _quick_palette(self, request: Request) -> NDArray[Any] | None:
         """Return a palette near the one that the exact result will have; None if none is found quickly."""
-        settings, picture = ask.settings, ask.picture
+        settings, picture = request.settings, request.picture
         if settings["aim"] == "palette":
-            return to_depth(ask.shelf.palette(settings["palette"])[1], picture.array.dtype)
+            return to_depth(request.files.palette(settings["palette"])[1], picture.array.dtype)
         curve = None if picture.has_alpha else picture.curve(settings["space"], wait=False)
         number = settings["k"]
         if settings["aim"] != "k":
@@ -203,11 +203,11 @@ class ColorsTab(Tab):
         samples = picture.small_samples
         return find_palette(samples, number, space=settings["space"], locked=locked, effort="fast").colors
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Quantize the picture."""
-        call = self._call(ask)
-        watch = {} if "palette" in call.keywords else {"callback": ask.watch}
-        return self._outcome(ask.picture, call.run(ask.picture.array, **watch), self.outputs(ask))
+        call = self._call(request)
+        watch = {} if "palette" in call.keywords else {"callback": request.watch}
+        return self._outcome(request.picture, call.run(request.picture.array, **watch), self.outputs(request))
 
     def _outcome(self, picture: Picture, result: Quantized, outputs: Sequence[Output] = ()) -> Outcome:
         colors = picture.colors_seen(result.palette, alpha=result.alpha)

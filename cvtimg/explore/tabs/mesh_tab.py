@@ -15,7 +15,7 @@ from cvtimg.explore.controls import Choice, Control, Number, Settings, controls_
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, reading, saved
+from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
@@ -56,61 +56,61 @@ class MeshTab(Tab):
         "effort",
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the formats of meshes."""
         return [Output(label, "-o", f"{{}}-mesh{suffix}", saved, SAVED) for suffix, label in _FILES.items()]
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        call = self._call(ask)
-        if ask.settings["of"] == "picture":
-            lines = f"import cvtimg\n\nlabels = cvtimg.labels.read_labels({quoted(ask.picture.name)})"
-            image = "labels > 0" if _is_mask(ask) else "labels"
-            return Recipe(self.words(ask), f"{lines}\nresult = {call.text(image)}")
-        name, settings = f"{ask.picture.stem}-labels.png", ask.settings
+        call = self._call(request)
+        if request.settings["of"] == "picture":
+            lines = f"import cvtimg\n\nlabels = cvtimg.labels.read_labels({quoted(request.picture.name)})"
+            image = "labels > 0" if _is_mask(request) else "labels"
+            return Recipe(self.words(request), f"{lines}\nresult = {call.text(image)}")
+        name, settings = f"{request.picture.stem}-labels.png", request.settings
         least = ["--min-size", str(settings["least"])] if settings["least"] else []
-        divide = ["cvtimg", "segment", safe_name(ask.picture.name), "-k", str(settings["k"]), *least]
-        words = self.words(ask)
+        divide = ["cvtimg", "segment", safe_name(request.picture.name), "-k", str(settings["k"]), *least]
+        words = self.words(request)
         words[2] = safe_name(name)
-        lines = f"{reading(ask.picture)}\nlabels = {_segments(settings).text()}.labels"
+        lines = f"{reading(request.picture)}\nlabels = {_segments(settings).text()}.labels"
         return Recipe(
             words, f"{lines}\nresult = {call.text('labels')}", shlex.join([*divide, "-o", safe_name(name)]), False
         )
 
-    def _call(self, ask: Ask) -> Call:
-        keywords = self.keywords(ask.settings)
+    def _call(self, request: Request) -> Call:
+        keywords = self.keywords(request.settings)
         for name in ("n", "edge_length"):  # one of them is needed
-            if name in self.in_effect(ask.settings):
-                keywords[name] = ask.settings[name]
-        return Call("mesh_region" if _is_mask(ask) else "mesh_labels", (), keywords)
+            if name in self.in_effect(request.settings):
+                keywords[name] = request.settings[name]
+        return Call("mesh_region" if _is_mask(request) else "mesh_labels", (), keywords)
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Mesh the segments or the mask."""
-        labels = self._labels(ask)
-        result: Mesh = self._call(ask).run(labels)
+        labels = self._labels(request)
+        result: Mesh = self._call(request).run(labels)
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())
         facts: dict[str, Any] = {"k": len(result.points), "noun": "vertices"}
         facts["about"] = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
-        drawing = Drawing(_drawn(result, ask.picture.size), over=True)
-        return Outcome(result, drawing, facts, self.outputs(ask), ask.picture.stem)
+        drawing = Drawing(_drawn(result, request.picture.size), over=True)
+        return Outcome(result, drawing, facts, self.outputs(request), request.picture.stem)
 
-    def _labels(self, ask: Ask) -> NDArray[Any]:
-        if ask.settings["of"] == "segments":
-            return _segments(ask.settings).run(ask.picture.array).labels
-        labels = _stored_labels(ask.picture)
-        return labels > 0 if _is_mask(ask) else labels
+    def _labels(self, request: Request) -> NDArray[Any]:
+        if request.settings["of"] == "segments":
+            return _segments(request.settings).run(request.picture.array).labels
+        labels = _stored_labels(request.picture)
+        return labels > 0 if _is_mask(request) else labels
 
 
 def _stored_labels(picture: Picture) -> NDArray[np.int32]:
     return picture.kept("labels", lambda: read_labels(picture.path))
 
 
-def _is_mask(ask: Ask) -> bool:
+def _is_mask(request: Request) -> bool:
     """Whether the picture is a mask, black and one more value, as the command sees it."""
-    if ask.settings["of"] == "segments":
+    if request.settings["of"] == "segments":
         return False
-    values = np.unique(_stored_labels(ask.picture))
+    values = np.unique(_stored_labels(request.picture))
     return len(values) <= 2 and bool(values[0] == 0)
 
 

@@ -12,7 +12,7 @@ from cvtimg.explore.calls import Call, literal
 from cvtimg.explore.controls import Choice, Control, Settings, controls_of
 from cvtimg.explore.layers import Drawing, Window
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
-from cvtimg.explore.tabs.base import Ask, Tab, reading
+from cvtimg.explore.tabs.base import Request, Tab, reading
 
 #: Pixels of a draft.
 _DRAFT = 1 << 16
@@ -36,9 +36,9 @@ class MosaicTab(Tab):
         "effort",
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the drawing, pixels, and polygons."""
-        outline = ask.settings["outline"]
+        outline = request.settings["outline"]
         more = f", outline={literal(outline)}" if outline else ""
         write, lines = partial(_save, outline=outline), f"result.save({{}}{more})"
         plain = partial(_save, outline=0.0), "result.save({})"
@@ -48,10 +48,10 @@ class MosaicTab(Tab):
             *([] if outline else [Output("Polygons, GeoJSON", "-o", "{}-mosaic.geojson", *plain)]),
         ]
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        text = self._call(ask.settings).text()
-        return Recipe(self.words(ask), f"{reading(ask.picture)}\nresult = {text}")
+        text = self._call(request.settings).text()
+        return Recipe(self.words(request), f"{reading(request.picture)}\nresult = {text}")
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)
@@ -59,28 +59,28 @@ class MosaicTab(Tab):
             keywords["palette"] = settings["palette"]
         return Call("mosaic", (settings["n_cells"],), keywords)
 
-    def draft(self, ask: Ask) -> Outcome | None:
+    def draft(self, request: Request) -> Outcome | None:
         """Compose the picture in a small size."""
-        window = ask.picture.whole(_DRAFT)
-        settings = {**ask.settings, "effort": "fast", "outline": ask.settings["outline"] / window.step}
+        window = request.picture.whole(_DRAFT)
+        settings = {**request.settings, "effort": "fast", "outline": request.settings["outline"] / window.step}
         settings["n_cells"] = min(settings["n_cells"], _DRAFT // 64)
-        return self._outcome(ask, settings, window)
+        return self._outcome(request, settings, window)
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Compose the picture."""
-        return self._outcome(ask, ask.settings, ask.picture.whole(1 << 62), self.outputs(ask))
+        return self._outcome(request, request.settings, request.picture.whole(1 << 62), self.outputs(request))
 
-    def _outcome(self, ask: Ask, settings: Settings, window: Window, outputs: Sequence[Output] = ()) -> Outcome:
-        image = ask.picture.array[window.rows, window.columns]  # an array of a file with alpha says so
-        result: Mosaic = self._call(settings).run(image, **_heard(ask))
+    def _outcome(self, request: Request, settings: Settings, window: Window, outputs: Sequence[Output] = ()) -> Outcome:
+        image = request.picture.array[window.rows, window.columns]  # an array of a file with alpha says so
+        result: Mosaic = self._call(settings).run(image, **_heard(request))
         svg = written_as("drawing.svg", lambda path: result.save(path, outline=settings["outline"]))
         facts: dict[str, Any] = {"k": len(result.colors), "noun": "tiles"}
-        return Outcome(result, Drawing(svg), facts, outputs, ask.picture.stem)
+        return Outcome(result, Drawing(svg), facts, outputs, request.picture.stem)
 
 
-def _heard(ask: Ask) -> dict[str, Any]:
+def _heard(request: Request) -> dict[str, Any]:
     def listen(step: int, energy: float) -> None:
-        ask.watch(step, energy)
+        request.watch(step, energy)
 
     return {"callback": listen}
 

@@ -13,7 +13,7 @@ from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, Un
 from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Ask, Tab, saved
+from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
@@ -62,23 +62,23 @@ class RestoreTab(Tab):
         ),
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the restored picture and its segments."""
         kind = '"uint8" if len(result.colors) < 256 else "uint16"'
         labels = f"cvtimg.write_image({{}}, result.labels.astype({kind}))"
         files = [Output("Restored picture, PNG", "-o", _RESTORED, saved, SAVED)]
-        if ask.settings["detail"]:
+        if request.settings["detail"]:
             return files
         return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", _save_labels, labels)]
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        versions = _versions(ask)
+        versions = _versions(request)
         names = ", ".join(quoted(picture.name) for picture in versions)
         lines = f"import cvtimg\n\nimages = [cvtimg.read_image(name) for name in [{names}]]"
         words = ["cvtimg", self.verb, *(safe_name(picture.name) for picture in versions)]
-        words += words_of(self.controls, ask.settings)
-        lines += f"\nresult = {self._call(ask.settings).text('images')}"
+        words += words_of(self.controls, request.settings)
+        lines += f"\nresult = {self._call(request.settings).text('images')}"
         return Recipe(words, lines, for_many=False, always=_RESTORED)
 
     def _call(self, settings: Settings) -> Call:
@@ -89,20 +89,20 @@ class RestoreTab(Tab):
             keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
         return Call("restore", (settings["k"],), keywords)
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Restore the picture."""
-        versions = _versions(ask)
-        result: Restoration = self._call(ask.settings).run([picture.array for picture in versions])
+        versions = _versions(request)
+        result: Restoration = self._call(request.settings).run([picture.array for picture in versions])
         noise = ", ".join(f"{value:.3g}" for value in result.noise)
         weights = ", ".join(f"{value:.2f}" for value in result.weights)
-        noun = "kinds of patches" if ask.settings["detail"] else "segments"
+        noun = "kinds of patches" if request.settings["detail"] else "segments"
         facts: dict[str, Any] = {"k": len(result.colors), "noun": noun}
         facts["about"] = f"noise {noise}; weights {weights}; {(result.coverage == 0).mean():.1%} known in no version"
-        return Outcome(result, _layer(ask, result, len(versions)), facts, self.outputs(ask), versions[0].stem)
+        return Outcome(result, _layer(request, result, len(versions)), facts, self.outputs(request), versions[0].stem)
 
 
-def _versions(ask: Ask) -> list[Picture]:
-    versions = [ask.shelf.picture(key) for key in ask.settings["versions"]] or [ask.picture]
+def _versions(request: Request) -> list[Picture]:
+    versions = [request.files.picture(key) for key in request.settings["versions"]] or [request.picture]
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1:
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
@@ -110,13 +110,13 @@ def _versions(ask: Ask) -> list[Picture]:
     return versions
 
 
-def _layer(ask: Ask, result: Restoration, n_versions: int) -> Layer:
-    if ask.settings["seen"] == "result":
+def _layer(request: Request, result: Restoration, n_versions: int) -> Layer:
+    if request.settings["seen"] == "result":
         bands = result.image.reshape(*result.labels.shape, -1)
         rows = bands.reshape(-1, bands.shape[2])
-        seen = ask.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and ask.picture.header.has_alpha)
+        seen = request.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and request.picture.header.has_alpha)
         return Pixels(seen.reshape(*result.labels.shape, 4))
-    shares = getattr(result, ask.settings["seen"]) / n_versions
+    shares = getattr(result, request.settings["seen"]) / n_versions
     return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
 
 

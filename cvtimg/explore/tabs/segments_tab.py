@@ -16,7 +16,7 @@ from cvtimg.explore.controls import Control, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import Ask, Tab, reading
+from cvtimg.explore.tabs.base import Request, Tab, reading
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
 from cvtimg.segmentation import Averaging, Objects
@@ -85,13 +85,13 @@ class SegmentsTab(Tab):
         ("effort", {"when": _SEGMENTS}),
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the labels, drawings of them, and a table."""
-        return _outputs(None if _has_objects(ask.settings) else 0)
+        return _outputs(None if _has_objects(request.settings) else 0)
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        settings, picture = ask.settings, ask.picture
+        settings, picture = request.settings, request.picture
         lines = [reading(picture)]
         if picture.has_alpha:
             lines += ["known = image[..., 3] > 0", "image = image[..., :3]"]
@@ -102,7 +102,7 @@ class SegmentsTab(Tab):
             lines += [f"labels = {call.text()}.{_cut_text(settings)}"]
         else:
             lines += [f"labels = {call.text()}.labels"]
-        return Recipe(self.words(ask), "\n".join(lines))
+        return Recipe(self.words(request), "\n".join(lines))
 
     def _call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
         keywords: dict[str, Any] = {} if known is None else {"mask": Named("known", known)}
@@ -119,21 +119,21 @@ class SegmentsTab(Tab):
             keywords["objects"] = Objects(settings["background"], settings["neck_depth"])
         return Call("segment", (settings["k"],), keywords)
 
-    def draft(self, ask: Ask) -> Outcome | None:
+    def draft(self, request: Request) -> Outcome | None:
         """Divide the picture in a small size."""
-        picture = ask.picture
+        picture = request.picture
         window = picture.whole(_DRAFT)
         if window.step == 1:
-            return self._outcome(ask, self._divided(ask, ask.settings, window))
-        return self._outcome(ask, self._divided(ask, _scaled(ask.settings, window.step), window), window)
+            return self._outcome(request, self._divided(request, request.settings, window))
+        return self._outcome(request, self._divided(request, _scaled(request.settings, window.step), window), window)
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Divide the picture."""
-        whole = ask.picture.whole(1 << 62)
-        return self._outcome(ask, self._divided(ask, ask.settings, whole), outputs=self.outputs(ask))
+        whole = request.picture.whole(1 << 62)
+        return self._outcome(request, self._divided(request, request.settings, whole), outputs=self.outputs(request))
 
-    def _divided(self, ask: Ask, settings: Settings, window: Window) -> Divided:
-        picture = ask.picture
+    def _divided(self, request: Request, settings: Settings, window: Window) -> Divided:
+        picture = request.picture
         image = window.of_array(picture.plain[..., :3] if picture.has_alpha else picture.plain)
         known = _known(picture)
         call = self._call(settings, None if known is None else window.of_array(known))
@@ -146,16 +146,16 @@ class SegmentsTab(Tab):
         return Divided(tree.cut(threshold=None if threshold == "auto" else threshold), image)
 
     def _outcome(
-        self, ask: Ask, divided: Divided, drawn: Window | None = None, outputs: Sequence[Output] = ()
+        self, request: Request, divided: Divided, drawn: Window | None = None, outputs: Sequence[Output] = ()
     ) -> Outcome:
         labels, image = divided
         means = np.nan_to_num(region_means(labels, image))
         rounded = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)
-        colors = ask.picture.colors_seen(rounded, alpha=False)
+        colors = request.picture.colors_seen(rounded, alpha=False)
         colors[0] = 0  # what is left out is seen through
         counts = np.bincount(labels.ravel(), minlength=len(colors))
         facts: dict[str, Any] = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
-        return Outcome(divided, Indexed(labels, colors), facts, outputs, ask.picture.stem, drawn=drawn)
+        return Outcome(divided, Indexed(labels, colors), facts, outputs, request.picture.stem, drawn=drawn)
 
 
 def _known(picture: Picture) -> NDArray[np.bool_] | None:

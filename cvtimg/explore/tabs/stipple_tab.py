@@ -12,7 +12,7 @@ from cvtimg.explore.calls import Call, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
-from cvtimg.explore.tabs.base import Ask, Tab, reading
+from cvtimg.explore.tabs.base import Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
 _DRAWN = {"width": 200.0, "marks": "disks", "pen_width": "auto", "order": "tour"}
@@ -65,34 +65,34 @@ class StippleTab(Tab):
         "order",
     )
 
-    def outputs(self, ask: Ask) -> Sequence[Output]:
+    def outputs(self, request: Request) -> Sequence[Output]:
         """Return the drawing for plotters, pixels, and tables."""
-        drawing = _drawing(ask.settings)
+        drawing = _drawing(request.settings)
         more = "".join(f", {name}={literal(value)}" for name, value in drawing.items())
         write, lines = partial(_save, drawing=drawing), f"result.save({{}}{more})"
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV", ".npy": "Dots, NumPy"}
         return [Output(label, "-o", f"{{}}-stippled{suffix}", write, lines) for suffix, label in kinds.items()]
 
-    def recipe(self, ask: Ask) -> Recipe:
+    def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        settings, call = ask.settings, _call(self, ask.settings)
+        settings, call = request.settings, _call(self, request.settings)
         words = []
         if "least" in self.in_effect(settings):
             words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
         if settings["layers"] != "one":
             words += ["--layers", "cmyk" if settings["layers"] == "cmyk" else str(settings["pens"])]
-        return Recipe(self.words(ask, *words), f"{reading(ask.picture)}\nresult = {call.text()}")
+        return Recipe(self.words(request, *words), f"{reading(request.picture)}\nresult = {call.text()}")
 
-    def exact(self, ask: Ask) -> Outcome:
+    def exact(self, request: Request) -> Outcome:
         """Place the dots."""
-        result: Stipples = _call(self, ask.settings).run(ask.picture.array)
-        outputs = self.outputs(ask)
+        result: Stipples = _call(self, request.settings).run(request.picture.array)
+        outputs = self.outputs(request)
         svg = written_as("drawing.svg", lambda path: outputs[0].write(result, path))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
         if len(result):
-            scale = ask.settings["width"] / ask.picture.size[1]
+            scale = request.settings["width"] / request.picture.size[1]
             facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
-        return Outcome(result, Drawing(svg), facts, outputs, ask.picture.stem)
+        return Outcome(result, Drawing(svg), facts, outputs, request.picture.stem)
 
 
 def _call(tab: StippleTab, settings: Settings) -> Call:

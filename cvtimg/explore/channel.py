@@ -19,11 +19,11 @@ from cvtimg._shared.messages import one_line
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome
-from cvtimg.explore.room import Room
+from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import TABS
-from cvtimg.explore.tabs.base import Ask
+from cvtimg.explore.tabs.base import Request
 
-__all__ = ["Lanes"]
+__all__ = ["Channel"]
 
 #: Pixels that are sent at most of a result.
 EXACT_PIXELS = 1 << 23
@@ -34,11 +34,11 @@ class OvertakenError(Exception):
     """A newer request makes this one pointless."""
 
 
-class Lanes:
+class Channel:
     """The requests of a page."""
 
-    def __init__(self, socket: WebSocket, room: Room) -> None:
-        self._socket, self._room = socket, room
+    def __init__(self, socket: WebSocket, store: Store) -> None:
+        self._socket, self._store = socket, store
         self._waiting: dict[str, dict[str, Any]] = {}
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
         self._newest = 0
@@ -97,20 +97,20 @@ class Lanes:
     async def _refuse(self, number: int, lane: str, why: str) -> None:
         await self._socket.send_text(json.dumps({"seq": number, "lane": lane, "error": why}))
 
-    async def _answer(self, lane: str, request: dict[str, Any]) -> None:
-        number = request["seq"]
-        picture = self._room.shelf.picture(str(request.get("picture")))
-        view = request.get("view")
+    async def _answer(self, lane: str, asked: dict[str, Any]) -> None:
+        number = asked["seq"]
+        picture = self._store.files.picture(str(asked.get("picture")))
+        view = asked.get("view")
         if lane == "before":
             window = Window.of(view, picture.size, EXACT_PIXELS)
             about = {"lane": lane, "picture": picture.key}
             reply = await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
             await self._socket.send_bytes(reply)
             return
-        tab = TABS.get(str(request.get("tab")))
+        tab = TABS.get(str(asked.get("tab")))
         if tab is None:
             raise UnfitRequestError("there is no such tab")
-        settings = parse_settings(tab.controls, request.get("settings"))
+        settings = parse_settings(tab.controls, asked.get("settings"))
         window = Window.of(view, picture.size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
         def watch(step: int, energy: float) -> bool:
@@ -118,21 +118,21 @@ class Lanes:
                 _overtaken()
             return False
 
-        ask = Ask(picture, settings, self._room.shelf, window, watch)
+        request = Request(picture, settings, self._store.files, window, watch)
 
         def answered() -> tuple[bytes, Outcome | None, str]:
             key, outcome = "", None
-            recipe = tab.recipe(ask)
-            outputs = tab.outputs(ask)
+            recipe = tab.recipe(request)
+            outputs = tab.outputs(request)
             recipes = [{**recipe.shown(one, picture.stem), "key": one.key, "label": one.label} for one in outputs]
             about: dict[str, Any] = {"lane": lane, "recipes": recipes}
             if lane == "draft":
-                outcome = tab.draft(ask)
+                outcome = tab.draft(request)
             elif self._last and self._last[0] == (tab.name, picture.key, settings):
                 key, outcome = self._last[1:]
             else:
-                outcome = tab.exact(ask)
-                key = self._room.keep_result(outcome)
+                outcome = tab.exact(request)
+                key = self._store.keep_result(outcome)
                 self._last = ((tab.name, picture.key, settings), key, outcome)
             if outcome is None:
                 return b"", None, json.dumps({"seq": number, "none": True, **about})

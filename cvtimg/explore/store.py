@@ -17,9 +17,9 @@ from cvtimg._shared.messages import one_line
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome
-from cvtimg.explore.tabs.base import Shelf
+from cvtimg.explore.tabs.base import OpenFiles
 
-__all__ = ["MOST_BYTES", "Room"]
+__all__ = ["MOST_BYTES", "Store"]
 
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
@@ -32,7 +32,7 @@ _LONGEST_NAME = 120
 T = TypeVar("T")
 
 
-class Room:
+class Store:
     """Pictures, palettes and results by key; the oldest go when there are too many.
 
     Files that a page sends lie in a folder of their own under names that the server makes up.
@@ -44,7 +44,7 @@ class Room:
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
-        self.shelf = Shelf(self._pictures, self._palettes)
+        self.files = OpenFiles(self._pictures, self._palettes)
 
     def close(self) -> None:
         """End what is computed in the background, and remove the files that were sent."""
