@@ -187,7 +187,8 @@ def run(given: list[str]) -> int:
         complain(f"{error.format_message().rstrip('.')} (see {command_line} --help)")
         return error.exit_code
     except Exception as error:  # no traceback reaches a user
-        named = isinstance(error, OSError) and error.errno is None  # its message begins with the file
+        # Its message begins with the file, or says what is not installed.
+        named = isinstance(error, ImportError) or (isinstance(error, OSError) and error.errno is None)
         # Errors of the system that name no file are those of what is printed.
         unnamed = "standard output" if isinstance(error, OSError) else "unexpected"
         path = getattr(error, "filename", None) or unnamed

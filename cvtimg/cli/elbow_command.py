@@ -24,7 +24,7 @@ EXAMPLES = """Examples:
 \b
   cvtimg elbow photo.jpg
   cvtimg elbow photos/ --k-max 32 --csv curves.csv --plot curves.png
-  cvtimg elbow photo.jpg --rule psnr --target 35
+  cvtimg elbow photo.jpg --rule psnr --target 30
 """
 #: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")

@@ -49,6 +49,8 @@ def _refinement(text: str) -> tuple[Any, ...]:
     """Read LON,LAT,RADIUS,RATIO as numbers, or IMAGE,RATIO as a path and a number."""
     if text.count(",") == 1:
         image, ratio = text.split(",")
+        if image.replace(".", "", 1).lstrip("-").isdigit() and not Path(image).exists():
+            raise WrongUsageError(f"--refine {text} must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO")
         return Path(image), *_numbers("--refine", ratio, ("RATIO",))
     return _numbers("--refine", text, ("LON", "LAT", "RADIUS", "RATIO"))
 

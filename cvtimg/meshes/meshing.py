@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     check_that,
     refuse,
 )
+from cvtimg._shared.extras import optional
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
@@ -160,6 +161,7 @@ def mesh_region(
     (Mesh(100 vertices, 160 triangles), 3.0)
     """
     least = check_non_negative("min_size", min_size)
+    optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
     outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
     check_choice("boundary", boundary, BOUNDARIES)
     wanted = _Wanted.checked(n, edge_length, size, grade, least, metric)

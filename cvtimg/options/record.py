@@ -10,10 +10,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
+from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
 
@@ -255,6 +257,8 @@ def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
             raise WrongUsageError(f"{option.flag} needs {' or '.join(map(worded, option.needs))}")
         for other in filter(holds, option.excludes):
             raise WrongUsageError(f"{option.flag} and {worded(other)} exclude each other")
+        if option.name == "plot" and find_spec("matplotlib") is None:
+            raise WrongUsageError(f"--plot needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
             check_suffix(option.flag, values[option.name], option.kind.endings)
     passed = [option for option in known.values() if option.keyword]

@@ -211,3 +211,11 @@ def test_max_pixels_guards_and_the_report_tells(
     assert [row["status"] for row in csv.DictReader(rows.read_text().splitlines())] == ["failed"]
     assert main(["elbow", str(drawing), "--csv", str(rows), "--report", str(rows), "--overwrite"]) == 2
     assert "--csv and --report would both become" in capsys.readouterr().err
+
+
+def test_a_plot_without_matplotlib_is_refused_before_the_work(
+    drawing: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cvtimg.options.record.find_spec", lambda name: None)
+    assert main(["elbow", str(drawing), "--plot", "a.png"]) == 2
+    assert "--plot needs matplotlib: pip install 'cvtimg[plot]'" in capsys.readouterr().err

@@ -77,6 +77,12 @@ def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path
         (["-n", "100", "-o", "a.nc", "--refine", "1,2,3,x"], 2, "must be LON,LAT,RADIUS,RATIO"),
         (["-n", "100", "-o", "a.nc", "--within", "1,2,3"], 2, "--within needs --parent"),
         (["-n", "100", "-o", "a.nc", "--view", "1", "2"], 2, "--view needs --plot"),
+        (
+            ["-n", "100", "-o", "a.nc", "--refine", "10,50"],
+            2,
+            "must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO",
+        ),
+        (["-n", "99", "-o", "a.nc", "--plot", "a.png", "--view", "10", "100"], 2, "'100' must be a number in -90..90"),
         (["-n", "3", "-o", "a.nc"], 1, "n=3 must be an integer >= 4"),
         (["-n", "100", "-o", "a.nc", "--refine", "0,0,10,0.5"], 1, "ratio=0.5 must be in 1..100"),
         (["-n", "100", "-o", "a.nc", "--density", "square.png"], 1, "must be twice as wide as high"),
