@@ -140,18 +140,20 @@ def smooth(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, int powe
 def locate(mesh, const double[:, ::1] places, int32_t[::1] found):
     """Walk from triangles (M,) to those that hold places (M, 2), or to the last ones on the way.
 
-    Returns the barycentric coordinates (M, 3) there, < 0 outside; `found` becomes the triangles.
+    From -1, the walk begins where the one to the place before ended. Returns the barycentric coordinates (M, 3) there,
+    < 0 outside; `found` becomes the triangles.
     """
     cdef const double[:, ::1] points = mesh.points
     cdef const int32_t[:, ::1] triangles = mesh.triangles
     cdef const int32_t[:, ::1] twins = mesh.twins
     cdef double[:, ::1] shares = np.empty((places.shape[0], 3))
     cdef Py_ssize_t i, steps, most = 3 * triangles.shape[0]
-    cdef int32_t t, k, worst, beyond
+    cdef int32_t t = 0, k, worst, beyond
     cdef double area, share[3]
     with nogil:
         for i in range(places.shape[0]):
-            t = found[i]
+            if found[i] >= 0:
+                t = found[i]
             for steps in range(most):
                 area = twice_area(&points[triangles[t, 0], 0], &points[triangles[t, 1], 0], &points[triangles[t, 2], 0])
                 worst = 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,14 @@ Points = NDArray[np.float64]
 _ROUND = 6
 #: A line is sampled at steps of at most this part of an edge.
 _STEP = 0.34
+#: Steps that are too long are divided in so many parts at most at once, since sizes may be tiny at one end only.
+_PARTS, _LEAST_PASSES, _PASSES = 256, 3, 12
 #: A vertex must not be nearer to the edge of another line than this part of that edge; the second is for contours of
 #: pixels, which have many thin parts.
 _NEAR, _NEAR_PIXELS = 0.4, 0.5
+#: But where two lines meet at an angle with less than this sine, sizes that grow from the corner are as good as can be
+#: within so many lengths of the edge: shorter edges there would only move what is narrow nearer to the corner.
+_SHARP, _TIP = 0.2, 5.0
 #: Rounds of making crowded edges shorter; in the last ones, only where they cross.
 _ROUNDS, _LAST_ROUNDS = 12, 5
 #: The sizes around follow edges that are shorter than this part of what was wanted.
@@ -35,11 +40,12 @@ _SMOOTH = 20.0
 
 
 def place_on_borders(
-    outline: Outline, field: Field, grade: float, min_size: float, share: float = 1.0
+    outline: Outline, field: Field, grade: float, min_size: float, share: float = 1.0, most: float = np.inf
 ) -> tuple[Borders, Field]:
     """Place vertices on the lines of an outline; return them with the field that follows their edges.
 
-    There are as many as sizes ask for, times `share`.
+    There are as many as sizes ask for, times `share`. Where crowded borders come to more than `most`, that is all that
+    is found out.
 
     Raises
     ------
@@ -47,9 +53,11 @@ def place_on_borders(
         If edges cross however short they are.
     """
     for round_ in range(_ROUNDS):
-        borders = _spaced(outline, field, share)
+        borders, lines = _spaced(outline, field, share)
+        if len(borders.points) > most:
+            return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
-        crossed, near = _crowded(borders, lengths, _NEAR if outline.mask is None else _NEAR_PIXELS)
+        crossed, near = _crowded(borders, lines, lengths, _NEAR if outline.mask is None else _NEAR_PIXELS)
         if round_ >= _ROUNDS - _LAST_ROUNDS:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
@@ -67,7 +75,32 @@ def place_on_borders(
     return borders, field
 
 
-def _spaced(outline: Outline, field: Field, share: float) -> Borders:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lines:
+    """The line of each edge (E,) and of each vertex (N,), which is -1 for the ends of lines; and these ends (M, 2)."""
+
+    of_edge: NDArray[np.intp]
+    of_point: NDArray[np.intp]
+    ends: NDArray[np.intp]
+
+    def meet_sharply(
+        self, points: Points, lengths: NDArray[np.float64], point: NDArray[np.intp], edge: NDArray[np.intp],
+        gaps: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
+        n, own, other = len(points), self.of_point[point], self.of_edge[edge]
+        joined = np.sort(self.ends, axis=1) @ np.array([n, 1])
+        sharp = np.zeros(len(point), bool)
+        for k in (0, 1):
+            corner = self.ends[other, k]
+            keys = np.minimum(point, corner) * n + np.maximum(point, corner)
+            meets = np.where(own < 0, np.isin(keys, joined), (self.ends[own] == corner[:, None]).any(axis=1))
+            way = np.linalg.norm(points[point] - points[corner], axis=1)
+            sharp |= meets & (own != other) & (gaps < _SHARP * way) & (way < _TIP * lengths[edge])
+        return sharp
+
+
+def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lines]:
     """Place vertices at equal steps, in the metric, along each line."""
     places, line_of = sampled(outline.lines, field)
     starts = np.flatnonzero(np.append(True, np.diff(line_of) > 0))
@@ -109,8 +142,9 @@ def _spaced(outline: Outline, field: Field, share: float) -> Borders:
         rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
         points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)
     borders = Borders(points, edges, outline.sides[of_line])
+    lines = _Lines(of_line, np.append(np.full(len(nodes), -1), own), np.stack([first, last], axis=1))
     if outline.mask is not None or not len(inner):
-        return borders
+        return borders, lines
     at_inner = offsets[own] + number
     before, after = points[chain[at_inner - 1]], points[chain[at_inner + 1]]
     far = np.linalg.norm(places[1:] - places[:-1], axis=1)
@@ -125,7 +159,7 @@ def _spaced(outline: Outline, field: Field, share: float) -> Borders:
         np.where(is_closed, until[stops] - until[starts], 0)[own],
     )
     smooth = turns_of(before, inner, after) < _SMOOTH
-    return replace(borders, tracks=tracks.kept(smooth))
+    return replace(borders, tracks=tracks.kept(smooth)), lines
 
 
 def _outwards(points: Points, swept: NDArray[np.float64]) -> Points:
@@ -148,11 +182,14 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    for _ in range(3):
+    for pass_ in range(_PASSES):
         metric, steps = field.metric(places), np.diff(places, axis=0)
         longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
         longest[np.diff(line_of) > 0] = 0
-        n_parts = np.append(np.maximum(np.ceil(longest / _STEP).astype(np.intp), 1), 1)
+        n_parts = np.clip(np.ceil(longest / _STEP), 1, _PARTS).astype(np.intp)
+        if pass_ >= _LEAST_PASSES and n_parts.max(initial=1) < _PARTS:
+            break
+        n_parts = np.append(n_parts, 1)
         own = np.repeat(np.arange(len(places)), n_parts)
         part = (np.arange(len(own)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)) / n_parts[own]
         places = places[own] + part[:, None] * np.append(steps, [[0.0, 0.0]], axis=0)[own]
@@ -161,7 +198,7 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
 
 
 def _crowded(
-    borders: Borders, lengths: NDArray[np.float64], part: float
+    borders: Borders, lines: _Lines, lengths: NDArray[np.float64], part: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     shapely = optional("shapely", "mesh")
@@ -183,7 +220,9 @@ def _crowded(
     gaps = shapely.distance(shapely.points(points[point]), segments[edge])
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
     close = gaps < part * lengths[edge]
-    near[edge[close & ~_share_a_corner(edges, point, edge, len(points))]] = True
+    point, edge, gaps = point[close], edge[close], gaps[close]
+    fits = _share_a_corner(edges, point, edge, len(points)) | lines.meet_sharply(points, lengths, point, edge, gaps)
+    near[edge[~fits]] = True
     return crossed, near
 
 

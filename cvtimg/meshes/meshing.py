@@ -39,6 +39,10 @@ _MOST_VERTICES = 1 << 26
 _ROUNDS, _NEAR = 8, 0.01
 #: Where it falls by less than this, short edges on borders need them: then sizes grow faster, up to a limit.
 _STUCK, _STEEPER, _STEEPEST = 0.8, 1.5, 1.0
+#: Borders with more vertices than this multiple of all are not counted to the end.
+_TOO_MANY = 1.5
+#: Polygons are said to fit if details are left out until they have no more points than this part of all vertices.
+_FITTING = 0.2
 #: Where that leaves too many on borders, sizes are larger by the first of these factors that does not.
 _COARSER = (1.1, 1.25, 1.5, 2.0, 4.0, 10.0, 100.0)
 
@@ -345,6 +349,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     """
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
     most = np.inf if wanted.n is None else wanted.n
+    _check_fits(outline, wanted, len(np.unique(ends, axis=0)))
     start: Field
     if wanted.metric is not None:
         start = MetricField.of(wanted.metric, outline, wanted.n, ends)
@@ -357,7 +362,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     factor, grade, before = 1.0, wanted.grade, np.inf
     for _ in range(_ROUNDS):
         field = start.scaled(factor).limited(grade, wanted.least)
-        borders, field = place_on_borders(outline, field, grade, wanted.least, share)
+        borders, field = place_on_borders(outline, field, grade, wanted.least, share, _TOO_MANY * most)
         borders, field = _with_alone(borders, field, alone, grade)
         if wanted.n is None:
             return borders, field
@@ -365,18 +370,31 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
         if abs(ratio - 1) < _NEAR:
             break
         factor *= ratio**0.5
-        if ratio > _STUCK * before:
+        if len(borders.points) > most:
+            if grade >= _STEEPEST:
+                break
+            grade = _STEEPEST
+        elif ratio > _STUCK * before:
             grade = min(grade * _STEEPER, max(grade, _STEEPEST))
         before = ratio
-    for coarser in _COARSER:
-        if len(borders.points) <= most:
-            return borders, field
+    # The coarsest first: where the border needs too many by any sizes, that is known at once.
+    for coarser in (_COARSER[-1], *_COARSER) if len(borders.points) > most else ():
         field = start.scaled(coarser * factor)
-        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share)
+        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most)
         borders, field = _with_alone(borders, field, alone, _STEEPEST)
-    if len(borders.points) > most:
-        refuse("n", wanted.n, f"at least {len(borders.points)}, the vertices that the border needs")
+        if (len(borders.points) > most) == (coarser == _COARSER[-1]):
+            break
+    _check_fits(outline, wanted, len(borders.points))
     return borders, field
+
+
+def _check_fits(outline: Outline, wanted: _Wanted, n_least: int) -> None:
+    """Refuse fewer vertices than there must be, and say by how large details there would be less."""
+    if wanted.n is None or n_least <= wanted.n:
+        return
+    size = outline.detail_for(int(_FITTING * wanted.n))
+    hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
+    refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")
 
 
 def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:

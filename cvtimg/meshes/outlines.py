@@ -27,7 +27,7 @@ _CONTOUR_CORNER, _REACH = 55.0, 4
 #: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
 #: what one pass makes shorter the next makes longer. G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
 _PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
-#: A fixed point this near to a line, by the diameter of all, is on it.
+#: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
 _ON_LINE = 1e-9
 
 
@@ -42,11 +42,31 @@ class Outline:
     mask: NDArray[np.bool_] | None  # (H, W): the pixels inside, if coordinates are in pixels of an image
     contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
+    polygons: Any = None  # What it is the outline of, if that is polygons of shapely
 
     @property
     def diameter(self) -> float:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
+
+    def detail_for(self, n: int) -> float:
+        """Return a `min_size` by which polygons have no more than about `n` points; 0 if there is none."""
+        shapely = optional("shapely", "mesh")
+
+        found, size = 0.0, self.diameter / 8
+        while self.polygons is not None and size > 1e-6 * self.diameter:
+            simpler = shapely.simplify(self.polygons, size / 2)
+            if simpler.area > 0 and shapely.get_num_coordinates(simpler) > n:
+                break
+            found, size = size if simpler.area > 0 else found, size / 2**0.5
+        return found
+
+    def segments(self) -> Any:
+        """Return the straight parts of all lines, in a tree of shapely."""
+        shapely = optional("shapely", "mesh")
+
+        parts = [np.stack([line[:-1], line[1:]], axis=1) for line in self.lines]
+        return shapely.STRtree(shapely.linestrings(np.concatenate(parts)))
 
 
 def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
@@ -109,11 +129,19 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
     if min_size > 0:
         geometry = shapely.simplify(geometry, min_size / 2)
         check_in_range("min_size", min_size, geometry.area > 0, "less: nothing of the region is left")
-    parts = shapely.orient_polygons(shapely.remove_repeated_points(shapely.get_parts(geometry)))
-    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)]
+    bounds = np.array(geometry.bounds).reshape(2, 2)
+    apart = _ON_LINE * float(np.hypot(*(bounds[1] - bounds[0])))
+    places, own = shapely.get_coordinates(
+        shapely.get_rings(shapely.orient_polygons(shapely.get_parts(geometry))), return_index=True
+    )
+    found = shapely.get_coordinates
+    rings = [found(ring) for ring in shapely.remove_repeated_points(shapely.linestrings(places, indices=own), apart)]
+    rings = [ring if np.linalg.norm(ring[-2] - ring[0]) > apart else np.delete(ring, -2, axis=0) for ring in rings]
+    rings = [ring for ring in rings if len(ring) > 3]
+    check_that("region", len(rings) > 0, "be wider than 1e-9 of its diameter")
     lines = [line for ring in rings for line in _split(ring, _polygon_corners(ring, rings))]
     sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
-    return Outline(tuple(lines), sides, np.array(geometry.bounds).reshape(2, 2), None, region.contains)
+    return Outline(tuple(lines), sides, bounds, None, region.contains, polygons=geometry)
 
 
 def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.extras import optional
 from cvtimg.engine.ordering import along_curve
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
@@ -118,12 +120,7 @@ class TreeField:
         return self.cells.masses(lambda points: self._at(points) ** -2.0)
 
     def _at(self, points: Points) -> NDArray[np.float64]:
-        near = self._near
-        if len(near) != len(points):
-            from scipy.spatial import cKDTree
-
-            near = cKDTree(self.mesh.points).query(points)[1].astype(np.int32)
-        found, shares = self.mesh.locate(points, near)
+        found, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
         self._near = self.mesh.triangles[found, shares.argmax(axis=1)]  # for the next time, when they have moved
         shares = np.maximum(shares, 0)
         shares /= shares.sum(axis=1, keepdims=True)
@@ -131,22 +128,30 @@ class TreeField:
 
 
 def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
-    """Divide a square around an outline into cells that are smaller than the sizes there."""
+    """Divide a square around an outline into cells, smaller than the sizes there if they touch the inside."""
     low, high = outline.bounds
     side = float((high - low).max()) * 1.02
     origin = (low + high) / 2 - side / 2
     grid = np.arange(1 << _FIRST_LEVEL)
     cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
+    is_whole, lines = np.zeros(len(cells), bool), outline.segments()
     wanted, done, n_cells = _SIDE * sizes(probes), [], 0
     for level in range(_FIRST_LEVEL, _LAST_LEVEL + 1):
         step = side / (1 << level)
         limit = _least_around(sizes, origin + cells * step, step) * _SIDE
         fine = ((probes[wanted < step] - origin) / step).astype(np.int64)
-        divided = (limit < step) | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
-        if level == _LAST_LEVEL:
-            divided[:] = False
+        small = limit < step
+        # Cells that do not touch the inside stay as they are.
+        unknown = np.flatnonzero(small & ~is_whole)
+        if len(unknown):
+            crossed = _crossed(lines, origin + cells[unknown] * step, step)
+            inside = outline.contains(origin + (cells[unknown] + 0.5) * step)
+            small[unknown], is_whole[unknown] = crossed | inside, inside & ~crossed
+        divided = small | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
+        divided &= level < _LAST_LEVEL
         done.append((level, cells[~divided]))
         cells = (2 * cells[divided, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
+        is_whole = np.repeat(is_whole[divided], 4)
         n_cells += len(cells)
         check_that(f"sizes down to {limit.min() / _SIDE:g}", n_cells <= _MOST_CELLS, f"suit a region {side:g} wide")
         if not len(cells):
@@ -160,6 +165,16 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     unit = side / (1 << _LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
     return Cells(centers, sides, outline.contains(centers), origin + unique * unit)
+
+
+def _crossed(lines: Any, corners: Points, side: float) -> NDArray[np.bool_]:
+    """Tell which squares (C,) meet lines, which are in a tree of shapely."""
+    shapely = optional("shapely", "mesh")
+
+    x, y = corners.T
+    crossed = np.zeros(len(corners), bool)
+    crossed[lines.query(shapely.box(x, y, x + side, y + side), predicate="intersects")[0]] = True
+    return crossed
 
 
 def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.float64]:

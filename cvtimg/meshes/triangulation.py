@@ -119,9 +119,12 @@ class PlaneTriangulation(HalfEdges):
         """Move vertices so that the triangles around each, above all the worst, get more equilateral in its metric."""
         _meshes.smooth(self, metric, self.fixed, power)
 
-    def locate(self, places: Points, near: Triangles) -> tuple[Triangles, Points]:
-        """Walk to the triangles of (M, 2) places from vertices nearby; return them and barycentric coordinates."""
-        found = (self.outgoing[near] // 3).astype(np.int32)
+    def locate(self, places: Points, near: Triangles | None = None) -> tuple[Triangles, Points]:
+        """Walk to the triangles of (M, 2) places; return them and barycentric coordinates.
+
+        Walks begin at vertices nearby, or at the place before.
+        """
+        found = np.full(len(places), -1, np.int32) if near is None else self.outgoing[near] // 3
         return found, _meshes.locate(self, np.ascontiguousarray(places), found)
 
     def state(self) -> tuple[NDArray[Any], ...]:

@@ -2,13 +2,35 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from cvtimg import mesh_labels, mesh_region
+from cvtimg.meshes import Mesh
+
+#: What may be said of polygons, or of a number of vertices.
+ERRORS = (
+    "the vertices that the border needs",
+    "cross themselves",
+    "a hole at",
+    "must be a polygon with area > 0",
+    "be valid",
+    "the border leaves no room",
+    "not cross or touch",
+    "suit a region",
+)
+
+
+def signed_areas(mesh: Mesh) -> NDArray[np.float64]:
+    corners = mesh.points[mesh.triangles]
+    steps = corners[:, 1:] - corners[:, :1]
+    return (steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]) / 2
 
 
 @st.composite
@@ -35,11 +57,8 @@ def polygons(draw: st.DrawFn) -> shapely.Polygon:
 @given(polygons(), st.sampled_from([0.4, 0.15, 0.05]))
 def test_a_random_polygon_is_covered(polygon: shapely.Polygon, edge_length: float) -> None:
     mesh = mesh_region(polygon, edge_length=edge_length, effort="fast")
-    corners = mesh.points[mesh.triangles]
-    steps = corners[:, 1:] - corners[:, :1]
-    turn = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
-    assert (turn > 0).all()
-    assert turn.sum() / 2 == pytest.approx(polygon.area, abs=0.03 * edge_length * polygon.length)
+    assert (signed_areas(mesh) > 0).all()
+    assert signed_areas(mesh).sum() == pytest.approx(polygon.area, abs=0.03 * edge_length * polygon.length)
 
 
 @pytest.mark.slow
@@ -51,6 +70,86 @@ def test_a_random_number_of_vertices_is_met_or_refused(polygon: shapely.Polygon,
     except ValueError as error:
         found = str(error)
     assert found == str(n) or "the vertices that the border needs" in found
+
+
+def hard_polygon(random: np.random.Generator) -> shapely.Geometry:
+    """Make a noisy ring, a wedge, or a box, long or with a slit, perhaps with holes, and near or repeated points."""
+
+    def ring(n: int, noise: float, size: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+        turns = 2 * np.pi * np.arange(n) / n
+        radii = size * np.maximum(1 + noise * random.normal(size=n), 0.05)
+        return at + radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+
+    kind = random.integers(4)
+    if kind == 0:
+        points = ring(int(10 ** random.uniform(0.5, 3.7)), 10 ** random.uniform(-4, -0.7), 1.0, np.zeros(2))
+    elif kind == 1:
+        angle = 10 ** random.uniform(-2, 0)
+        points = np.array([[0, 0], [1, 0], [np.cos(angle), np.sin(angle)]])
+    else:
+        height, slit = 10 ** random.uniform(-3, 0), 10 ** random.uniform(-5, -1)
+        points = np.array([[0, 0], [1, 0], [1, height], [0, height]])
+        if kind == 3:
+            points = np.concatenate([points[:3], [[0.5 + slit, height], [0.5, height / 5], [0.5, height]], points[3:]])
+    if random.random() < 0.4:
+        where = random.integers(0, len(points), 4)
+        near = points[where] + 10 ** random.uniform(-12, -3) * random.normal(size=(4, 2)) * random.integers(0, 2)
+        points = np.insert(points, where, near, axis=0)
+    whole = shapely.make_valid(shapely.Polygon(points @ [[0.8, 0.6], [-0.6, 0.8]] * 10 ** random.uniform(-3, 3)))
+    for _ in range(random.integers(3) if whole.area > 0 else 0):
+        if whole.is_empty:
+            break
+        center = np.array(whole.representative_point().coords[0]) * random.uniform(0.9, 1)
+        hole = ring(int(random.integers(3, 40)), 0.1, 0.1 * whole.length * random.random(), center)
+        whole = shapely.difference(whole, shapely.make_valid(shapely.Polygon(hole)))
+    return whole
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32))
+def test_a_hard_polygon_has_a_mesh_or_one_clear_error_in_ten_seconds(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    polygon, n, start = hard_polygon(random), int(10 ** random.uniform(0.5, 3.7)), time.process_time()
+    message = ""
+    try:
+        mesh = mesh_region(polygon, n=n, effort="fast")
+        assert len(mesh.points) == n
+        assert (signed_areas(mesh) > 0).all()
+        assert mesh.area == pytest.approx(polygon.area, rel=0.3)
+    except ValueError as error:
+        message = str(error)
+    assert not message or any(words in message for words in ERRORS), message
+    assert time.process_time() - start < 10
+
+
+def test_noise_is_refused_with_a_size_that_fits() -> None:
+    turns = 2 * np.pi * np.arange(3000) / 3000
+    radii = 1 + 0.01 * np.random.default_rng(0).normal(size=3000)
+    noisy = radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    with pytest.raises(ValueError, match=r"n=2000 must be at least \d+, .* or give min_size=") as caught:
+        mesh_region(noisy, n=2000)
+    size = float(str(caught.value).split("min_size=")[1].split(",")[0])
+    assert mesh_region(noisy, n=2000, min_size=size, effort="fast").measures().least_angle > 10
+
+
+def test_narrow_corners_and_long_boxes_need_few_places_of_the_size_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counts points that sizes are kept at: their number is what took time."""
+    from cvtimg.meshes import trees
+
+    n_points: list[int] = []
+    delaunay = trees.delaunay
+    monkeypatch.setattr(trees, "delaunay", lambda points: n_points.append(len(points)) or delaunay(points))
+    made = {}
+    for name, polygon in {
+        "square": [[0, 0], [1, 0], [1, 1], [0, 1]],
+        "long": [[0, 0], [100, 0], [100, 1], [0, 1]],
+        "wedge": [[0, 0], [1, 0], [np.cos(np.pi / 36), np.sin(np.pi / 36)]],
+    }.items():
+        n_points.clear()
+        mesh_region(polygon, n=2000, effort="fast")
+        made[name] = sum(n_points)
+    assert max(made.values()) < 3 * made["square"]
 
 
 @st.composite
