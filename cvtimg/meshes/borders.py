@@ -57,7 +57,10 @@ def place_on_borders(
         if len(borders.points) > most:
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
-        crossed, near = _crowded(borders, lines, lengths, _NEAR if outline.mask is None else _NEAR_PIXELS)
+        if outline.mask is None:
+            crossed, near = _crowded(borders, lengths, _NEAR, lines)
+        else:
+            crossed, near = _crowded(borders, lengths, _NEAR_PIXELS)
         if round_ >= _ROUNDS - _LAST_ROUNDS:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
@@ -198,7 +201,7 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
 
 
 def _crowded(
-    borders: Borders, lines: _Lines, lengths: NDArray[np.float64], part: float
+    borders: Borders, lengths: NDArray[np.float64], part: float, lines: _Lines | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     shapely = optional("shapely", "mesh")
@@ -221,7 +224,9 @@ def _crowded(
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
     close = gaps < part * lengths[edge]
     point, edge, gaps = point[close], edge[close], gaps[close]
-    fits = _share_a_corner(edges, point, edge, len(points)) | lines.meet_sharply(points, lengths, point, edge, gaps)
+    fits = _share_a_corner(edges, point, edge, len(points))
+    if lines is not None:
+        fits |= lines.meet_sharply(points, lengths, point, edge, gaps)
     near[edge[~fits]] = True
     return crossed, near
 

@@ -275,6 +275,9 @@ def _mesh(
     meshes: list[Mesh] = []
     for trial in range(settings.trials):
         meshes += _made(outline, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
+        if len(meshes) == 1 and effort == "best":  # where sizes vary, more moves are not always better
+            meshes += _made(outline, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
+            return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
         if len(meshes) == 1:
             return meshes[0]
     return min(meshes, key=_irregularity)
@@ -380,7 +383,8 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     # The coarsest first: where the border needs too many by any sizes, that is known at once.
     for coarser in (_COARSER[-1], *_COARSER) if len(borders.points) > most else ():
         field = start.scaled(coarser * factor)
-        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most)
+        enough = _TOO_MANY * most if coarser == _COARSER[-1] else most
+        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, enough)
         borders, field = _with_alone(borders, field, alone, _STEEPEST)
         if (len(borders.points) > most) == (coarser == _COARSER[-1]):
             break

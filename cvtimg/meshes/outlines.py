@@ -27,6 +27,8 @@ _CONTOUR_CORNER, _REACH = 55.0, 4
 #: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
 #: what one pass makes shorter the next makes longer. G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
 _PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
+#: How far points may move in these passes, in pixels; to move farther takes more passes.
+_TOLERANCE = 0.7
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
 _ON_LINE = 1e-9
 
@@ -200,7 +202,8 @@ def _smoothed(line: Points, tolerance: float) -> Points:
         return line
     is_closed = bool((line[0] == line[-1]).all())
     smooth = line.copy()
-    for turn in range(2 * _PASSES):
+    # Points move as far as the root of the number of passes.
+    for turn in range(2 * round(_PASSES * max(tolerance / _TOLERANCE, 1) ** 2)):
         part = _AWAY if turn % 2 else _TOWARDS
         if is_closed:
             ring = smooth[:-1]
@@ -229,8 +232,13 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     """Cut lines at those of (F, 2) points that lie on them; also return the other points, which must be inside."""
     if not len(points):
         return outline, points
+    from scipy.spatial import cKDTree
+
     shapely = optional("shapely", "mesh")
 
+    pairs = cKDTree(points).query_pairs(_ON_LINE * outline.diameter, output_type="ndarray")
+    for a, b in pairs[(points[pairs[:, 0]] != points[pairs[:, 1]]).any(axis=1)].tolist():
+        raise ValueError(f"fixed has points {a} and {b}, nearer to each other than 1e-9 of the region's diameter")
     alone = []
     lines, own = list(outline.lines), list(range(len(outline.lines)))
     for point in np.unique(points, axis=0):

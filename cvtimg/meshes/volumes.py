@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_positive, check_shape, check_that
+from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -23,6 +23,8 @@ _MOST_VERTICES = 1 << 26
 _ROUNDS, _NEAR = 8, 0.01
 #: Rounds by which the volume is met, when it is, and what is not near enough.
 _VOLUME_ROUNDS, _VOLUME_NEAR, _VOLUME_ERROR = 6, 0.001, 0.01
+#: More vertices for each voxel show nothing that the voxels hold.
+_MOST_PER_VOXEL = 16
 #: Vertices in a volume of 1 where the longer edges have length 1.
 _PER_VOLUME = 2
 
@@ -81,18 +83,21 @@ class VolumeMesh(ReadOnly):
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"
-        return f"VolumeMesh({len(self.points)} vertices{asked}, {len(self.tetrahedra)} tetrahedra)"
+        kind = "" if self.is_manifold else ", whose surface meets itself"
+        return f"VolumeMesh({len(self.points)} vertices{asked}, {len(self.tetrahedra)} tetrahedra{kind})"
 
 
 def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | None = None) -> VolumeMesh:
-    """Fill a mask of voxels with tetrahedra. Experimental: the surface is not yet proven to be a manifold.
+    """Fill a mask of voxels with tetrahedra. Experimental.
+
+    Where parts of the mask touch along an edge, or nearly, the surface may meet itself: `VolumeMesh.is_manifold` tells.
 
     Parameters
     ----------
     mask : (D, H, W) bool array
         The surface is smoothed: parts thinner than about three voxels may be lost.
     n : int, optional
-        Number of vertices, met within a few percent.
+        Number of vertices, met within a few percent; at most 16 for each voxel of the mask.
     edge_length : float, optional
         Length of the longer edges inside, in voxels; the others have 0.87 of it. Give this or `n`.
 
@@ -140,6 +145,7 @@ def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | N
     else:
         assert n is not None
         check_count("n", n, _MOST_VERTICES, "what memory holds")
+        check_in_range("n", n, n <= _MOST_PER_VOXEL * level.volume, f"at most {_MOST_PER_VOXEL} for each voxel")
         _with_volume(level, _spacing_for(level, n), n)  # which moves the surface
         spacing = _spacing_for(level, n)
     mesh = _with_volume(level, spacing, n)

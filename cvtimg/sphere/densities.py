@@ -211,11 +211,14 @@ class Scaled:
         values = density(fibonacci(_PROBES))
         highest = float(density.picture.max() if isinstance(density, GlobePicture) else values.max())
         check_that("density", highest > 0, "not be 0 everywhere")
-        self._least = LEAST_DENSITY * highest
+        # Squares and products of masses would leave the range of doubles: such densities are divided by this.
+        self.unit = 1.0 if 1e-100 < highest < 1e100 else highest
+        self.share_of_zeros = float((values == 0).mean())
+        self._least = LEAST_DENSITY * (highest / self.unit)
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return the density at (N, 3) points, at least a small part of the largest."""
-        return np.maximum(self._density(points), self._least)
+        return np.maximum(self._density(points) / self.unit, self._least)
 
     def for_cells(self, n: int) -> Scaled:
         """Return the density with pictures that n cells can follow."""

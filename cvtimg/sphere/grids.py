@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.placement.densities import ConstantDensity
 from cvtimg.sphere.cell_sums import Cells, SumCells, WeightedCells, uniform_cells
-from cvtimg.sphere.densities import Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
+from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
@@ -30,6 +31,8 @@ _FEW = 200
 _FEWEST = 1 << 15
 #: Points are numbered along a curve from so many on.
 _WORTH_AN_ORDER = 5000
+#: A density that is 0 on more of the sphere is warned of.
+_MOST_ZEROS = 0.01
 #: Free points keep so far from fixed ones at the start, in sizes of their cells.
 _APART = 0.7
 
@@ -137,7 +140,14 @@ def sphere_grid(
     held = np.empty((0, 3)) if fixed is None else check_sphere_points("fixed", fixed)
     check_fewer("fixed", len(held), n + 1)
     random = np.random.default_rng(rng)
-    plan = _Plan(None if weight is None else Scaled(weight), settings, polish, random, Watch(callback))
+    scaled = None if weight is None else Scaled(weight)
+    if scaled is not None and scaled.share_of_zeros > _MOST_ZEROS and not isinstance(weight, GlobePicture):
+        warn(
+            f"the density is 0 on {scaled.share_of_zeros:.0%} of the sphere: cells there are 100 times as wide as the "
+            "finest, and triangles at their border are bad; a density that falls gradually makes better grids",
+            stacklevel=2,
+        )
+    plan = _Plan(scaled, settings, polish, random, Watch(callback))
     if not isinstance(start, str):
         check_excluded("start of given points", True, levels=levels, fixed=len(held))
         points = check_sphere_points("start", start)
@@ -253,12 +263,14 @@ class _Plan:
 def as_grid(mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:
     """Sum the cells of a triangulation at its end."""
     cells = sums(mesh)
+    weight = sums.density if isinstance(sums, WeightedCells) else None
+    unit = weight.unit if isinstance(weight, Scaled) else 1.0
     return SphereGrid(
         points=mesh.points,
         triangles=mesh.triangles,
         areas=mesh.areas(),
-        density=sums.density(mesh.points) if isinstance(sums, WeightedCells) else np.ones(len(mesh.points)),
-        energy=cells.energy,
+        density=np.ones(len(mesh.points)) if weight is None else unit * weight(mesh.points),
+        energy=unit * cells.energy,
         offset=cells.offset_of(free),
         fixed=np.zeros(len(mesh.points), bool) if free is None else ~free,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +33,8 @@ _FINER = 0.2
 _LOOKED_AT = 4096
 #: Points may be so much farther from each other than where the density is largest.
 _SPARSEST = 30.0
+#: A density that is 0 at more of these places is warned of.
+_MOST_ZEROS = 0.01
 #: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
 _FIRST_PART, _GROWTH, _LAST_PART = 0.4, 1.1, 30.0
 #: Edges that this makes are no longer than this multiple of that part.
@@ -166,6 +169,13 @@ def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[Surf
     )
     top = float(density(base.points).max())
     check_that("density", top > 0, "be > 0 somewhere on the surface")
+    zeros = float((density(base.points) <= 0).mean())
+    if zeros > _MOST_ZEROS:
+        warn(
+            f"the density is 0 on about {zeros:.0%} of the surface: cells there are {_SPARSEST:g} times as wide as the "
+            "finest, and triangles at their border are bad; a density that falls gradually makes better ones",
+            stacklevel=4,
+        )
 
     def relative(points: Points) -> Values:
         return np.minimum((np.maximum(density(points), 0) / top + _SPARSEST**-4) ** -0.25, _SPARSEST)

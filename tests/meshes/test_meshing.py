@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
@@ -387,3 +388,27 @@ def test_single_pixels_and_lines_of_pixels_have_meshes(mask: NDArray[np.bool_]) 
         mesh = mesh_region(mask, effort="fast", **wanted)
         assert_is_a_triangulation(mesh)
         assert mesh.area == pytest.approx(mask.sum(), rel=1e-5)
+
+
+def noisy_labels() -> NDArray[np.int64]:
+    values = gaussian_filter(np.random.default_rng(3).normal(size=(120, 160)), 3)
+    return np.digitize(values, [-0.03, 0.03]) + 1
+
+
+def test_borders_are_the_smoother_the_farther_they_may_move() -> None:
+    borders = []
+    for tolerance in (0.7, 2.0):
+        mesh = mesh_labels(noisy_labels(), edge_length=2, tolerance=tolerance, effort="fast")
+        borders.append(np.linalg.norm(np.subtract(*mesh.points[mesh.edges.T]), axis=1).sum())
+    assert borders[1] < borders[0]
+
+
+def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
+    labels = noisy_labels()
+    best, balanced = (mesh_labels(labels, n=2500, effort=effort).qualities.mean() for effort in ("best", "balanced"))
+    assert best >= balanced
+
+
+def test_fixed_points_at_one_place_are_refused() -> None:
+    with pytest.raises(ValueError, match="fixed has points 0 and 1, nearer to each other than"):
+        mesh_region(L_SHAPE, n=100, fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]])

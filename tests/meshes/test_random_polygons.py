@@ -130,7 +130,7 @@ def test_noise_is_refused_with_a_size_that_fits() -> None:
     with pytest.raises(ValueError, match=r"n=2000 must be at least \d+, .* or give min_size=") as caught:
         mesh_region(noisy, n=2000)
     size = float(str(caught.value).split("min_size=")[1].split(",")[0])
-    assert mesh_region(noisy, n=2000, min_size=size, effort="fast").measures().least_angle > 10
+    assert mesh_region(noisy, n=2000, min_size=size, effort="fast").measures().mean_quality > 0.9
 
 
 def test_narrow_corners_and_long_boxes_need_few_places_of_the_size_field(monkeypatch: pytest.MonkeyPatch) -> None:

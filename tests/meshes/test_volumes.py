@@ -87,6 +87,7 @@ def test_other_programs_read_the_same_tetrahedra(tmp_path: Path, suffix: str) ->
         ({"mask": np.ones((4, 4, 4)), "n": 9}, "mask must be a bool array"),
         ({"mask": np.ones((8, 8, 8), bool)}, "must be one of them"),
         ({"mask": np.ones((8, 8, 8), bool), "edge_length": 0}, "edge_length=0 must be"),
+        ({"mask": np.ones((6, 6, 6), bool), "n": 20000}, "n=20000 must be at most 16 for each voxel"),
         ({"mask": shapes()["gyroid"], "n": 200}, "n=200 must let tetrahedra be smaller"),
         ({"mask": np.pad(np.ones((1, 9, 9), bool), 4), "n": 50}, "three voxels thick"),
     ],

@@ -198,3 +198,17 @@ def test_refinements_refuse_what_is_no_cap() -> None:
     for wrong in ({"lat": 91}, {"radius": 0}, {"ratio": 0.5}, {"width": -1}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             Refinement(**{"lon": 0, "lat": 0, "radius": 10, "ratio": 2, **wrong})
+
+
+@pytest.mark.parametrize("factor", [1e-300, 1e300])
+def test_a_density_of_any_size_makes_the_same_grid(factor: float) -> None:
+    grids = [sphere_grid(300, density=lambda p, f=f: f * (1 + p[:, 2] ** 2), effort="fast") for f in (1.0, factor)]
+    assert np.allclose(grids[0].points, grids[1].points, atol=1e-4)
+    assert grids[1].offset < 0.1
+    assert grids[1].density == pytest.approx(factor * grids[0].density, rel=1e-3)
+    assert grids[1].energy == pytest.approx(factor * grids[0].energy)
+
+
+def test_a_density_of_0_on_a_part_is_warned_of() -> None:
+    with pytest.warns(UserWarning, match="the density is 0 on 50% of the sphere"):
+        sphere_grid(300, density=lambda p: (p[:, 2] > 0).astype(float), effort="fast")

@@ -345,3 +345,8 @@ def test_a_thin_plate_keeps_both_sides(n: int) -> None:
     # No move folds a triangle over others: those of the upper side face up.
     above = found.points[found.triangles][(found.points[found.triangles][:, :, 2] > 0.01 - 1e-9).all(axis=1)]
     assert (np.cross(above[:, 1] - above[:, 0], above[:, 2] - above[:, 0])[:, 2] > -1e-9).all()
+
+
+def test_a_density_of_0_on_a_part_is_warned_of() -> None:
+    with pytest.warns(UserWarning, match="the density is 0 on about 4.% of the surface"):
+        surface_points(torus(), 200, density=lambda p: (p[:, 0] > 0).astype(float), effort="fast")
