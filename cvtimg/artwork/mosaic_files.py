@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_channels, check_choice, check_non_negative
+from cvtimg._shared.checks import check_channels, check_choice, check_non_negative, check_positive
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
 from cvtimg.artwork._artwork import label_triangles
 from cvtimg.colors.spaces import to_depth
@@ -103,6 +103,7 @@ class TileDrawing:
 
     def pixels(self, scale: float) -> NDArray[np.uint8]:
         """Draw (H scale, W scale, 3) or (H scale, W scale, 4) pixels with smooth edges."""
+        check_positive("scale", scale)
         height, width = (max(round(side * scale), 1) for side in self.size)
         fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * width)), 1, _FINE))
         labels = self._labels((height * fine, width * fine))

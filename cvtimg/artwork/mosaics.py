@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_channels, check_choice, check_colors, check_count, check_image
+from cvtimg._shared.checks import (
+    check_at_least,
+    check_channels,
+    check_choice,
+    check_colors,
+    check_count,
+    check_image,
+    check_within,
+)
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
@@ -37,6 +45,8 @@ _STEPS = {"fast": 25, "balanced": 80, "best": 480}
 #: may all begin on one edge; they try a nearly uniform start as well.
 _UNIFORM = {"cells": (0.05, 10.0), "triangles": (0.02, 10.0)}
 _FEW = 64
+#: Largest value of floating point images.
+_LARGEST = 1e15
 SHAPES = tuple(_UNIFORM)
 
 
@@ -214,6 +224,8 @@ def mosaic(
     check_choice("effort", effort, _STEPS)
     samples = check_image("image", image)
     samples = samples.reshape(*samples.shape[:2], -1)
+    if samples.dtype.kind == "f":
+        check_within("image", samples, -_LARGEST, _LARGEST, ", for errors to be computed in single precision")
     height, width = samples.shape[:2]
     check_count("n_cells", n_cells, height * width, "the number of pixels")
     least = 2 if shape == "triangles" else 1

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice
+from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
@@ -153,7 +153,7 @@ class Stipples(ReadOnly):
         (H scale, W scale) or (H scale, W scale, 3) uint8 array
             Gray for one black or white pen.
         """
-        factor = self.default_scale() if scale is None else scale
+        factor = self.default_scale() if scale is None else check_positive("scale", scale)
         channels = 1 if len(self.colors) == 1 and np.ptp(self.colors) == 0 else 3
         paper = to_space(self.paper[np.newaxis, :channels], "linear")[0].astype(np.float32)
         inks = to_space(self.colors[:, :channels], "linear").astype(np.float32)

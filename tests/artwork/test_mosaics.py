@@ -11,7 +11,7 @@ from PIL import Image
 from skimage import data
 from skimage.segmentation import slic
 
-from cvtimg import mosaic, read_image
+from cvtimg import mosaic, read_image, stipple
 from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
 
@@ -194,3 +194,16 @@ def test_translucent_tiles_are_drawn_once(tmp_path: Path) -> None:
     mosaic(PHOTO, 40, effort="fast").save(tmp_path / "b.svg")
     assert "<use" not in (tmp_path / "a.svg").read_text()
     assert "<use" in (tmp_path / "b.svg").read_text()
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan")])
+def test_drawings_of_no_size_are_refused(scale: float) -> None:
+    image = np.arange(64, dtype=np.uint8).reshape(8, 8)
+    for drawing in (mosaic(image, 3, effort="fast"), stipple(image, 3)):
+        with pytest.raises(ValueError, match="scale="):
+            drawing.draw(scale=scale)
+
+
+def test_images_that_single_precision_does_not_hold_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"image in 0\.\.1e\+300 must be in"):
+        mosaic(np.linspace(0, 1e300, 64).reshape(8, 8), 3)
