@@ -18,7 +18,6 @@ install: $(VENV)/installed
 
 $(VENV)/builds: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --upgrade pip
 	$(BIN)/pip install --quiet "meson-python>=0.17" "Cython>=3.1" meson ninja
 	touch $@
 

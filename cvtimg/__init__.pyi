@@ -10,6 +10,7 @@ from . import (
     explore,
     files,
     labels,
+    looks,
     meshes,
     palettes,
     pictures,
@@ -37,6 +38,7 @@ from .labels.contours import find_contours
 from .labels.edges import find_edges
 from .labels.files import read_labels, write_labels
 from .labels.formats import write_contours
+from .looks.similarity import visual_quality
 from .meshes.meshing import mesh_labels, mesh_region
 from .palettes.files import read_palette, write_palette
 from .pictures.files import read_image, write_image
@@ -76,6 +78,7 @@ __all__ = [
     "key_frames",
     "labels",
     "latinize",
+    "looks",
     "mesh_labels",
     "mesh_region",
     "meshes",
@@ -108,6 +111,7 @@ __all__ = [
     "surfaces",
     "tables",
     "tessellate",
+    "visual_quality",
     "write_contours",
     "write_image",
     "write_labels",

@@ -20,7 +20,7 @@ LAYERS: list[set[str]] = [
     {"blocks"},
     {"engine", "pictures", "batch"},
     {"colors", "tables", "labels"},
-    {"elbow", "palettes", "placement", "halfedges"},
+    {"elbow", "looks", "palettes", "placement", "halfedges"},
     {"quantization", "segmentation", "bases"},
     {"restoration", "plotting", "designs", "artwork", "meshes", "sphere"},
     {"supports", "surfaces"},

@@ -14,5 +14,6 @@ InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
 SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
 AveragingName: TypeAlias = Literal["before", "after"]
 DitherName: TypeAlias = Literal[
-    "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"
+    "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16", "compact"
 ]
+GoalName: TypeAlias = Literal["error", "eyes"]

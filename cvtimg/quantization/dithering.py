@@ -236,7 +236,7 @@ def blue_noise_mask() -> NDArray[np.uint8]:
     return (mask.astype(np.int64) * 16 // mask.size).astype(np.uint8)
 
 
-#: The registry of methods: the values of `dither` and ``--dither``.
+#: The registry of methods: the values of `dither` and ``--dither``, besides "compact", which is in `looks`.
 DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
     "floyd-steinberg": _floyd_steinberg,
     "edge-aware": _edge_aware,

@@ -13,13 +13,17 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_alone, check_given, check_non_negative, refuse
 from cvtimg._shared.choices import DitherName, EffortName, SpaceName
 from cvtimg.colors.samples import ColorSamples
+from cvtimg.looks import rate
 from cvtimg.quantization.dithering import STRENGTH
+from cvtimg.quantization.looks import PRICE, PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, check_room, find_palette, fixed_colors
 from cvtimg.quantization.remapping import MAX_COLORS
 
 #: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
 _FIRST_TRIAL = 32
 _DECIBEL = 2.0
+#: Halvings of the range of prices of bits, of which each saves a few percent of the file.
+_HALVINGS = 5
 
 
 class _HasPsnr(Protocol):
@@ -42,6 +46,7 @@ class QuantizeOptions:
     space: SpaceName = "rgb"
     dither: DitherName | None = None
     dither_strength: float | None = None
+    price: float = PRICE
     engine: EngineOptions = field(default_factory=EngineOptions)
 
     def check(self, **others: object) -> None:
@@ -61,6 +66,8 @@ class QuantizeOptions:
         """Strength of dithering: in full with a given palette, which may need strong mixtures."""
         if self.dither_strength is not None:
             return self.dither_strength
+        if self.dither == "compact":
+            return rate.STRENGTH
         return STRENGTH if self.palette is None else 1.0
 
 
@@ -79,21 +86,42 @@ class Source(Protocol[R_co]):
 
 def quantized(source: Source[R], how: QuantizeOptions) -> R:
     """Quantize pixels with a number of colors, a palette, or the fewest colors of a quality."""
-    if how.palette is not None:
-        colors = np.array(how.palette)
-        return source.mapped([Palette(colors, None, colors.shape[1:] == (4,))] * len(source.counted), how)
-    if how.psnr is None:
-        palettes = [
-            find_palette(one, how.n_colors, space=how.space, locked=how.locked, **how.engine)  # type: ignore[arg-type]
-            for one in source.counted
-        ]
-        return source.mapped(palettes, how)
+    if how.palette is not None or how.psnr is None:
+        return source.mapped(quantized_palettes(source, how), how)
     results = Search(source, how, lambda result: result.psnr, _DECIBEL).reach(how.psnr, how.n_colors or MAX_COLORS)
     if True not in results:
         best = results[False]
         n_colors = max(len(colors) for colors in palettes_of(best))
         refuse("psnr", how.psnr, f"at most {best.psnr:.2f} dB, which {n_colors} colors reach")
     return results[True]
+
+
+def quantized_palettes(source: Source[R], how: QuantizeOptions) -> list[Palette]:
+    """Return the given palette, or the one found, for each of the densities of a source."""
+    if how.palette is not None:
+        colors = np.array(how.palette)
+        return [Palette(colors, None, colors.shape[1:] == (4,))] * len(source.counted)
+    return [
+        find_palette(one, how.n_colors, space=how.space, locked=how.locked, **how.engine)  # type: ignore[arg-type]
+        for one in source.counted
+    ]
+
+
+def of_quality(source: Source[R], how: QuantizeOptions, quality: float, measure: Callable[[R], float]) -> R:
+    """Raise the price of bits as far as a measure of how the result looks stays at least `quality`."""
+    palettes = quantized_palettes(source, how)
+    low, high = PRICES
+    best = source.mapped(palettes, replace(how, price=low))
+    if (reached := measure(best)) < quality:
+        refuse("quality", quality, f"at most {reached:.1f}, which {len(palettes[0].colors)} colors reach")
+    for _ in range(_HALVINGS):
+        price = math.sqrt(low * high)
+        result = source.mapped(palettes, replace(how, price=price))
+        if measure(result) >= quality:
+            low, best = price, result
+        else:
+            high = price
+    return best
 
 
 def palettes_of(result: Any) -> list[Any]:

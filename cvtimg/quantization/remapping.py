@@ -21,6 +21,7 @@ from cvtimg.engine.points import Points, assign, cell_energies, pack
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization import dithering
+from cvtimg.quantization.looks import PRICE, map_for_eyes
 
 #: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
@@ -208,11 +209,16 @@ def keep_outside(result: Quantized, image: Any) -> Quantized:
 
 
 def map_samples(
-    samples: ColorSamples, palette: ArrayLike, space: SpaceName, dither: DitherName | None, dither_strength: float
+    samples: ColorSamples,
+    palette: ArrayLike,
+    space: SpaceName,
+    dither: DitherName | None,
+    dither_strength: float,
+    price: float = PRICE,
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`."""
     if dither is not None:
-        check_choice("dither", dither, dithering.DITHERS)
+        check_choice("dither", dither, (*dithering.DITHERS, "compact"))
     colors = check_colors("palette", palette, samples.colors.dtype)
     samples, colors = agree(samples, colors)
     kinds = [kinds_of(some, samples.alpha) for some in (samples.colors, colors)]
@@ -224,7 +230,7 @@ def map_samples(
     if dither is None:
         labels, energy = _map(samples, colors, space)
     else:
-        labels, energy = _dither(samples, colors, space, dither, dither_strength)
+        labels, energy = _dither(samples, colors, space, dither, dither_strength, price)
     if lacks_clear:
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
@@ -273,19 +279,27 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tupl
 
 
 def _dither(
-    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float
+    samples: ColorSamples,
+    palette: NDArray[Any],
+    space: SpaceName,
+    method: DitherName,
+    strength: float,
+    price: float,
 ) -> tuple[NDArray[np.int32], float]:
     """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
-    labels = dithering.dither(
-        to_places(samples.colors, space, samples.alpha),
-        samples.inverse,
-        to_places(palette, space, samples.alpha),
-        method=method,
-        strength=strength,
-        kinds=kinds_of(samples.colors, samples.alpha),
-        allowed=allowed_for(kinds_of(palette, samples.alpha)),
-        inside=samples.inside,
-    )
+    if method == "compact":
+        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], price, strength)
+    else:
+        labels = dithering.dither(
+            to_places(samples.colors, space, samples.alpha),
+            samples.inverse,
+            to_places(palette, space, samples.alpha),
+            method=method,
+            strength=strength,
+            kinds=kinds_of(samples.colors, samples.alpha),
+            allowed=allowed_for(kinds_of(palette, samples.alpha)),
+            inside=samples.inside,
+        )
     places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
     if samples.inside is None:
         return labels, dithering.energy_of(places, samples.inverse, ends, labels)

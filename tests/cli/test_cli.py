@@ -534,7 +534,7 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
         ("quantize method", cvtimg.engine.METHODS),
         ("quantize init", cvtimg.engine.SEEDINGS),
         ("quantize space", SPACES),
-        ("quantize dither", ["none", *DITHERS]),
+        ("quantize dither", ["none", *DITHERS, "compact"]),
         ("segment averaging", ["none", *WHEN]),
         ("segment kernel", KERNELS),
         ("segment edge_mode", EDGE_MODES),

@@ -1,0 +1,131 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The compiled loops of looks: one pass each. Scratch is allocated here."""
+
+from libc.stdint cimport int32_t, uint8_t
+
+import numpy as np
+
+N_ERRORS = 6
+LONGEST = RATE_LONGEST
+FARTHEST = RATE_FARTHEST
+
+cdef extern from "similarity.h" nogil:
+    enum: BLUR_RADIUS
+    void to_xyb(const float *linear, Py_ssize_t n, float *xyb)
+    void blur_plane(
+        const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width, float *line, float *out
+    )
+    void sum_errors(
+        const float *a, const float *b, const float *mean_a, const float *mean_b, const float *square_a,
+        const float *square_b, const float *product, Py_ssize_t n_rows, Py_ssize_t width, double *sums,
+    )
+
+cdef extern from "rate.h" nogil:
+    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH
+    ctypedef struct rate_band:
+        Py_ssize_t width, n_entries, per_byte
+        const float *targets
+        const float *visibility
+        const float *entries
+        const float *columns
+        const float *lengths
+        const float *distances
+        float price, literal, strength, longest
+        uint8_t *indices
+    ctypedef struct rate_node:
+        pass
+    ctypedef struct rate_scratch:
+        rate_node *nodes
+        float *above
+        float *below
+        float *floor
+        float *squares
+        int32_t *newest
+        int32_t *older
+    void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row)
+
+
+def xyb(const float[:, :, ::1] linear):
+    """Convert linear RGB (3, H, W) to the color space of SSIMULACRA2."""
+    planes = np.empty_like(linear)
+    cdef float[:, :, ::1] out = planes
+    cdef Py_ssize_t n = linear.shape[1] * linear.shape[2]
+    with nogil:
+        to_xyb(&linear[0, 0, 0], n, &out[0, 0, 0])
+    return planes
+
+
+def blur(const float[:, ::1] plane, const float[::1] weights):
+    """Blur a plane (H, W) by the weights of 11 pixels along each axis."""
+    cdef Py_ssize_t height = plane.shape[0], width = plane.shape[1]
+    blurred, line = np.empty_like(plane), np.empty(width + 2 * BLUR_RADIUS, np.float32)
+    cdef float[:, ::1] out = blurred
+    cdef float[::1] scratch = line
+    with nogil:
+        blur_plane(&plane[0, 0], &weights[0], height, width, &scratch[0], &out[0, 0])
+    return blurred
+
+
+def errors(
+    const float[:, ::1] a, const float[:, ::1] b, const float[:, ::1] mean_a, const float[:, ::1] mean_b,
+    const float[:, ::1] square_a, const float[:, ::1] square_b, const float[:, ::1] product,
+):
+    """Return the sums of the errors d and d^4 in structure, artifacts and lost detail, from planes and their blurs."""
+    sums = np.zeros(N_ERRORS)
+    cdef double[::1] out = sums
+    with nogil:
+        sum_errors(
+            &a[0, 0], &b[0, 0], &mean_a[0, 0], &mean_b[0, 0], &square_a[0, 0], &square_b[0, 0], &product[0, 0],
+            a.shape[0], a.shape[1], &out[0],
+        )
+    return sums
+
+
+def map_band(
+    const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
+    const float[::1] lengths, const float[::1] distances, Py_ssize_t per_byte, float price, float literal,
+    float strength, float longest, uint8_t[:, ::1] indices,
+):
+    """Map a band of rows by rate, into `indices`.
+
+    Parameters
+    ----------
+    targets : (H, W, 4) float32 array
+        Places of the pixels.
+    visibility : (H, W) float32 array
+        How much their squared errors count.
+    entries : (K, 4) float32 array
+        Places of the palette.
+    lengths, distances : (LONGEST + 1,) and (FARTHEST + 1,) float32 array
+        Prices of matches, in squared errors, by their length and distance in bytes.
+    per_byte : int
+        Indices in a byte.
+    price, literal : float
+        Of a bit, and of an index by itself, in squared errors.
+    strength, longest : float
+        The share of the error that is handed on, and the greatest length of the error before that.
+    indices : (H, W) uint8 array
+        OUT.
+    """
+    cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries), row
+    columns = np.ascontiguousarray(np.asarray(entries).T)
+    cdef const float[:, ::1] by_column = columns
+    cdef rate_band band = rate_band(
+        width, n_entries, per_byte, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &by_column[0, 0],
+        &lengths[0], &distances[0], price, literal, strength, longest, &indices[0, 0],
+    )
+    nodes = np.empty(64 * (width + 1), np.uint8)
+    rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)
+    floor, squares = np.empty(width, np.float32), np.empty(n_entries, np.float32)
+    newest, older = np.full(1 << 16, -1, np.int32), np.empty(height * width, np.int32)
+    cdef uint8_t[::1] node_bytes = nodes
+    cdef float[:, :, ::1] handed = rows
+    cdef float[::1] of_row = floor, of_entries = squares
+    cdef int32_t[::1] heads = newest, chains = older
+    cdef rate_scratch scratch = rate_scratch(
+        <rate_node *>&node_bytes[0], &handed[0, 0, 0], &handed[1, 0, 0], &of_row[0], &of_entries[0], &heads[0], &chains[0]
+    )
+    assert sizeof(rate_node) <= 64
+    with nogil:
+        for row in range(height):
+            rate_map_row(&band, &scratch, row)

@@ -1,0 +1,111 @@
+"""Mapping to a palette by rate: indices that deflate stores in few bits, where the eye does not see the difference.
+
+Each row takes the path of least cost through single indices and repetitions of earlier ones, where cost is the visible
+squared error plus the bits that deflate (RFC 1951) needs, at a price. What is left of the error is diffused along the
+path and to the next row (R. Floyd, L. Steinberg, Proc. SID 17 (1976) 75-77).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.threads import in_parts
+from cvtimg.looks import _looks
+
+#: Rows that are mapped without those above them, so that several threads share the work.
+_BAND = 128
+#: Steps of the kernel for each pixel and entry of the palette, by which work is divided among threads.
+_WORK = 20
+#: Share of the error that is handed on: with more, grain costs bytes; with less, tones drift.
+STRENGTH = 0.55
+#: Bits of the codes of lengths from 3, and of distances from 1, that photographs lead to; and of what follows them.
+_LENGTH_BITS = np.array([2.5, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, *[8] * 20])
+_LENGTH_EXTRA = np.array([0] * 8 + [n for n in range(1, 6) for _ in range(4)])
+_DISTANCE_BITS = np.array([*[5.5] * 18, *[4] * 12])
+_DISTANCE_EXTRA = np.array([0] * 4 + [n for n in range(1, 14) for _ in range(2)])
+#: The bits of each length and distance.
+_LENGTHS = np.repeat(_LENGTH_BITS + _LENGTH_EXTRA, 1 << _LENGTH_EXTRA)
+_LENGTHS = np.concatenate([np.full(3, np.inf), _LENGTHS[: _looks.LONGEST - 3], [8.0]])
+_DISTANCES = np.append(np.inf, np.repeat(_DISTANCE_BITS + _DISTANCE_EXTRA, 1 << _DISTANCE_EXTRA))
+
+
+def visibility(brightness: NDArray[Any], half: float, radius: float) -> NDArray[np.float32]:
+    """Return how much an error counts in each pixel, in 0..1: less where the brightness varies, which hides errors.
+
+    Parameters
+    ----------
+    brightness : (H, W) array
+        In levels of 8 bits.
+    half : float
+        Standard deviation of the brightness at which errors count half.
+    radius : float
+        Sigma of the Gaussian window, in pixels.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    levels = np.asarray(brightness, np.float32)
+    mean = gaussian_filter(levels, radius)
+    variance = gaussian_filter(levels * levels, radius) - mean * mean
+    return 1 / (1 + np.sqrt(np.maximum(variance, 0)) / np.float32(half))
+
+
+def map_by_rate(
+    places: NDArray[np.float32],
+    entries: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    price: float,
+    strength: float = STRENGTH,
+) -> NDArray[np.uint8]:
+    """Map pixels to the entries of a palette so that deflate needs few bits.
+
+    Parameters
+    ----------
+    places : (H, W, D) float32 array
+        Where pixels lie, D <= 4, in units in which a squared distance of 1 is hardly seen.
+    entries : (K, D) float32 array
+        Where the entries lie, K in 2..256.
+    seen : (H, W) float32 array
+        How much the squared error of each pixel counts, see `visibility`.
+    price : float
+        Of a bit, in squared errors: 0.1 gives hardly larger errors than the nearest entries, 1.2 half of the bytes.
+    strength : float
+        Fraction of the error that is handed on, in 0..1.
+
+    Returns
+    -------
+    (H, W) uint8 array
+        The same for any number of threads.
+    """
+    height, width, n_dims = places.shape
+    targets = np.zeros((height, width, 4), np.float32)
+    targets[:, :, :n_dims] = places
+    palette = np.zeros((len(entries), 4), np.float32)
+    palette[:, :n_dims] = entries
+    indices = np.empty((height, width), np.uint8)
+    per_byte = 8 // max(1, (len(entries) - 1).bit_length()) if len(entries) <= 16 else 1
+    starts = range(0, height, _BAND)
+    lengths, distances = ((price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
+    literal, longest = price * np.log2(len(entries)), _usual_step(palette)
+
+    def kernel(first: int, last: int) -> None:
+        for number in range(first, last):
+            rows = slice(starts[number], starts[number] + _BAND)
+            _looks.map_band(
+                targets[rows], seen[rows], palette, lengths, distances, per_byte, price, literal, strength, longest,
+                indices[rows],
+            )  # fmt: skip
+
+    in_parts(kernel, len(starts), _WORK * targets.size * len(entries))
+    return indices
+
+
+def _usual_step(entries: NDArray[np.float32]) -> float:
+    """Return the mean distance of entries to their nearest."""
+    from scipy.spatial import cKDTree
+
+    if len(entries) < 2:
+        return 0.0
+    return float(cKDTree(entries).query(entries, 2)[0][:, 1].mean())

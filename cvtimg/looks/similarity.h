@@ -1,0 +1,82 @@
+// Passes of SSIMULACRA2 over planes of float: the color space, the blur and the maps of errors.
+
+#ifndef CVTIMG_SIMILARITY_H
+#define CVTIMG_SIMILARITY_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+enum { BLUR_RADIUS = 5 };
+
+// The cube root of a number in 0.003 to 2, by a guess from its bits and three steps of Newton's method.
+static inline float small_cube_root(float x) {
+  uint32_t bits;
+  float y;
+  memcpy(&bits, &x, sizeof bits);
+  bits = bits / 3 + 709921077u;
+  memcpy(&y, &bits, sizeof y);
+  for (int step = 0; step < 3; step++) y -= (y * y * y - x) / (3 * y * y);
+  return y;
+}
+
+// From linear RGB (3, n) to XYB with offsets that make it positive, (3, n).
+static void to_xyb(const float *linear, Py_ssize_t n, float *xyb) {
+  const float bias = 0.0037930732552754493f, root = cbrtf(bias);
+  const float *r = linear, *g = linear + n, *b = g + n;
+  for (Py_ssize_t i = 0; i < n; i++) {
+    const float l = small_cube_root(.3f * r[i] + .622f * g[i] + .078f * b[i] + bias) - root;
+    const float m = small_cube_root(.23f * r[i] + .692f * g[i] + .078f * b[i] + bias) - root;
+    const float s = small_cube_root(.24342268924547819f * r[i] + .20476744424496821f * g[i] +
+                                    .5518098665095536f * b[i] + bias) - root;
+    xyb[i] = 7 * (l - m) + .42f;
+    xyb[i + n] = .5f * (l + m) + .01f;
+    xyb[i + 2 * n] = s - .5f * (l + m) + .55f;
+  }
+}
+
+// Blur a plane; outside are zeros at the sides, and mirrors above and below. `line` has width + 10.
+static void blur_plane(const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width,
+                         float *line, float *out) {
+  memset(line, 0, sizeof(float) * (size_t)(width + 2 * BLUR_RADIUS));
+  for (Py_ssize_t y = 0; y < height; y++) {
+    float *middle = line + BLUR_RADIUS, *row = out + y * width;
+    memset(middle, 0, sizeof(float) * (size_t)width);
+    for (int k = -BLUR_RADIUS; k <= BLUR_RADIUS; k++) {
+      Py_ssize_t from = y + k;
+      while (from < 0 || from >= height) from = from < 0 ? -1 - from : 2 * height - 1 - from;
+      const float *source = plane + from * width, weight = weights[k + BLUR_RADIUS];
+      for (Py_ssize_t x = 0; x < width; x++) middle[x] += weight * source[x];
+    }
+    memset(row, 0, sizeof(float) * (size_t)width);
+    for (int k = 0; k <= 2 * BLUR_RADIUS; k++) {
+      for (Py_ssize_t x = 0; x < width; x++) row[x] += weights[k] * line[x + k];
+    }
+  }
+}
+
+// The maps of errors of a plane a against b, given blurred planes, squares and products: sums of d and d^4 of structure,
+// artifacts and lost detail.
+static void sum_errors(const float *a, const float *b, const float *mean_a, const float *mean_b, const float *square_a,
+                       const float *square_b, const float *product, Py_ssize_t n_rows, Py_ssize_t width, double *sums) {
+  for (Py_ssize_t y = 0; y < n_rows; y++) {
+    float of_row[6] = {0};
+    for (Py_ssize_t i = y * width; i < (y + 1) * width; i++) {
+      const float gap = mean_a[i] - mean_b[i];
+      const float alike = (1 - gap * gap) * (2 * (product[i] - mean_a[i] * mean_b[i]) + .0009f);
+      const float spread = square_a[i] - mean_a[i] * mean_a[i] + square_b[i] - mean_b[i] * mean_b[i] + .0009f;
+      const float rest = 1 - alike / spread, structure = rest > 0 ? rest : 0;
+      const float more = (1 + fabsf(b[i] - mean_b[i])) / (1 + fabsf(a[i] - mean_a[i])) - 1;
+      const float artifact = more > 0 ? more : 0, lost = more < 0 ? -more : 0;
+      of_row[0] += structure;
+      of_row[1] += structure * structure * (structure * structure);
+      of_row[2] += artifact;
+      of_row[3] += artifact * artifact * (artifact * artifact);
+      of_row[4] += lost;
+      of_row[5] += lost * lost * (lost * lost);
+    }
+    for (int j = 0; j < 6; j++) sums[j] += of_row[j];
+  }
+}
+
+#endif

@@ -1,0 +1,189 @@
+"""How alike two images look: SSIMULACRA2, a measure that was fitted to the opinions of many people.
+
+J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimulacra2.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.pixels import peak
+from cvtimg._shared.threads import in_parts
+from cvtimg.colors.places import has_alpha
+from cvtimg.colors.spaces import to_space
+from cvtimg.looks import _looks
+
+_Plane = NDArray[np.float32]
+
+#: Each scale has half the width and height of the one before; smaller images have fewer.
+_N_SCALES, _LEAST_SIDE = 6, 8
+#: A Gaussian of sigma 1.5.
+_BLUR = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
+_BLUR = (_BLUR / _BLUR.sum()).astype(np.float32)
+#: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
+#: artifacts and lost detail. Those left out are 0.
+# fmt: off
+_WEIGHTS = {
+    (0, 0): ((0, 0.0007376606707406586, 0), (0, 0.0007793481682867309, 0)),
+    (0, 1): ((0, 0.0004371155730107379, 0), (1.1041726426657346, 0.00066284834129271, 0.00015231632783718752)),
+    (0, 2): ((0, 0.0016406437456599754, 0), (1.8422455520539298, 11.441172603757666, 0)),
+    (0, 3): ((0.0007989109436015163, 0.000176816438078653, 0), (1.8787594979546387, 10.94906990605142, 0)),
+    (0, 4): (
+        (0.0007289346991508072, 0.9677937080626833, 0),
+        (0.00014003424285435884, 0.9981766977854967, 0.00031949755934435053),
+    ),
+    (0, 5): ((0.0004550992113792063, 0, 0), (0.0013648766163243398, 0, 0)),
+    (1, 0): ((0, 0, 0), (7.466890328078848, 0, 17.445833984131262)),
+    (1, 1): ((0.0006235601634041466, 0, 0), (6.683678146179332, 0.00037724407979611296, 1.027889937768264)),
+    (1, 2): ((225.20515300849274, 0, 0), (19.213238186143016, 0.0011401524586618361, 0.001237755635509985)),
+    (1, 3): ((176.39317598450694, 0, 0), (24.43300999870476, 0.28520802612117757, 0.0004485436923833408)),
+    (1, 4): ((0, 0, 0), (34.77906344483772, 44.835625328877896, 0)),
+    (2, 0): ((0, 0.0008680556573291698, 0), (0, 0, 0)),
+    (2, 1): ((0, 0.0005313191874358747, 0), (0.00016533814161379112, 0, 0)),
+    (2, 2): ((0, 0, 0), (0.0004179171803251336, 0.0017290828234722833, 0)),
+    (2, 3): ((0.0020827005846636437, 0, 0), (8.826982764996862, 23.19243343998926, 0)),
+    (2, 4): (
+        (95.1080498811086, 0.9863978034400682, 0.9834382792465353),
+        (0.0012286405048278493, 171.2667255897307, 0.9807858872435379),
+    ),
+    (2, 5): ((0, 0, 0), (0.0005130064588990679, 0, 0.00010854057858411537)),
+}
+# fmt: on
+
+
+class _Scale(NamedTuple):
+    """An image at one scale: its planes (3, H, W), their blurs, and the blurs of their squares."""
+
+    planes: NDArray[np.float32]
+    means: list[_Plane]
+    squares: list[_Plane]
+
+
+class VisualQuality:
+    """SSIMULACRA2 of images against an original, which is prepared once.
+
+    Parameters
+    ----------
+    original : (H, W) or (H, W, C) array
+        Gray or RGB; alpha is composed on mid-gray. Of any integer or floating type, with the usual white.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
+    >>> quality = VisualQuality(ramp)
+    >>> quality(ramp)
+    100.0
+    >>> bool(quality(ramp // 64 * 64 + 32) < 40)
+    True
+    """
+
+    def __init__(self, original: NDArray[Any]) -> None:
+        self._shape = np.asarray(original).shape[:2]
+        self._scales = [_scale(linear) for linear in _pyramid(original)]
+
+    def __call__(self, image: NDArray[Any]) -> float:
+        """Return the quality of an image of the same size, at most 100; below 0 it is hardly the same image."""
+        if np.asarray(image).shape[:2] != self._shape:
+            raise ValueError(f"image of {image.shape[:2]} pixels must have the size of the original, {self._shape}")
+        total = 0.0
+        for level, (original, linear) in enumerate(zip(self._scales, _pyramid(image), strict=True)):
+            errors = _errors(original, _scale(linear))
+            for channel in range(3):
+                # The reference goes through the weights one by one, also where an image has fewer scales.
+                place = divmod(channel * len(self._scales) + level, _N_SCALES)
+                for norm, weights in enumerate(_WEIGHTS.get(place, ())):
+                    total += float(np.dot(weights, errors[channel, norm]))
+        total *= 0.9562382616834844
+        total = 2.326765642916932 * total - 0.020884521182843837 * total**2 + 6.248496625763138e-05 * total**3
+        return 100 - 10 * total**0.6276336467831387 if total > 0 else 100.0
+
+
+def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
+    """Return how alike two images look: SSIMULACRA2, at most 100.
+
+    About 90 cannot be told from the original, 70 is good, 50 is fair, and below 30 is poor.
+
+    Parameters
+    ----------
+    original, image : (H, W) or (H, W, C) arrays
+        Gray or RGB, of the same size; alpha is composed on mid-gray.
+
+    See Also
+    --------
+    VisualQuality : Many images against one original.
+
+    Examples
+    --------
+    >>> import cvtimg
+    >>> image = cvtimg.read_image("sample_images/coffee.png")
+    >>> cvtimg.visual_quality(image, image)
+    100.0
+    """
+    return VisualQuality(original)(image)
+
+
+def _pyramid(image: NDArray[Any]) -> list[NDArray[np.float32]]:
+    """Return the image at each scale, as planes (3, H, W) of linear light."""
+    linear: NDArray[Any] = _linear(np.asarray(image))
+    scales = [linear]
+    while len(scales) < _N_SCALES and min(linear.shape[1:]) >= 2 * _LEAST_SIDE - 1:
+        linear = np.pad(linear, ((0, 0), (0, linear.shape[1] % 2), (0, linear.shape[2] % 2)), mode="edge")
+        linear = 0.25 * ((linear[:, ::2, ::2] + linear[:, ::2, 1::2]) + (linear[:, 1::2, ::2] + linear[:, 1::2, 1::2]))
+        scales.append(linear)
+    return scales
+
+
+def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the linear light of an image, as planes (3, H, W)."""
+    if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
+        raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")
+    bands = image[:, :, None] if image.ndim == 2 else image
+    white = peak(image.dtype)
+    if has_alpha(bands.shape[2]):
+        share = bands[:, :, -1:] / white
+        bands = share * (bands[:, :, :-1] / white) + (1 - share) * 0.5
+    if bands.dtype == np.uint8:
+        light = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)[bands]
+    else:
+        light = to_space(bands.reshape(-1, 1), "linear").astype(np.float32).reshape(bands.shape)
+    return np.ascontiguousarray(np.broadcast_to(light, (*bands.shape[:2], 3)).transpose(2, 0, 1))
+
+
+def _scale(linear: NDArray[np.float32]) -> _Scale:
+    planes = _looks.xyb(linear)
+    blurred = _each([*planes, *(plane * plane for plane in planes)])
+    return _Scale(planes, blurred[:3], blurred[3:])
+
+
+def _each(planes: list[_Plane]) -> list[_Plane]:
+    """Blur planes, in threads."""
+    blurred = list(planes)
+
+    def kernel(start: int, stop: int) -> None:
+        for number in range(start, stop):
+            blurred[number] = _looks.blur(planes[number], _BLUR)
+
+    in_parts(kernel, len(planes), 20 * len(planes) * planes[0].size)
+    return blurred
+
+
+def _errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
+    """Return the mean and the fourth root of the mean of fourth powers of each error, (3, 2, 3) by channel."""
+    products = _each([a * b for a, b in zip(original.planes, other.planes, strict=True)])
+    sums = np.empty((3, 6))
+
+    def kernel(start: int, stop: int) -> None:
+        for channel in range(start, stop):
+            sums[channel] = _looks.errors(
+                original.planes[channel], other.planes[channel], original.means[channel], other.means[channel],
+                original.squares[channel], other.squares[channel], products[channel],
+            )  # fmt: skip
+
+    in_parts(kernel, 3, 60 * products[0].size)
+    means = sums.reshape(3, 3, 2).transpose(0, 2, 1) / products[0].size
+    means[:, 1] **= 0.25
+    return means

@@ -1,0 +1,95 @@
+"""Mapping by rate, against plain error diffusion and the bytes that deflate makes of it."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import cvtimg
+from cvtimg._shared.threads import one_thread
+from cvtimg.colors.spaces import to_space
+from cvtimg.looks.rate import map_by_rate, visibility
+
+COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:300, 200:420]
+PALETTE = np.asarray(cvtimg.quantize(COFFEE, 64, effort="fast").palette)
+
+
+def placed(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
+    places = to_space(colors.reshape(-1, 3), "oklab").reshape(colors.shape) * [255, 90, 90]
+    return places.astype(np.float32)
+
+
+def mapped(price: float, image: NDArray[np.uint8] = COFFEE, palette: NDArray[np.uint8] = PALETTE) -> NDArray[np.uint8]:
+    return map_by_rate(placed(image), placed(palette), visibility(image.mean(axis=2), 3, 3), price)
+
+
+def diffused(places: NDArray[np.float32], entries: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Floyd and Steinberg's error diffusion, row by row from the left, as `map_by_rate` shortens and weakens errors."""
+    height, width, _ = places.shape
+    gaps = np.linalg.norm(entries[:, None] - entries, axis=2)
+    longest = np.sort(gaps, axis=1)[:, 1].mean()
+    rest, labels = np.zeros((height + 1, width + 2, 3)), np.empty((height, width), np.intp)
+    for y, x in np.ndindex(height, width):
+        wanted = places[y, x] + rest[y, x + 1]
+        labels[y, x] = k = ((wanted - entries) ** 2).sum(axis=1).argmin()
+        error = wanted - entries[k]
+        error *= 0.55 * min(1, longest / max(np.linalg.norm(error), 1e-30))
+        for dy, dx, part in ((0, 1, 7), (1, -1, 3), (1, 0, 5), (1, 1, 1)):
+            rest[y + dy, x + 1 + dx] += error * part / 16
+    return labels
+
+
+def test_bits_for_nothing_give_error_diffusion() -> None:
+    image = COFFEE[:40, :50]
+    expected = diffused(placed(image), placed(PALETTE))
+    assert (mapped(1e-9, image) == expected).mean() > 0.999  # float32 decides ties
+
+
+@pytest.mark.parametrize(("n_colors", "price"), [(2, 100), (4, 20), (16, 2), (64, 0.4)])
+def test_dearer_bits_give_smaller_files(n_colors: int, price: float) -> None:
+    palette = np.asarray(cvtimg.quantize(COFFEE, n_colors, effort="fast").palette)
+    n_bits = max(1, (n_colors - 1).bit_length()) if n_colors <= 16 else 8
+    sizes = []
+    for factor in (1e-9, 1, 4):
+        bits = np.unpackbits(mapped(price * factor, COFFEE, palette)[:, :, None], axis=2)[:, :, -n_bits:]
+        rows = np.packbits(bits.reshape(len(bits), -1), axis=1)
+        sizes.append(len(zlib.compress(np.pad(rows, ((0, 0), (1, 0))).tobytes(), 9)))
+    assert sizes[0] > sizes[1] > sizes[2]
+
+
+def test_the_measure_of_looks_falls_less_than_the_bytes() -> None:
+    cheap, dear = (PALETTE[mapped(price)] for price in (1e-9, 1.0))
+    assert cvtimg.visual_quality(COFFEE, dear) > cvtimg.visual_quality(COFFEE, cheap) - 8
+
+
+def test_threads_do_not_matter() -> None:
+    tall = np.tile(COFFEE, (3, 1, 1))
+    many = mapped(0.4, tall)
+    with one_thread():
+        np.testing.assert_array_equal(mapped(0.4, tall), many)
+
+
+def test_colors_of_the_palette_stay_as_they_are_where_nothing_hides_errors() -> None:
+    image = np.repeat(np.repeat(PALETTE[:16].reshape(4, 4, 3), 20, axis=0), 20, axis=1)
+    np.testing.assert_array_equal(PALETTE[:16][mapped(0.4, image, PALETTE[:16])], image)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (3, 1), (1, 700), (130, 3), (2, 3)])
+def test_small_and_narrow_images(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (*shape, 3), dtype=np.uint8)
+    indices = mapped(0.4, image)
+    assert indices.shape == shape
+    assert indices.max() < len(PALETTE)
+
+
+def test_errors_count_less_where_brightness_varies() -> None:
+    rng = np.random.default_rng(0)
+    levels = np.full((60, 60), 100.0)
+    levels[:, 30:] += rng.normal(0, 20, (60, 30))
+    seen = visibility(levels, 3, 3)
+    np.testing.assert_allclose(seen[:, :15], 1, atol=1e-3)
+    assert seen[:, 45:].max() < 0.3

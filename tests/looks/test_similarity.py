@@ -1,0 +1,59 @@
+"""The measure of looks, against the package `ssimulacra2` and by what it must say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import cvtimg
+from cvtimg.looks import VisualQuality, visual_quality
+
+COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:260, 200:420]
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(160, 220), (64, 64), (37, 101), (15, 200), (8, 9)])
+def test_it_equals_the_reference(rows: int, columns: int, tmp_path: Path) -> None:
+    ssimulacra2 = pytest.importorskip("ssimulacra2")
+    original = COFFEE[:rows, :columns]
+    for name, image in {"a.png": original, "b.png": original // 32 * 32 + 16}.items():
+        Image.fromarray(image).save(tmp_path / name)
+    expected = ssimulacra2.compute_ssimulacra2(str(tmp_path / "a.png"), str(tmp_path / "b.png"))
+    assert visual_quality(original, original // 32 * 32 + 16) == pytest.approx(expected, abs=0.01)
+
+
+def test_more_colors_look_better() -> None:
+    quality = VisualQuality(COFFEE)
+    scores = [quality(cvtimg.quantize(COFFEE, n, effort="fast").image) for n in (4, 16, 64, 256)]
+    assert scores == sorted(scores)
+    assert scores[-1] > 70 > scores[0]
+
+
+def test_types_agree() -> None:
+    worse = COFFEE // 16 * 16
+    wide = [image.astype(np.uint16) * 257 for image in (COFFEE, worse)]
+    unit = [image / 255 for image in (COFFEE, worse)]
+    expected = visual_quality(COFFEE, worse)
+    assert visual_quality(*wide) == pytest.approx(expected, abs=1e-3)
+    assert visual_quality(*unit) == pytest.approx(expected, abs=1e-3)
+
+
+def test_gray_is_rgb_of_equal_channels() -> None:
+    gray = COFFEE[:, :, 1]
+    assert visual_quality(gray, gray // 8 * 8) == visual_quality(np.dstack([gray] * 3), np.dstack([gray // 8 * 8] * 3))
+
+
+def test_what_is_transparent_is_not_seen() -> None:
+    clear = np.dstack([COFFEE, np.zeros(COFFEE.shape[:2], np.uint8)])
+    other = clear.copy()
+    other[:, :, :3] = 0
+    assert visual_quality(clear, other) == pytest.approx(100, abs=0.01)
+
+
+def test_images_of_other_sizes_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"image of \(10, 12\) pixels must have the size of the original"):
+        visual_quality(COFFEE, COFFEE[:10, :12])
+    with pytest.raises(ValueError, match=r"shape \(2, 2, 5\)"):
+        visual_quality(np.zeros((2, 2, 5)), np.zeros((2, 2, 5)))

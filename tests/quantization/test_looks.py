@@ -1,0 +1,97 @@
+"""Images for eyes: small files of the same look."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cvtimg
+from cvtimg._shared.threads import one_thread
+from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.pictures.frames import Frames
+from cvtimg.quantization import Quantized, map_to_palette, quantize_frames
+
+COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
+CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
+FAST: dict[str, Any] = {"effort": "fast"}
+
+
+def n_bytes(result: Quantized) -> int:
+    pixels, palette = result.content
+    return len(encode_image(".png", pixels, palette=palette))
+
+
+def test_for_eyes_the_file_is_smaller_and_looks_better() -> None:
+    error, eyes = cvtimg.quantize(CHELSEA, 256), cvtimg.quantize(CHELSEA, goal="eyes")
+    assert n_bytes(eyes) < 0.75 * n_bytes(error)
+    assert cvtimg.visual_quality(CHELSEA, eyes.image) > cvtimg.visual_quality(CHELSEA, error.image)
+    assert eyes.psnr < error.psnr  # which is the goal of the other
+
+
+@pytest.mark.parametrize("quality", [70, 80])
+def test_a_quality_is_reached_and_not_much_more(quality: float) -> None:
+    result = cvtimg.quantize(CHELSEA, quality=quality)
+    assert quality <= cvtimg.visual_quality(CHELSEA, result.image) < quality + 5
+
+
+def test_less_quality_gives_a_smaller_file() -> None:
+    sizes = [n_bytes(cvtimg.quantize(CHELSEA, quality=quality)) for quality in (82, 78, 74)]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] < 0.9 * sizes[0]
+
+
+def test_a_quality_out_of_reach_tells_what_can_be_had() -> None:
+    with pytest.raises(ValueError, match=r"quality=90 must be at most -?\d+\.\d, which 4 colors reach"):
+        cvtimg.quantize(COFFEE, 4, quality=90, **FAST)
+
+
+@pytest.mark.parametrize("options", [{"goal": "eyes"}, {"quality": 90}])
+def test_images_with_few_colors_stay_exact(options: dict[str, Any]) -> None:
+    cat = cvtimg.read_image("sample_images/chelsea.png")[:40, :40] // 64 * 64
+    result = cvtimg.quantize(cat, **options)
+    assert result.energy == 0
+    np.testing.assert_array_equal(result.image, cat)
+
+
+def test_alpha_keeps_opaque_pixels_opaque_and_clear_ones_clear() -> None:
+    alpha = np.full(COFFEE.shape[:2], 255, np.uint8)
+    alpha[:60], alpha[60:100] = 0, 128
+    result = cvtimg.quantize(np.dstack([COFFEE, alpha]), 32, alpha=True, goal="eyes", **FAST)
+    np.testing.assert_array_equal(result.image[:60, :, 3], 0)
+    np.testing.assert_array_equal(result.image[100:, :, 3], 255)
+
+
+def test_gray_and_frames_and_masks() -> None:
+    gray = cvtimg.quantize(COFFEE[:, :, 1], 64, goal="eyes")
+    assert n_bytes(gray) < n_bytes(cvtimg.quantize(COFFEE[:, :, 1], 64))
+    frames = quantize_frames(Frames((COFFEE[:64], COFFEE[64:128]), (40, 40), 0), 32, dither="compact", **FAST)
+    assert len(frames.results) == 2
+    mask = np.zeros(COFFEE.shape[:2], bool)
+    mask[50:90, 50:90] = True
+    inside = cvtimg.quantize(COFFEE, 16, goal="eyes", mask=mask, **FAST)
+    np.testing.assert_array_equal(inside.image[~mask], COFFEE[~mask])
+
+
+def test_threads_do_not_matter() -> None:
+    palette = cvtimg.quantize(COFFEE, 64, **FAST).palette
+    many = map_to_palette(COFFEE, palette, dither="compact")
+    with one_thread():
+        np.testing.assert_array_equal(map_to_palette(COFFEE, palette, dither="compact").indices, many.indices)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"goal": "ears"}, "goal='ears' must be one of"),
+        ({"quality": 101}, "quality=101 must be in 0..100"),
+        ({"quality": 70, "psnr": 30}, "psnr=30 excludes goal='eyes' and quality"),
+        ({"goal": "eyes", "space": "lab"}, "space='lab' excludes"),
+        ({"quality": 70, "dither": "floyd-steinberg"}, "dither='floyd-steinberg' must be 'compact'"),
+        ({"n_colors": 300, "dither": "compact"}, "at most 256 colors with dither='compact'"),
+    ],
+)
+def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cvtimg.quantize(COFFEE[:80, :80], **{**FAST, **options})
