@@ -30,6 +30,7 @@ EXAMPLES = """Examples:
   cvtimg quantize photo.jpg -k 16 -o small.png
   cvtimg quantize photos/ 'scans/*.tif' -k 256 --out-dir small
   cvtimg quantize logo.png -k 8 --lock '#ffffff' --lock '#e4002b'
+  cvtimg quantize photo.jpg --quality 80
   cvtimg quantize photo.jpg --psnr 38
   cvtimg quantize drawing.png -k auto
   cvtimg quantize frames/ -k 32 --shared-palette --out-dir small
@@ -44,14 +45,20 @@ _FINDING = ("n_colors", "locked", "effort", "method", "init", "volume_power", "r
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
 #: Options by their names in Python, where these differ.
-_FLAGS = {"weights": "--weight-map", "n_colors='auto'": "-k auto", "depth='16'": "--depth 16"}
+_FLAGS = {
+    "weights": "--weight-map",
+    "n_colors='auto'": "-k auto",
+    "goal='eyes'": "--goal eyes",
+    "depth='16'": "--depth 16",
+}
 
 
 def quantize(given: Given) -> int:
     """Reduce images to the N colors that represent them with the least error.
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
-    take all colors from --palette.
+    take all colors from --palette. With --goal eyes or --quality, images get 256 colors and the file is made small
+    where the eye does not see it.
 
     Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
     become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after
@@ -64,8 +71,9 @@ def quantize(given: Given) -> int:
     from cvtimg import find_images, read_palette, write_palette
     from cvtimg.pictures.files import lossless_suffixes
 
-    if given.palette is None and given.number is None and given.psnr is None and given.max_bytes is None:
-        raise WrongUsageError("one of -k, --psnr, --max-bytes and --palette must be given")
+    aims = (given.palette, given.number, given.psnr, given.max_bytes, given.quality)
+    if given.goal == "error" and all(aim is None for aim in aims):
+        raise WrongUsageError("one of -k, --goal eyes, --quality, --psnr, --max-bytes and --palette must be given")
     if given.optimize:
         _check_optimize(given.output)
     if given.ext is not None:
@@ -104,7 +112,9 @@ def quantize(given: Given) -> int:
             plan.joint = {}
     if palette is not None:
         how = {"palette": palette, **{name: value for name, value in how.items() if name not in _FINDING}}
-    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    columns: tuple[str, ...] = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    if given.goal == "eyes" or given.quality is not None:
+        columns = tuple("quality" if name == "energy" else name for name in columns)
     return run_plan(plan, partial(_quantize, options=how), columns, given)
 
 
@@ -134,6 +144,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         "energy": result.energy,
         "mse": result.mse,
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
+        **({"quality": result.quality} if given.goal == "eyes" or given.quality is not None else {}),
         "n_iter": max((one.n_iter for one in result.tessellations), default=0),
         "converged": all(one.converged for one in result.tessellations),
         **({"warning": "; ".join(given.worded(str(one.message)) for one in caught)} if caught else {}),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
-from cvtimg._shared.choices import DitherName
+from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Page, Real, Text, Whole
@@ -41,6 +41,24 @@ QUANTIZE = (
         keyword="psnr",
     ),
     Option(
+        "goal",
+        Choice(get_args(GoalName)),
+        "What the result is for: error, the least squared error, or eyes, a small file that looks the same.",
+        metavar="NAME",
+        default="error",
+        keyword="goal",
+        excludes=("number=auto", "psnr"),
+    ),
+    Option(
+        "quality",
+        Real(0, 100),
+        "Write the smallest file that looks at least this good, 0 to 100 by SSIMULACRA2: 80 is hard to tell from the "
+        "image, 70 is good.",
+        metavar="Q",
+        keyword="quality",
+        excludes=("number=auto", "psnr"),
+    ),
+    Option(
         "max_bytes",
         Text(common.n_bytes),
         "Use as many colors, up to 256 or -k, as fit into a file of this size, such as 60000, 60K or 1.5M.",
@@ -65,8 +83,8 @@ QUANTIZE = (
     Option(
         "dither",
         Choice(("none", *get_args(DitherName))),
-        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, or bayer-2, -4, -8 or "
-        "-16.",
+        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, bayer-2, -4, -8 or -16; "
+        "or compact, for a small file.",
         metavar="NAME",
         default="none",
         keyword="dither",

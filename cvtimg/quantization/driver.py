@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, Literal, Protocol, TypeVar
+from typing import Any, Generic, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alone, check_given, check_non_negative, refuse
-from cvtimg._shared.choices import DitherName, EffortName, SpaceName
+from cvtimg._shared.checks import check_alone, check_choice, check_given, check_in_range, check_non_negative, refuse
+from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.looks import rate
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.looks import PRICE, PRICES
+from cvtimg.quantization.looks import MAX_ENTRIES, PRICE
 from cvtimg.quantization.palette_search import EngineOptions, Palette, check_room, find_palette, fixed_colors
 from cvtimg.quantization.remapping import MAX_COLORS
 
@@ -47,7 +47,24 @@ class QuantizeOptions:
     dither: DitherName | None = None
     dither_strength: float | None = None
     price: float = PRICE
+    goal: GoalName = "error"
+    quality: float | None = None
     engine: EngineOptions = field(default_factory=EngineOptions)
+
+    def aimed(self) -> QuantizeOptions:
+        """Return what the goal and the quality stand for."""
+        if check_choice("goal", self.goal, get_args(GoalName)) == "error" and self.quality is None:
+            return self
+        others = {"n_colors": self.n_colors == "auto", "psnr": self.psnr is not None}
+        others |= {"space": self.space not in ("rgb", "oklab")}
+        for name in (name for name, given in others.items() if given):
+            raise ValueError(f"{name}={getattr(self, name)!r} cannot be combined with goal='eyes' or quality")
+        if self.quality is not None:
+            check_in_range("quality", self.quality, 0 <= self.quality <= 100, "in 0..100")
+            if self.dither not in (None, "compact"):
+                raise ValueError(f"dither={self.dither!r} must be 'compact', the default, with quality")
+        n_colors = MAX_ENTRIES if self.n_colors is None and self.palette is None else self.n_colors
+        return replace(self, n_colors=n_colors, space="oklab", dither=self.dither or "compact", goal="eyes")
 
     def check(self, **others: object) -> None:
         """Require an aim, and refuse aims and other options that exclude each other."""
@@ -107,20 +124,17 @@ def quantized_palettes(source: Source[R], how: QuantizeOptions) -> list[Palette]
     ]
 
 
-def of_quality(source: Source[R], how: QuantizeOptions, quality: float, measure: Callable[[R], float]) -> R:
-    """Raise the price of bits as far as a measure of how the result looks stays at least `quality`."""
+def toward(source: Source[R], how: QuantizeOptions, start: float, end: float, good: Callable[[R], bool]) -> R:
+    """Return the good result whose price of bits is nearest to `end`; the one at `start` if that is not good."""
     palettes = quantized_palettes(source, how)
-    low, high = PRICES
-    best = source.mapped(palettes, replace(how, price=low))
-    if (reached := measure(best)) < quality:
-        refuse("quality", quality, f"at most {reached:.1f}, which {len(palettes[0].colors)} colors reach")
-    for _ in range(_HALVINGS):
-        price = math.sqrt(low * high)
+    best = source.mapped(palettes, replace(how, price=start))
+    for _ in range(_HALVINGS if good(best) else 0):
+        price = math.sqrt(start * end)
         result = source.mapped(palettes, replace(how, price=price))
-        if measure(result) >= quality:
-            low, best = price, result
+        if good(result):
+            start, best = price, result
         else:
-            high = price
+            end = price
     return best
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_keywords, check_one_of
-from cvtimg._shared.choices import DitherName, SpaceName
+from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.spaces import to_depth
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
+from cvtimg.looks.similarity import visual_quality
 from cvtimg.palettes.files import read_palette, write_palette
 from cvtimg.pictures.files import ImageInfo, Metadata, image_info, read_image, read_metadata, write_image
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
@@ -39,9 +40,9 @@ from cvtimg.quantization.tiled import Strips
 __all__ = ["QuantizedFile", "UnfitOptionError", "quantize_file"]
 
 #: Options that need a single image, and those that need all of it in memory.
-_OF_ONE_IMAGE = ("weights", "n_colors='auto'", "optimize")
+_OF_ONE_IMAGE = ("quality", "weights", "n_colors='auto'", "optimize")
 _OF_PICTURES = ("psnr", "max_bytes", *_OF_ONE_IMAGE, "depth")
-_IN_MEMORY = (*_OF_PICTURES, "dither", "keep_metadata")
+_IN_MEMORY = (*_OF_PICTURES, "goal='eyes'", "dither", "keep_metadata")
 
 
 class UnfitOptionError(ValueError):
@@ -85,6 +86,8 @@ class QuantizedFile(Fidelity):
         As in `Quantized`.
     alpha : bool
         Whether the last channel is alpha.
+    quality : float or None
+        As in `Quantized`, of a single image.
     """
 
     kind: str
@@ -100,6 +103,7 @@ class QuantizedFile(Fidelity):
     tessellations: tuple[Tessellation, ...]
     curve: EnergyCurve | None
     alpha: bool
+    quality: float | None = None
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""
@@ -122,6 +126,7 @@ class QuantizedFile(Fidelity):
             "n_distinct": first.n_distinct,
             "exact": True,
             "curve": getattr(first, "curve", None),
+            "quality": getattr(first, "quality", None),
         }
         tessellations = tuple(one.tessellation for one in results if one.tessellation)
         return cls(
@@ -153,6 +158,8 @@ def quantize_file(
     mask: StrPath | None = None,
     nodata: float | None = None,
     depth: Literal["8", "16"] | None = None,
+    goal: GoalName = "error",
+    quality: float | None = None,
     per_frame: bool = False,
     tiles: bool | None = None,
     save_palette: StrPath | None = None,
@@ -177,11 +184,12 @@ def quantize_file(
     target : path
         The suffix selects the format; of an image in tiles, .tif, .tiff or .zarr. Up to 256 colors of 8 bits are
         written indexed where the format allows. A TIFF keeps the georeference.
-    n_colors, psnr, palette, locked, space, dither, dither_strength, weights
-        As in `quantize`; given colors of 8 or 16 bits are brought to the depth of the image. An indexed image of at
-        most `n_colors` colors keeps its palette.
+    n_colors, psnr, palette, locked, space, dither, dither_strength, weights, goal, quality
+        As in `quantize`, `quality` for single images; given colors of 8 or 16 bits are brought to the depth of the
+        image. An indexed image of at most `n_colors` colors keeps its palette.
     max_bytes : int, optional
-        Use as many colors, up to `n_colors` or 256, as fit into a file of this size.
+        Use as many colors, up to `n_colors` or 256, as fit into a file of this size. With ``goal="eyes"`` the colors
+        stay, as far as bits can be saved in other ways; `quality` is then the most that is aimed at.
     mask : path, optional
         Image of the same size, whose black pixels are left out: they have no influence and keep their value, or become
         transparent in 8-bit gray and RGB. For several images it may have as many.
@@ -241,8 +249,10 @@ def quantize_file(
         space=space,
         dither=dither,
         dither_strength=dither_strength,
+        goal=goal,
+        quality=quality,
         engine=engine,
-    )
+    ).aimed()
     job = _Job(
         source=Path(source),
         target=Path(target),
@@ -302,6 +312,8 @@ class _Job:
             "max_bytes": self.max_bytes is not None,
             "weights": self.weights is not None,
             "n_colors='auto'": self.how.n_colors == "auto",
+            "quality": self.how.quality is not None,
+            "goal='eyes'": self.how.goal == "eyes",
             "dither": self.how.dither is not None,
             "depth": self.depth is not None,
             "depth='16'": self.depth == "16",
@@ -384,14 +396,27 @@ def _quantized(
     given: dict[str, Any] = {name: getattr(how, name) for name in ("locked", "space", "dither", "dither_strength")}
     given |= {"mask": mask, "weights": job.weights, **how.engine}
     if job.max_bytes is None:
-        return quantize(image, how.n_colors, psnr=how.psnr, palette=how.palette, palette_hint=hint, **given)
+        aims = {
+            "psnr": how.psnr,
+            "quality": how.quality,
+            "goal": how.goal,
+            "palette": how.palette,
+            "palette_hint": hint,
+        }
+        return quantize(image, how.n_colors, **aims, **given)
 
     def size(result: Quantized) -> int:
         pixels, how_stored = _content(result, file)
         return len(encode_image(job.target.suffix, as_stored(pixels, job.target.suffix)[0], **how_stored))
 
     n_colors: Any = how.n_colors or MOST_INDEXED
-    return quantize_to_size(image, job.max_bytes, size, n_colors, **given)
+    if how.quality is not None:
+        with suppress(ValueError):  # which that many colors cannot reach
+            result = quantize(image, n_colors, quality=how.quality, **given)
+            if size(result) <= job.max_bytes:
+                return result
+    result = quantize_to_size(image, job.max_bytes, size, n_colors, **given)
+    return replace(result, quality=visual_quality(image, result.image)) if how.goal == "eyes" else result
 
 
 def _metadata(job: _Job, keep_profile: bool, nodata: float | None) -> Metadata | None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeVar, Unpack, cast, get_args
+from typing import Any, Literal, TypeVar, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alpha, check_choice, check_count, check_in_range, check_keywords, refuse
+from cvtimg._shared.checks import check_alpha, check_count, check_keywords, refuse
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.pixels import array_of, is_known
 from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
@@ -21,8 +21,8 @@ from cvtimg.looks.similarity import VisualQuality
 from cvtimg.pictures.frames import Frames
 from cvtimg.quantization.animations import Film, QuantizedFrames
 from cvtimg.quantization.blocks import Blocks
-from cvtimg.quantization.driver import QuantizeOptions, Search, of_quality, palettes_of, quantized
-from cvtimg.quantization.looks import MAX_ENTRIES
+from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward
+from cvtimg.quantization.looks import PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
@@ -147,10 +147,10 @@ def quantize(
         space=space,
         dither=dither,
         dither_strength=dither_strength,
+        goal=goal,
+        quality=quality,
         engine=engine,
-    )
-    if check_choice("goal", goal, get_args(GoalName)) == "eyes" or quality is not None:
-        return _for_eyes(Picture(image, alpha, mask, nodata, weights), how, quality)
+    ).aimed()
     how.check(weights=weights)
     if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):
         return cast(Quantized, quantized(Blocks(PixelBlocks.of(image, nodata), bool(alpha)), how))
@@ -162,25 +162,21 @@ def quantize(
     if n_colors == "auto":
         at_elbow, curve = source.elbow(how)
         return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
-    return quantized(source, how)
+    return for_eyes(source, how) if how.goal == "eyes" else quantized(source, how)
 
 
-def _for_eyes(source: Picture, how: QuantizeOptions, quality: float | None) -> Quantized:
-    """Quantize with the goal "eyes"; see `quantize`."""
-    others = {"n_colors": how.n_colors == "auto", "psnr": how.psnr is not None, "space": how.space != "rgb"}
-    for name, given in others.items():
-        if given:
-            raise ValueError(f"{name}={getattr(how, name)!r} excludes goal='eyes' and quality")
-    n_colors = MAX_ENTRIES if how.n_colors is None and how.palette is None else how.n_colors
-    how = replace(how, n_colors=n_colors, space="oklab", dither=how.dither or "compact")
-    how.check()
-    if quality is None:
-        return quantized(source, how)
-    if how.dither != "compact":
-        raise ValueError(f"dither={how.dither!r} must be 'compact', the default, with quality")
-    check_in_range("quality", quality, 0 <= quality <= 100, "in 0..100")
+def for_eyes(source: Picture, how: QuantizeOptions) -> Quantized:
+    """Let bits cost as much as the quality allows, and measure it; see `quantize`."""
     measure = VisualQuality(source.image)
-    return of_quality(source, how, quality, lambda result: measure(result.image))
+    wanted = how.quality
+    if wanted is None:
+        result = quantized(source, how)
+    else:
+        result = toward(source, how, PRICES[0], PRICES[1], lambda result: measure(result.image) >= wanted)
+    reached = measure(result.image)
+    if wanted is not None and reached < wanted:
+        refuse("quality", wanted, f"at most {reached:.1f}, which {len(result.palette)} colors reach")
+    return replace(result, quality=reached)
 
 
 def quantize_to_size(
@@ -247,6 +243,11 @@ def quantize_to_size(
 
 def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
     """Find the most colors whose file is small enough; see `quantize_to_size`."""
+    if how.dither == "compact":
+        how = replace(how, n_colors=n_colors, price=PRICES[1])
+        fitting = toward(source, how, PRICES[1], PRICES[0], lambda result: size(result) <= max_bytes)
+        if size(fitting) <= max_bytes:
+            return fitting
     results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)
     if False not in results:
         fewest = results[True]

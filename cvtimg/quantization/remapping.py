@@ -59,6 +59,8 @@ class Quantized(ReadOnly, Fidelity):
         Pixels that count: in the mask, finite and not masked; None for all.
     outside : (n, C) array or None
         Values of the pixels that do not count, which `image` keeps.
+    quality : float or None
+        The `cvtimg.visual_quality` of the image, where it was asked for.
     """
 
     palette: NDArray[Any]
@@ -71,6 +73,7 @@ class Quantized(ReadOnly, Fidelity):
     alpha: bool = False
     inside: NDArray[np.bool_] | None = None
     outside: NDArray[Any] | None = None
+    quality: float | None = None
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import cvtimg
 from cvtimg._shared.threads import one_thread
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.frames import Frames
-from cvtimg.quantization import Quantized, map_to_palette, quantize_frames
+from cvtimg.quantization import Quantized, UnfitOptionError, map_to_palette, quantize_file, quantize_frames
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -34,6 +35,7 @@ def test_for_eyes_the_file_is_smaller_and_looks_better() -> None:
 def test_a_quality_is_reached_and_not_much_more(quality: float) -> None:
     result = cvtimg.quantize(CHELSEA, quality=quality)
     assert quality <= cvtimg.visual_quality(CHELSEA, result.image) < quality + 5
+    assert result.quality == cvtimg.visual_quality(CHELSEA, result.image)
 
 
 def test_less_quality_gives_a_smaller_file() -> None:
@@ -74,6 +76,24 @@ def test_gray_and_frames_and_masks() -> None:
     np.testing.assert_array_equal(inside.image[~mask], COFFEE[~mask])
 
 
+def test_the_best_that_fits(tmp_path: Path) -> None:
+    source = tmp_path / "a.png"
+    cvtimg.write_image(source, CHELSEA)
+    fits = quantize_file(source, tmp_path / "b.png", goal="eyes", max_bytes=20_000, **FAST)
+    assert 15_000 < (tmp_path / "b.png").stat().st_size <= 20_000
+    assert fits.n_colors > 200
+    quantize_file(source, tmp_path / "c.png", quality=50, max_bytes=60_000, **FAST)
+    assert (tmp_path / "c.png").stat().st_size < 20_000  # which is enough for that quality
+
+
+@pytest.mark.parametrize("options", [{"quality": 70}, {"goal": "eyes"}])
+def test_images_in_tiles_are_not_for_eyes(options: dict[str, Any], tmp_path: Path) -> None:
+    source = tmp_path / "a.tif"
+    cvtimg.write_image(source, CHELSEA)
+    with pytest.raises(UnfitOptionError, match="needs the whole picture in memory"):
+        quantize_file(source, tmp_path / "b.tif", **options, tiles=True)
+
+
 def test_threads_do_not_matter() -> None:
     palette = cvtimg.quantize(COFFEE, 64, **FAST).palette
     many = map_to_palette(COFFEE, palette, dither="compact")
@@ -86,8 +106,8 @@ def test_threads_do_not_matter() -> None:
     [
         ({"goal": "ears"}, "goal='ears' must be one of"),
         ({"quality": 101}, "quality=101 must be in 0..100"),
-        ({"quality": 70, "psnr": 30}, "psnr=30 excludes goal='eyes' and quality"),
-        ({"goal": "eyes", "space": "lab"}, "space='lab' excludes"),
+        ({"quality": 70, "psnr": 30}, "psnr=30 cannot be combined with goal='eyes' or quality"),
+        ({"goal": "eyes", "space": "lab"}, "space='lab' cannot be combined"),
         ({"quality": 70, "dither": "floyd-steinberg"}, "dither='floyd-steinberg' must be 'compact'"),
         ({"n_colors": 300, "dither": "compact"}, "at most 256 colors with dither='compact'"),
     ],
