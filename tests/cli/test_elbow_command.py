@@ -3,7 +3,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -127,15 +126,6 @@ def test_wrong_usage_is_told(
 ) -> None:
     assert main(["elbow", str(drawing), *arguments]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_without_matplotlib_it_is_told_what_to_install(
-    drawing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert main(["elbow", str(drawing), "--plot", str(tmp_path / "plot.png"), "--quiet"]) == 1
-    assert "pip install 'cvtimg[plot]'" in capsys.readouterr().err
-    assert not (tmp_path / "plot.png").exists()
 
 
 def test_quantize_takes_the_elbow_and_says_why(drawing: Path, capsys: pytest.CaptureFixture[str]) -> None:
