@@ -166,7 +166,7 @@ NEED_EXTRAS = [
     ),
     ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
     ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
-    ("elbow a.png --plot plot.svg", 1, "plots need matplotlib: pip install 'cvtimg[plot]'"),
+    ("elbow a.png --plot plot.svg", 2, "--plot needs matplotlib: pip install 'cvtimg[plot]'"),
     ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
     ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),
     ("explore a.png", 2, "explore needs starlette: pip install 'cvtimg[explore]'"),

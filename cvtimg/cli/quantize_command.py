@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -123,13 +122,11 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     from cvtimg.quantization import UnfitOptionError, quantize_file
 
     saved = task.outputs.get("--save-palette")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        try:
-            result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
-        except UnfitOptionError as error:
-            flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
-            raise ValueError(error.reason.format(flag)) from error
+    try:
+        result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
+    except UnfitOptionError as error:
+        flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
+        raise ValueError(error.reason.format(flag)) from error
     is_one = result.kind in ("picture", "tiles")
     return {
         "width": result.shape[1],
@@ -147,7 +144,6 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         **({"quality": result.quality} if given.goal == "eyes" or given.quality is not None else {}),
         "n_iter": max((one.n_iter for one in result.tessellations), default=0),
         "converged": all(one.converged for one in result.tessellations),
-        **({"warning": "; ".join(given.worded(str(one.message)) for one in caught)} if caught else {}),
     }
 
 

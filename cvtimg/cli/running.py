@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -72,13 +73,18 @@ def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:
 
 
 def _with_selection(task: Task, stopwatch: Stopwatch, *, work: Callable[..., Row], given: Given) -> Row:
-    with selected(given):
+    """Do a task; what the library warns of stands in its row, in the words of the command."""
+    with selected(given), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
         try:
-            return work(task, stopwatch, given)
+            row = work(task, stopwatch, given)
         except ValueError as error:
             if (text := given.worded(str(error))) == str(error):
                 raise
             raise ValueError(text) from error
+    notes = [row["warning"]] if "warning" in row else []
+    notes += [given.worded(str(one.message)) for one in caught]
+    return {**row, "warning": "; ".join(notes)} if notes else row
 
 
 def selected(given: Given) -> ExitStack:

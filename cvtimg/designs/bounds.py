@@ -32,6 +32,7 @@ def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high\nspeed,0,30\nheat,20,90\n")
     ...     names, bounds = read_bounds(f"{folder}/a.csv")

@@ -156,8 +156,9 @@ def test_grey_with_alpha_is_quantized_as_its_colors() -> None:
 
 def test_a_palette_without_transparency_gets_one_color_more_for_what_has_it() -> None:
     palette = np.array([[255, 160, 50], [5, 5, 25]], np.uint8)
-    result = map_to_palette(SCENE, palette)
-    np.testing.assert_array_equal(result.palette, [[255, 160, 50, 255], [5, 5, 25, 255], [0, 0, 0, 0]])
+    with pytest.warns(UserWarning, match="palette has no transparent color: one is put first"):
+        result = map_to_palette(SCENE, palette)
+    np.testing.assert_array_equal(result.palette, [[0, 0, 0, 0], [255, 160, 50, 255], [5, 5, 25, 255]])
     assert (result.image[CLEAR] == 0).all()
     assert (result.image[OPAQUE][:, 3] == 255).all()
 
