@@ -77,11 +77,11 @@ napari: $(VENV)/installed
 	$(BIN)/pip install --quiet --editable "plugins/cvtimg-napari[plot,test]"
 	QT_QPA_PLATFORM=offscreen $(BIN)/pytest plugins/cvtimg-napari
 
-# The source archive of the last commit, and the wheel of the checkout as it is.
+# The source archive of the last commit, and the wheel of the checkout as it is, for all processors.
 dist: $(VENV)/installed
 	rm -rf dist
 	$(BIN)/python -c "import mesonpy; mesonpy.build_sdist('dist')"
-	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation -Cbuild-dir=build --wheel-dir dist .
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation -Cbuild-dir=build -Csetup-args=-Dsimd=all --wheel-dir dist .
 
 bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
