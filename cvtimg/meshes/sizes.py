@@ -185,4 +185,8 @@ def _function_field(
 
 
 def _scaled(field: Field, n: int | None) -> Field:
-    return field if n is None else field.scaled((field.count / n) ** 0.5)
+    if n is None:
+        return field
+    if not field.count > 0:
+        raise ValueError("the region is so narrow that the border leaves no room for a mesh")
+    return field.scaled((field.count / n) ** 0.5)
