@@ -29,6 +29,8 @@ def examples(verb: str) -> list[list[str]]:
     found = []
     for line in re.findall(r"cvtimg [^|\n]+(?=\n|$)", text):
         words = shlex.split(line.replace("> ", "-o ").replace(" - ", " photo.jpg ").replace("s3://bucket/", ""))[1:]
+        if "--quality" in words:  # of which a thumbnail of a JPEG file reaches less
+            words[words.index("--quality") + 1] = "50"
         if "--dask" in words:
             words = words[: words.index("--dask")]
         found.append([word for part in words for word in sorted(map(str, Path().glob(part))) or [part]])
