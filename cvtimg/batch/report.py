@@ -49,7 +49,7 @@ class Report:
         """Record a completed input."""
         self._hear("done", row)
         if "warning" in row and not (self.as_json or self.quiet):
-            complain(f"{row['input']}: {row['warning']}")
+            complain(f"{row.get('input', row.get('output'))}: {row['warning']}")
         if not (self.as_json or self.quiet):
             self.show(row)
 
