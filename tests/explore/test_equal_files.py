@@ -186,7 +186,14 @@ def test_a_mask_gives_the_same_mesh(store: Store) -> None:
     check_equal(store, "mesh", opened(store, labels, "labels.png"), {"of": "picture"}, 1)
 
 
-@pytest.mark.parametrize("settings", [{}, {"detail": True}, {"align": True, "hidden": "background"}], ids=str)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"align": True, "hidden": "background"},
+        *(pytest.param(more, marks=pytest.mark.slow) for more in ({}, {"detail": True})),
+    ],
+    ids=str,
+)
 def test_several_versions_give_the_same_file(settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
     rng = np.random.default_rng(0)
     versions = []

@@ -403,6 +403,7 @@ def test_borders_are_the_smoother_the_farther_they_may_move() -> None:
     assert borders[1] < borders[0]
 
 
+@pytest.mark.slow
 def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
     labels = noisy_labels()
     best, balanced = (mesh_labels(labels, n=2500, effort=effort).qualities.mean() for effort in ("best", "balanced"))
