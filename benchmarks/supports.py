@@ -27,10 +27,7 @@ def regions() -> dict[str, Any]:
     from cvtimg.placement import Box, PolygonRegion
 
     angles = np.arange(256) * np.pi / 128
-    return {
-        "square": Box([-1, -1], [1, 1]),
-        "disk": PolygonRegion(np.stack([np.cos(angles), np.sin(angles)], axis=1)),
-    }
+    return {"square": Box([-1, -1], [1, 1]), "disk": PolygonRegion(np.stack([np.cos(angles), np.sin(angles)], axis=1))}
 
 
 def gaussian(places: Points) -> NDArray[np.float64]:

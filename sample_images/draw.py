@@ -123,11 +123,7 @@ def block(top: int, left: int, height: int, width: int) -> Mask:
 
 def large_gaps() -> tuple[Mask, Mask, Mask]:
     """Return what is lost in one piece in each version: no place is lost in two of them."""
-    return (
-        block(6, 190, 60, 60),
-        scratch((8, 4), (184, 148)),
-        block(108, 148, 66, 88),
-    )
+    return (block(6, 190, 60, 60), scratch((8, 4), (184, 148)), block(108, 148, 66, 88))
 
 
 def spoil(scene: Bytes, gap: Mask, sigma: float, rng: np.random.Generator) -> Bytes:

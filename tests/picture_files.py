@@ -55,11 +55,7 @@ def gamma(value: float) -> bytes:
 
 def rgb_profile(order: str = "rgb", value: float = 2.2) -> bytes:
     """Build a profile with the primaries of sRGB, given to the bands in another order."""
-    columns = {
-        "r": xyz(0.4361, 0.2225, 0.0139),
-        "g": xyz(0.3851, 0.7169, 0.0971),
-        "b": xyz(0.1431, 0.0606, 0.7141),
-    }
+    columns = {"r": xyz(0.4361, 0.2225, 0.0139), "g": xyz(0.3851, 0.7169, 0.0971), "b": xyz(0.1431, 0.0606, 0.7141)}
     tags = {b"wtpt": xyz(0.9642, 1.0, 0.8249)}
     for band, source in zip("rgb", order, strict=True):
         tags[f"{band}XYZ".encode()] = columns[source]

@@ -146,12 +146,7 @@ def _check_radii(radius_range: tuple[float, float], dots: str) -> None:
 
 
 def _together(
-    layers: list[DotLayer],
-    colors: ArrayLike,
-    names: list[str],
-    paper: ArrayLike,
-    size: tuple[int, ...],
-    max_ink: float,
+    layers: list[DotLayer], colors: ArrayLike, names: list[str], paper: ArrayLike, size: tuple[int, ...], max_ink: float
 ) -> Stipples:
     """Put layers into one value, and find a tour through each."""
     counts = [len(layer.points) for layer in layers]

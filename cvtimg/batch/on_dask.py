@@ -71,11 +71,7 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
 
 
 def sum_on_dask(
-    attempt: Attempt,
-    tasks: Sequence[Task],
-    add: Callable[[Any, Any], Any],
-    address: str,
-    n_workers: int,
+    attempt: Attempt, tasks: Sequence[Task], add: Callable[[Any, Any], Any], address: str, n_workers: int
 ) -> tuple[Any, dict[int, str]]:
     """Add the results of tasks in pairs on the workers; return the sum (None if there is none) and the failures."""
     with _client(address, n_workers) as client:
@@ -172,11 +168,7 @@ def _client(address: str, n_workers: int) -> Iterator[Client]:
     library: Any = distributed
     if address == LOCAL:
         options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": ":0"}
-        with (
-            dask.config.set(_FOR_SHORT),
-            library.LocalCluster(**options) as cluster,
-            library.Client(cluster) as client,
-        ):
+        with dask.config.set(_FOR_SHORT), library.LocalCluster(**options) as cluster, library.Client(cluster) as client:
             yield client
         return
     try:

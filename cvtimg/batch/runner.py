@@ -155,10 +155,7 @@ def check_plan(plan: Plan, running: Running) -> None:
 
 
 def fold(
-    tasks: Sequence[Task],
-    work: Callable[[Task], Any],
-    add: Callable[[Any, Any], Any],
-    running: Running,
+    tasks: Sequence[Task], work: Callable[[Task], Any], add: Callable[[Any, Any], Any], running: Running
 ) -> tuple[Any, dict[Path, str]]:
     """Add up what `work` returns for each task, in pairs, as the tasks complete.
 

@@ -193,11 +193,7 @@ def blocks_of(*arrays: Any) -> Iterator[tuple[NDArray[Any], ...]]:
 
 
 def _mapped(
-    rows: NDArray[Any],
-    *,
-    function: Callable[[NDArray[Any]], NDArray[Any]],
-    empty: NDArray[Any],
-    block_info: Any = None,
+    rows: NDArray[Any], *, function: Callable[[NDArray[Any]], NDArray[Any]], empty: NDArray[Any], block_info: Any = None
 ) -> NDArray[Any]:
     number = block_info[0]["chunk-location"][0] if block_info else 0
     try:

@@ -144,11 +144,7 @@ def _show_completion(ctx: typer.Context, param: typer.CallbackParam, shell: str 
 # Typer's boxed help takes 0.1 s longer and breaks lines that users copy. Its completion options guess the shell from
 # the parent process, which fails if that is not a shell.
 app = typer.Typer(
-    cls=_Commands,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings=_NAMES,
+    cls=_Commands, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=_NAMES
 )
 _Shell = Literal["bash", "zsh", "fish"]
 

@@ -165,11 +165,7 @@ def _check_optimize(output: Path | None) -> None:
 
 
 def _share(
-    plan: Plan,
-    find: Callable[[ColorSamples], NDArray[Any]],
-    count: Callable[[Task], ColorSamples],
-    *,
-    running: Running,
+    plan: Plan, find: Callable[[ColorSamples], NDArray[Any]], count: Callable[[Task], ColorSamples], *, running: Running
 ) -> NDArray[Any] | None:
     """Find the palette of all images together, and move those that cannot be read to the missing of the plan.
 

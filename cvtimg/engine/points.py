@@ -146,11 +146,7 @@ def scale_for_float32(size: float) -> float:
 
 
 def _points(
-    tiles: NDArray[np.float32],
-    density: NDArray[np.float64],
-    frame: Frame,
-    n_points: int,
-    in_order: bool,
+    tiles: NDArray[np.float32], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool
 ) -> Points:
     boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
     # In parts: the squares of all points at once would be a second copy of them.

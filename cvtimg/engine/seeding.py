@@ -190,12 +190,7 @@ def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArr
 
 
 #: The registry of seedings: the values of `init` and ``--init``.
-SEEDINGS: dict[str, Seeding] = {
-    "split": split,
-    "k-means++": kmeans_plus_plus,
-    "maximin": maximin,
-    "random": random,
-}
+SEEDINGS: dict[str, Seeding] = {"split": split, "k-means++": kmeans_plus_plus, "maximin": maximin, "random": random}
 
 
 class TooFewSamplesError(ValueError):
@@ -216,11 +211,7 @@ def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp],
 
 
 def _divide(
-    points: Points,
-    labels: NDArray[np.int32],
-    chosen: NDArray[np.intp],
-    children: NDArray[np.intp],
-    cells: _Cells,
+    points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], children: NDArray[np.intp], cells: _Cells
 ) -> None:
     """Move the points above the middle of some cells to their children."""
     axes = np.zeros((len(cells.counts), points.n_dims))

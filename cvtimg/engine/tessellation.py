@@ -256,12 +256,7 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
 
 
 def _of_frame(
-    frame: Frame,
-    end: Iteration | Descent,
-    labels: Any,
-    masses: NDArray[np.float64],
-    energy: float,
-    weighted: float,
+    frame: Frame, end: Iteration | Descent, labels: Any, masses: NDArray[np.float64], energy: float, weighted: float
 ) -> Tessellation:
     return Tessellation(
         generators=frame.outward(end.generators),

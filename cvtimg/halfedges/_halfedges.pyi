@@ -1,4 +1,3 @@
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-def find_twins(triangles: NDArray[np.int32], n_points: int) -> NDArray[np.int32]: ...
+def __getattr__(name: str) -> Any: ...  # signatures are in the .pyx, where Cython checks them

@@ -111,9 +111,7 @@ def _warped(
 
 
 def _cut(
-    cells: Cells,
-    values: NDArray[np.float64],
-    cuts: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]],
+    cells: Cells, values: NDArray[np.float64], cuts: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
 ) -> Cells:
     """Keep of each tetrahedron what is inside, as tetrahedra that fit those beside.
 

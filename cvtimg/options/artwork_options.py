@@ -103,10 +103,7 @@ STIPPLE = (
     ),
     Option(
         "marks",
-        Choice(
-            ("disks", "circles", "points", "lines"),
-            {"disks": "filled disks", "lines": "short lines"},
-        ),
+        Choice(("disks", "circles", "points", "lines"), {"disks": "filled disks", "lines": "short lines"}),
         "What a dot is in .svg: a filled disk, its outline, or a tiny loop or line that a pen dots.",
         default="disks",
         page=Page("Marks"),

@@ -121,10 +121,7 @@ OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of th
 IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
 SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
 MAX_PIXELS = Option(
-    "max_pixels",
-    Whole(1, 1 << 62),
-    "Refuse larger images, for safety; 178956970 by default.",
-    metavar="N",
+    "max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default.", metavar="N"
 )
 READING = (
     Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages.", metavar="N"),

@@ -66,11 +66,7 @@ QUANTIZE = (
         keyword="max_bytes",
         excludes=("number=auto",),
     ),
-    file(
-        "palette",
-        "Use the colors of a palette file or of an image.",
-        excludes=(*_AIMS, "lock", "weight_map"),
-    ),
+    file("palette", "Use the colors of a palette file or of an image.", excludes=(*_AIMS, "lock", "weight_map")),
     Option(
         "lock",
         Text(common.color_or_file),
@@ -123,10 +119,7 @@ QUANTIZE = (
         metavar="END",
         excludes=("in_place",),
     ),
-    switch(
-        "in_place",
-        "Replace each input by its output, in the same format, once that is complete.",
-    ),
+    switch("in_place", "Replace each input by its output, in the same format, once that is complete."),
     switch("skip_if_larger", "Write no output that is not smaller than its input."),
     replace(common.PALETTE_OUTPUT, excludes=("palette_per_frame",)),
     switch(

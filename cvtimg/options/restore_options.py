@@ -101,10 +101,7 @@ RESTORE = (
     ),
     replace(
         common.AVERAGING,
-        kind=Choice(
-            common.AVERAGING_NAMES,
-            {"before": "of the versions, before", "after": "of the segments, after"},
-        ),
+        kind=Choice(common.AVERAGING_NAMES, {"before": "of the versions, before", "after": "of the segments, after"}),
         page=Page("Averaging"),
     ),
     Option(

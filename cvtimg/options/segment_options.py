@@ -75,13 +75,7 @@ SEGMENT = (
     ),
     Option("line_width", Whole(1, 1000), "Width of the lines that --overlay draws.", metavar="PIXELS", default=1),
     switch("subpixel", "Place --contours with subpixel accuracy."),
-    Option(
-        "simplify",
-        Real(0),
-        "Simplify --contours, at most this far off the border.",
-        metavar="PIXELS",
-        default=0,
-    ),
+    Option("simplify", Real(0), "Simplify --contours, at most this far off the border.", metavar="PIXELS", default=0),
     replace(
         common.SPACE,
         help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.",

@@ -146,11 +146,7 @@ def read_pages(path: Source) -> Pages:
 
 
 def write_pages(
-    path: StrPath,
-    pages: Pages | ArrayLike,
-    *,
-    palette: NDArray[np.uint8] | None = None,
-    overwrite: bool = False,
+    path: StrPath, pages: Pages | ArrayLike, *, palette: NDArray[np.uint8] | None = None, overwrite: bool = False
 ) -> None:
     """Write a multi-page TIFF atomically; axes and physical sizes are preserved.
 

@@ -123,14 +123,7 @@ def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) 
 
 
 def _transform(profile: ImageCms.ImageCmsProfile, source: str, target: str) -> ImageCms.ImageCmsTransform:
-    return ImageCms.buildTransform(
-        profile,
-        ImageCms.createProfile("sRGB"),
-        source,
-        target,
-        _INTENT,
-        _FLAGS,
-    )
+    return ImageCms.buildTransform(profile, ImageCms.createProfile("sRGB"), source, target, _INTENT, _FLAGS)
 
 
 def _changes_colors(transform: ImageCms.ImageCmsTransform, mode: str) -> bool:

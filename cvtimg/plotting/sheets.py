@@ -167,12 +167,7 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
 
 
 def draw_edges(
-    image: Any,
-    labels: ArrayLike,
-    *,
-    color: Sequence[int] = YELLOW,
-    thickness: int = 1,
-    ignore: int | None = None,
+    image: Any, labels: ArrayLike, *, color: Sequence[int] = YELLOW, thickness: int = 1, ignore: int | None = None
 ) -> NDArray[np.uint8]:
     """Draw the edges of segments over the segmented image.
 

@@ -17,17 +17,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
 from cvtimg.colors.counting import add_samples, count_blocks, count_picture, in_fixed_order
-from cvtimg.colors.places import (
-    CLEAR,
-    OPAQUE,
-    PARTLY,
-    agree,
-    from_places,
-    kinds_of,
-    opaque_end,
-    to_places,
-    with_alpha,
-)
+from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate

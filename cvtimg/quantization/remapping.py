@@ -282,12 +282,7 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tupl
 
 
 def _dither(
-    samples: ColorSamples,
-    palette: NDArray[Any],
-    space: SpaceName,
-    method: DitherName,
-    strength: float,
-    price: float,
+    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float, price: float
 ) -> tuple[NDArray[np.int32], float]:
     """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
     if method == "compact":
@@ -331,10 +326,7 @@ def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
 
 
 def nearest_of_kind(
-    places: NDArray[np.float64],
-    kinds: NDArray[np.uint8],
-    ends: NDArray[np.float64],
-    kinds_of_ends: NDArray[np.uint8],
+    places: NDArray[np.float64], kinds: NDArray[np.uint8], ends: NDArray[np.float64], kinds_of_ends: NDArray[np.uint8]
 ) -> NDArray[np.int32]:
     """Return the (N,) index of the nearest of (K, D) places, among those that the kind of each may become."""
     labels = np.empty(len(places), np.int32)

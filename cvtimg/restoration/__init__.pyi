@@ -3,9 +3,4 @@ from .reconstruction import restore
 from .renormalization import RENORMALIZATIONS
 from .result import Restoration
 
-__all__ = [
-    "HIDDEN",
-    "RENORMALIZATIONS",
-    "Restoration",
-    "restore",
-]
+__all__ = ["HIDDEN", "RENORMALIZATIONS", "Restoration", "restore"]

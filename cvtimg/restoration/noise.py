@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.restoration.versions import Floats, Versions
-from cvtimg.segmentation.noise import (
-    BLOCK,
-    block_covariances,
-    lower_variance,
-    quiet_covariance,
-    scattered_noise,
-)
+from cvtimg.segmentation.noise import BLOCK, block_covariances, lower_variance, quiet_covariance, scattered_noise
 
 _Doubles = NDArray[np.float64]
 _Bools = NDArray[np.bool_]

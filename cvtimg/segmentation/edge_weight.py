@@ -108,11 +108,7 @@ def descend(
 
 
 def settle(
-    state: State,
-    edge_weight: float,
-    volume_power: float = 0,
-    connected: bool = False,
-    max_sweeps: int = _MAX_SWEEPS,
+    state: State, edge_weight: float, volume_power: float = 0, connected: bool = False, max_sweeps: int = _MAX_SWEEPS
 ) -> tuple[tuple[float, ...], bool]:
     """Sweep until almost nothing moves; return the energies before each sweep and at the end, and whether it rests."""
     energies = [state.energy(edge_weight, volume_power)]

@@ -24,12 +24,7 @@ from cvtimg.segmentation.values import picture_values
 
 
 def superpixels(
-    image: Any,
-    n_superpixels: int,
-    *,
-    compactness: float = 10,
-    space: SpaceName = "rgb",
-    mask: ArrayLike | None = None,
+    image: Any, n_superpixels: int, *, compactness: float = 10, space: SpaceName = "rgb", mask: ArrayLike | None = None
 ) -> Segmentation:
     """Divide an image into many small connected segments of similar color.
 

@@ -1,15 +1,3 @@
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-from cvtimg.surfaces.triangulation import SurfaceTriangulation
-
-_Floats = NDArray[np.float64]
-_Indices = NDArray[np.int32]
-
-def collapse(
-    mesh: SurfaceTriangulation, normals: _Floats, sizes: _Floats, part: float, stretch: float, most: int
-) -> int: ...
-def flip(mesh: SurfaceTriangulation, normals: _Floats, most: int) -> None: ...
-def find_inward(mesh: SurfaceTriangulation, points: _Floats, normals: _Floats) -> NDArray[np.bool_]: ...
-def sum_cells(mesh: SurfaceTriangulation, density: _Floats) -> tuple[_Floats, _Floats]: ...
-def walk(mesh: SurfaceTriangulation, places: _Floats, faces: _Indices, start: int, stop: int) -> None: ...
+def __getattr__(name: str) -> Any: ...  # signatures are in the .pyx, where Cython checks them

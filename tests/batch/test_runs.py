@@ -195,20 +195,7 @@ def test_what_is_done_is_told_though_an_earlier_task_is_not(here: Path, capsys: 
 def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
     for number in range(40):
         picture(f"in/{number}.png", 150)
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "cvtimg",
-        "quantize",
-        "in",
-        "-k",
-        "64",
-        "--effort",
-        "best",
-        "--jobs",
-        "2",
-    ]
+    command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "in", "-k", "64", "--effort", "best", "--jobs", "2"]
     process = subprocess.Popen(
         [*command, "--out-dir", "out"], stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -348,9 +335,7 @@ def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command",
-    [["quantize", "-k", "3"], ["segment", "-k", "2"], ["palette"], ["info"]],
-    ids=lambda command: command[0],
+    "command", [["quantize", "-k", "3"], ["segment", "-k", "2"], ["palette"], ["info"]], ids=lambda command: command[0]
 )
 def test_every_command_works_in_processes(here: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
     for number in range(3):

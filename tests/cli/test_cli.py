@@ -581,11 +581,7 @@ def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.Monk
     [
         ("bash", {"COMP_WORDS": "cvtimg quantize --dither f", "COMP_CWORD": "3"}, "floyd-steinberg"),
         ("zsh", {"_TYPER_COMPLETE_ARGS": "cvtimg quantize --dither f"}, "floyd-steinberg"),
-        (
-            "fish",
-            {"_TYPER_COMPLETE_ARGS": "cvtimg seg", "_TYPER_COMPLETE_FISH_ACTION": "get-args"},
-            "segment",
-        ),
+        ("fish", {"_TYPER_COMPLETE_ARGS": "cvtimg seg", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}, "segment"),
     ],
 )
 def test_shells_complete_commands_options_and_choices(shell: str, given: dict[str, str], found: str) -> None:
@@ -712,19 +708,7 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
     import pty
 
     terminal, stderr = pty.openpty()
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "cvtimg",
-        "quantize",
-        "pictures",
-        "-k",
-        "4",
-        "--out-dir",
-        "out",
-        "--json",
-    ]
+    command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "pictures", "-k", "4", "--out-dir", "out", "--json"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     done = subprocess.run(
         command, cwd=here, stdout=subprocess.PIPE, stderr=stderr, text=True, check=True, timeout=60, env=environment

@@ -104,11 +104,7 @@ def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path
         (["-n", "9", "-o", "a.nc", "--parent", "few.csv", "--within", "0,0,60"], 1, "must have at least 4 points"),
         (["-n", "9", "-o", "a.nc", "--parent", "empty.csv", "--within", "0,0,60"], 1, "it has no rows"),
         (["-n", "100", "-o", "a.nc", "--parent", "no.csv", "--within", "0,0,9"], 1, "no.csv"),
-        (
-            ["-n", "100", "-o", "a.nc", "--parent", "bad.csv", "--within", "0,0,9"],
-            1,
-            "neither an MPAS mesh",
-        ),
+        (["-n", "100", "-o", "a.nc", "--parent", "bad.csv", "--within", "0,0,9"], 1, "neither an MPAS mesh"),
     ],
 )
 def test_wrong_usage_and_bad_files_are_one_line(

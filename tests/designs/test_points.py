@@ -130,10 +130,7 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
         ({"existing": [[0, 0, 0]]}, r"existing of shape \(1, 3\) must be \(L, 2\)"),
         ({"effort": "none"}, "effort='none' must be one of"),
         ({"latin": True, "density": lambda p: p[:, 0]}, "density or feasible must not be given with latin=True"),
-        (
-            {"periodic": True, "feasible": lambda p: p[:, 0] > 0},
-            "must not be given with periodic=True",
-        ),
+        ({"periodic": True, "feasible": lambda p: p[:, 0] > 0}, "must not be given with periodic=True"),
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),
         ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),

@@ -172,8 +172,7 @@ def test_every_answer_says_what_pages_may_do(path: str, page: TestClient) -> Non
 
 
 @pytest.mark.parametrize(
-    "path",
-    ["/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/static/page.js", "/page.js/x", "/app.py", "/file/../x"],
+    "path", ["/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/static/page.js", "/page.js/x", "/app.py", "/file/../x"]
 )
 def test_no_path_leads_out_of_the_page(path: str, page: TestClient) -> None:
     assert page.get(path).status_code == 404
@@ -400,10 +399,7 @@ def test_palettes_are_opened_and_used(page: TestClient, photograph: NDArray[Any]
 
 def test_several_pages_are_answered_each_by_itself(page: TestClient, photograph: NDArray[Any]) -> None:
     first, second = (opened(page, png(part))["id"] for part in (photograph[:128], photograph[128:]))
-    with (
-        page.websocket_connect(LIVE, headers=ORIGIN) as one,
-        page.websocket_connect(LIVE, headers=ORIGIN) as other,
-    ):
+    with page.websocket_connect(LIVE, headers=ORIGIN) as one, page.websocket_connect(LIVE, headers=ORIGIN) as other:
         for socket, picture, k in ((one, first, 3), (other, second, 5)):
             socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": k}})
         replies = [socket.receive_bytes() for socket in (one, other)]

@@ -56,8 +56,7 @@ def test_a_file_whose_name_looks_like_a_pattern_is_itself(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "reason"),
-    [("none.png", "no such file"), ("*.gif", "no file matches"), ("trap.png", "no images in")],
+    ("name", "reason"), [("none.png", "no such file"), ("*.gif", "no file matches"), ("trap.png", "no images in")]
 )
 def test_what_stands_for_nothing_is_named(folder: Path, name: str, reason: str) -> None:
     with pytest.raises(FileNotFoundError, match="^" + re.escape(f"{folder / name}: {reason}")):

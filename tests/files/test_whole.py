@@ -11,11 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from picture_files import (
-    GREY,
-    RGB,
-    save,
-)
+from picture_files import GREY, RGB, save
 from PIL import Image
 
 from cvtimg.files.whole import whole_file

@@ -6,21 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from picture_files import (
-    DEEP,
-    RGB,
-    RGBA,
-    SRGB,
-    cmyk_profile,
-    grey_profile,
-    rgb_profile,
-    save,
-)
+from picture_files import DEEP, RGB, RGBA, SRGB, cmyk_profile, grey_profile, rgb_profile, save
 from PIL import Image
 
-from cvtimg.pictures.files import (
-    read_image,
-)
+from cvtimg.pictures.files import read_image
 
 
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "P"])

@@ -18,15 +18,7 @@ from PIL import Image
 
 from cvtimg import read_image, write_image
 from cvtimg.cli.app import main
-from cvtimg.pictures import (
-    encode_image,
-    image_info,
-    read_frames,
-    read_indices,
-    read_metadata,
-    read_pages,
-    write_pages,
-)
+from cvtimg.pictures import encode_image, image_info, read_frames, read_indices, read_metadata, read_pages, write_pages
 
 RNG = np.random.default_rng(6)
 RGB = RNG.integers(0, 256, (5, 7, 3), np.uint8)

@@ -36,12 +36,7 @@ def exact_row(density: NDArray[Any], points: NDArray[Any], weights: NDArray[Any]
     return sums
 
 
-@given(
-    st.tuples(st.integers(1, 12), st.integers(1, 12)),
-    st.integers(1, 15),
-    st.booleans(),
-    st.integers(0, 2**32 - 1),
-)
+@given(st.tuples(st.integers(1, 12), st.integers(1, 12)), st.integers(1, 15), st.booleans(), st.integers(0, 2**32 - 1))
 def test_moments_are_those_of_cells_cut_at_every_bisector(
     shape: tuple[int, int], n: int, weighted: bool, seed: int
 ) -> None:

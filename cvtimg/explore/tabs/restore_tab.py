@@ -54,11 +54,7 @@ class RestoreTab(Tab):
             name="seen",
             label="Show",
             default="result",
-            choices={
-                "result": "restored picture",
-                "coverage": "versions known",
-                "left_out": "versions left out",
-            },
+            choices={"result": "restored picture", "coverage": "versions known", "left_out": "versions left out"},
         ),
     )
 

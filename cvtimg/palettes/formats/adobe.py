@@ -23,11 +23,7 @@ _COLOR, _GROUP, _GROUP_END = 0x0001, 0xC001, 0xC002
 _NORMAL = 2  # neither global nor a spot color
 #: Bradford adaptation of XYZ colors to the white point of sRGB.
 _D50_TO_D65 = np.array(
-    [
-        [0.9555766, -0.0282895, 0.0122982],
-        [-0.0230393, 1.0099416, -0.0204830],
-        [0.0631636, 0.0210077, 1.3299098],
-    ]
+    [[0.9555766, -0.0282895, 0.0122982], [-0.0230393, 1.0099416, -0.0204830], [0.0631636, 0.0210077, 1.3299098]]
 )
 _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 

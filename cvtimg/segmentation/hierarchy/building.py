@@ -43,11 +43,7 @@ _EXPLAINED = 2 / 3
 
 
 def segment_hierarchy(
-    image: Any,
-    *,
-    n_leaves: int = 1000,
-    space: SpaceName = "lab",
-    mask: ArrayLike | None = None,
+    image: Any, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
 ) -> RegionHierarchy:
     """Divide a photograph into a tree of regions, from which any number of regions is cut.
 

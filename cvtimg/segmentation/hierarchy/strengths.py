@@ -135,10 +135,7 @@ def smoothing_matrix() -> NDArray[np.float64]:
 
 
 def global_strengths(
-    pairs: NDArray[np.int32],
-    strengths: NDArray[np.float64],
-    lengths: NDArray[np.int32],
-    sizes: NDArray[np.float64],
+    pairs: NDArray[np.int32], strengths: NDArray[np.float64], lengths: NDArray[np.int32], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these.
 

@@ -9,23 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from picture_files import (
-    BITS,
-    DEEP,
-    GREY,
-    RGB,
-    RGBA,
-    png,
-    save,
-)
+from picture_files import BITS, DEEP, GREY, RGB, RGBA, png, save
 from PIL import Image
 
 from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures import read_frames, read_pages
-from cvtimg.pictures.files import (
-    image_info,
-    read_image,
-)
+from cvtimg.pictures.files import image_info, read_image
 
 
 @pytest.mark.parametrize(

@@ -15,25 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
-from picture_files import (
-    BITS,
-    DEEP,
-    DEEP_RGBA,
-    GREY,
-    RGB,
-    RGBA,
-)
+from picture_files import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
 from PIL import Image
 
 from cvtimg import quantize
-from cvtimg.pictures.files import (
-    Metadata,
-    encode_image,
-    image_info,
-    read_image,
-    read_metadata,
-    write_image,
-)
+from cvtimg.pictures.files import Metadata, encode_image, image_info, read_image, read_metadata, write_image
 
 LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"]
 
@@ -146,9 +132,7 @@ def indexed_pictures(draw: st.DrawFn) -> tuple[NDArray[Any], NDArray[np.uint8]]:
 
 @settings(max_examples=60, deadline=None)
 @given(indexed_pictures())
-def test_an_indexed_png_of_any_size_comes_back(
-    case: tuple[NDArray[Any], NDArray[np.uint8]],
-) -> None:
+def test_an_indexed_png_of_any_size_comes_back(case: tuple[NDArray[Any], NDArray[np.uint8]]) -> None:
     indices, palette = case
     with tempfile.TemporaryDirectory() as folder:
         write_image(f"{folder}/a.png", indices, palette=palette)

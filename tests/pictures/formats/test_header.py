@@ -9,20 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from picture_files import (
-    BITS,
-    DEEP,
-    GREY,
-    RGB,
-    RGBA,
-    SRGB,
-    png,
-    save,
-)
+from picture_files import BITS, DEEP, GREY, RGB, RGBA, SRGB, png, save
 
-from cvtimg.pictures.files import (
-    image_info,
-)
+from cvtimg.pictures.files import image_info
 
 
 @pytest.mark.parametrize(

@@ -13,17 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from picture_files import (
-    RGB,
-    save,
-)
+from picture_files import RGB, save
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
 
-from cvtimg.pictures.files import (
-    image_info,
-    read_image,
-)
+from cvtimg.pictures.files import image_info, read_image
 
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and devices")
 
@@ -34,11 +28,7 @@ posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and
     [
         ("text.png", b"just some text\n", "cannot be read: unknown image format"),
         ("empty.png", b"", "is empty"),
-        (
-            "script.eps",
-            b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n",
-            "cannot be read",
-        ),
+        ("script.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n", "cannot be read"),
     ],
 )
 def test_a_file_that_is_no_picture_is_named_with_the_reason(

@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 from cvtimg.labels.borders import find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.strengths import (
-    RADII,
-    _angles,
-    _half_disc_distances,
-    smoothing_matrix,
-)
+from cvtimg.segmentation.hierarchy.strengths import RADII, _angles, _half_disc_distances, smoothing_matrix
 
 
 @given(arrays(np.int32, st.tuples(st.integers(1, 6), st.integers(1, 6)), elements=st.integers(0, 3)))
