@@ -1,119 +1,60 @@
-from . import (
-    artwork,
-    bases,
-    batch,
-    blocks,
-    colors,
-    designs,
-    elbow,
-    engine,
-    explore,
-    files,
-    labels,
-    looks,
-    meshes,
-    palettes,
-    pictures,
-    placement,
-    plotting,
-    quantization,
-    restoration,
-    segmentation,
-    sphere,
-    supports,
-    surfaces,
-    tables,
-)
-from .artwork.mosaics import mosaic
-from .artwork.stippling import stipple
-from .bases.frames import key_frames
-from .bases.reduction import reduced_basis
-from .designs.latin import latinize
-from .designs.measures import point_measures
-from .designs.points import design
-from .elbow.curves import energy_curve
-from .engine.tessellation import tessellate
-from .files.finding import find_images
-from .labels.contours import find_contours
-from .labels.edges import find_edges
-from .labels.files import read_labels, write_labels
-from .labels.formats import write_contours
-from .looks.similarity import visual_quality
-from .meshes.meshing import mesh_labels, mesh_region
-from .palettes.files import read_palette, write_palette
-from .pictures.files import read_image, write_image
-from .placement.place import place_generators
-from .quantization.animations import quantize_frames
-from .quantization.images import quantize
-from .quantization.palette_search import find_palette
-from .restoration.reconstruction import restore
-from .segmentation.grid_cells import superpixels
-from .segmentation.hierarchy.building import segment_hierarchy
-from .segmentation.segments import segment
-from .sphere.grids import sphere_grid
-from .supports.radii import support_radii
-from .surfaces.placing import surface_points
-from .tables.estimator import CVT
+from . import artwork as artwork
+from . import bases as bases
+from . import batch as batch
+from . import blocks as blocks
+from . import colors as colors
+from . import designs as designs
+from . import elbow as elbow
+from . import engine as engine
+from . import explore as explore
+from . import files as files
+from . import labels as labels
+from . import looks as looks
+from . import meshes as meshes
+from . import palettes as palettes
+from . import pictures as pictures
+from . import placement as placement
+from . import plotting as plotting
+from . import quantization as quantization
+from . import restoration as restoration
+from . import segmentation as segmentation
+from . import sphere as sphere
+from . import supports as supports
+from . import surfaces as surfaces
+from . import tables as tables
+from .artwork.mosaics import mosaic as mosaic
+from .artwork.stippling import stipple as stipple
+from .bases.frames import key_frames as key_frames
+from .bases.reduction import reduced_basis as reduced_basis
+from .designs.latin import latinize as latinize
+from .designs.measures import point_measures as point_measures
+from .designs.points import design as design
+from .elbow.curves import energy_curve as energy_curve
+from .engine.tessellation import tessellate as tessellate
+from .files.finding import find_images as find_images
+from .labels.contours import find_contours as find_contours
+from .labels.edges import find_edges as find_edges
+from .labels.files import read_labels as read_labels
+from .labels.files import write_labels as write_labels
+from .labels.formats import write_contours as write_contours
+from .looks.similarity import visual_quality as visual_quality
+from .meshes.meshing import mesh_labels as mesh_labels
+from .meshes.meshing import mesh_region as mesh_region
+from .palettes.files import read_palette as read_palette
+from .palettes.files import write_palette as write_palette
+from .pictures.files import read_image as read_image
+from .pictures.files import write_image as write_image
+from .placement.place import place_generators as place_generators
+from .quantization.animations import quantize_frames as quantize_frames
+from .quantization.images import quantize as quantize
+from .quantization.palette_search import find_palette as find_palette
+from .restoration.reconstruction import restore as restore
+from .segmentation.grid_cells import superpixels as superpixels
+from .segmentation.hierarchy.building import segment_hierarchy as segment_hierarchy
+from .segmentation.segments import segment as segment
+from .sphere.grids import sphere_grid as sphere_grid
+from .supports.radii import support_radii as support_radii
+from .surfaces.placing import surface_points as surface_points
+from .tables.estimator import CVT as CVT
 
 __version__: str
-
-__all__ = [
-    "CVT",
-    "artwork",
-    "bases",
-    "batch",
-    "blocks",
-    "colors",
-    "design",
-    "designs",
-    "elbow",
-    "energy_curve",
-    "engine",
-    "explore",
-    "files",
-    "find_contours",
-    "find_edges",
-    "find_images",
-    "find_palette",
-    "key_frames",
-    "labels",
-    "latinize",
-    "looks",
-    "mesh_labels",
-    "mesh_region",
-    "meshes",
-    "mosaic",
-    "palettes",
-    "pictures",
-    "place_generators",
-    "placement",
-    "plotting",
-    "point_measures",
-    "quantization",
-    "quantize",
-    "quantize_frames",
-    "read_image",
-    "read_labels",
-    "read_palette",
-    "reduced_basis",
-    "restoration",
-    "restore",
-    "segment",
-    "segment_hierarchy",
-    "segmentation",
-    "sphere",
-    "sphere_grid",
-    "stipple",
-    "superpixels",
-    "support_radii",
-    "supports",
-    "surface_points",
-    "surfaces",
-    "tables",
-    "tessellate",
-    "visual_quality",
-    "write_contours",
-    "write_image",
-    "write_labels",
-    "write_palette",
-]

@@ -1,7 +1,8 @@
-from .mosaics import Mosaic, mosaic
-from .stipples import Stipples
-from .stippling import stipple
-from .tones import disk_area, ink_coverage
-from .tours import find_tour, tour_length
-
-__all__ = ["Mosaic", "Stipples", "disk_area", "find_tour", "ink_coverage", "mosaic", "stipple", "tour_length"]
+from .mosaics import Mosaic as Mosaic
+from .mosaics import mosaic as mosaic
+from .stipples import Stipples as Stipples
+from .stippling import stipple as stipple
+from .tones import disk_area as disk_area
+from .tones import ink_coverage as ink_coverage
+from .tours import find_tour as find_tour
+from .tours import tour_length as tour_length

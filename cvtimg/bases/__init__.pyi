@@ -1,15 +1,9 @@
-from .frames import KeyFrames, key_frames
-from .reduction import KINDS, Basis, Projection, read_basis, reduced_basis
-from .snapshots import Snapshots, as_snapshots
-
-__all__ = [
-    "KINDS",
-    "Basis",
-    "KeyFrames",
-    "Projection",
-    "Snapshots",
-    "as_snapshots",
-    "key_frames",
-    "read_basis",
-    "reduced_basis",
-]
+from .frames import KeyFrames as KeyFrames
+from .frames import key_frames as key_frames
+from .reduction import KINDS as KINDS
+from .reduction import Basis as Basis
+from .reduction import Projection as Projection
+from .reduction import read_basis as read_basis
+from .reduction import reduced_basis as reduced_basis
+from .snapshots import Snapshots as Snapshots
+from .snapshots import as_snapshots as as_snapshots

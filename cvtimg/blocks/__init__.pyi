@@ -1,5 +1,4 @@
-from .opening import open_blocks
-from .passes import BlockError
-from .rows import Blocks, as_blocks
-
-__all__ = ["BlockError", "Blocks", "as_blocks", "open_blocks"]
+from .opening import open_blocks as open_blocks
+from .passes import BlockError as BlockError
+from .rows import Blocks as Blocks
+from .rows import as_blocks as as_blocks

@@ -1,14 +1,9 @@
-from .samples import AlphaArray, ColorSamples, color_samples, merge_samples
-from .spaces import SPACES, ColorSpace, from_space, to_depth, to_space
-
-__all__ = [
-    "SPACES",
-    "AlphaArray",
-    "ColorSamples",
-    "ColorSpace",
-    "color_samples",
-    "from_space",
-    "merge_samples",
-    "to_depth",
-    "to_space",
-]
+from .samples import AlphaArray as AlphaArray
+from .samples import ColorSamples as ColorSamples
+from .samples import color_samples as color_samples
+from .samples import merge_samples as merge_samples
+from .spaces import SPACES as SPACES
+from .spaces import ColorSpace as ColorSpace
+from .spaces import from_space as from_space
+from .spaces import to_depth as to_depth
+from .spaces import to_space as to_space

@@ -1,23 +1,15 @@
-from .methods import METHODS, Callback, Conditions, Iterate, Iteration, Method, Probabilistic, Stopping, Watch
-from .samples import WeightedSamples
-from .search import EFFORTS, SearchEffort
-from .seeding import SEEDINGS
-from .tessellation import Tessellation, tessellate
-
-__all__ = [
-    "EFFORTS",
-    "METHODS",
-    "SEEDINGS",
-    "Callback",
-    "Conditions",
-    "Iterate",
-    "Iteration",
-    "Method",
-    "Probabilistic",
-    "SearchEffort",
-    "Stopping",
-    "Tessellation",
-    "Watch",
-    "WeightedSamples",
-    "tessellate",
-]
+from .methods import METHODS as METHODS
+from .methods import Callback as Callback
+from .methods import Conditions as Conditions
+from .methods import Iterate as Iterate
+from .methods import Iteration as Iteration
+from .methods import Method as Method
+from .methods import Probabilistic as Probabilistic
+from .methods import Stopping as Stopping
+from .methods import Watch as Watch
+from .samples import WeightedSamples as WeightedSamples
+from .search import EFFORTS as EFFORTS
+from .search import SearchEffort as SearchEffort
+from .seeding import SEEDINGS as SEEDINGS
+from .tessellation import Tessellation as Tessellation
+from .tessellation import tessellate as tessellate

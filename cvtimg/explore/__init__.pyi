@@ -1,4 +1,2 @@
-from .serving import serve
-from .tabs import TABS
-
-__all__ = ["TABS", "serve"]
+from .serving import serve as serve
+from .tabs import TABS as TABS

@@ -1,4 +1,6 @@
-from .figures import TriangleMeasures, measure_triangles
-from .half_edges import HalfEdges, boundary_edges, find_twins, half_edges_out
-
-__all__ = ["HalfEdges", "TriangleMeasures", "boundary_edges", "find_twins", "half_edges_out", "measure_triangles"]
+from .figures import TriangleMeasures as TriangleMeasures
+from .figures import measure_triangles as measure_triangles
+from .half_edges import HalfEdges as HalfEdges
+from .half_edges import boundary_edges as boundary_edges
+from .half_edges import find_twins as find_twins
+from .half_edges import half_edges_out as half_edges_out

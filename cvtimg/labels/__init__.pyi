@@ -1,33 +1,21 @@
-from .components import absorb_small, connected_pieces, join_regions
-from .contours import Contours, Polygon, find_contours
-from .edges import find_edges
-from .figures import mean_picture, region_means, region_table, run_lengths
-from .files import label_colors, read_labels, write_labels, write_table
-from .formats import CONTOUR_FORMATS, Drawing, write_contours
-from .formats.coco import write_coco
-from .formats.geojson import write_geojson
-from .formats.svg import write_svg
-
-__all__ = [
-    "CONTOUR_FORMATS",
-    "Contours",
-    "Drawing",
-    "Polygon",
-    "absorb_small",
-    "connected_pieces",
-    "find_contours",
-    "find_edges",
-    "join_regions",
-    "label_colors",
-    "mean_picture",
-    "read_labels",
-    "region_means",
-    "region_table",
-    "run_lengths",
-    "write_coco",
-    "write_contours",
-    "write_geojson",
-    "write_labels",
-    "write_svg",
-    "write_table",
-]
+from .components import absorb_small as absorb_small
+from .components import connected_pieces as connected_pieces
+from .components import join_regions as join_regions
+from .contours import Contours as Contours
+from .contours import Polygon as Polygon
+from .contours import find_contours as find_contours
+from .edges import find_edges as find_edges
+from .figures import mean_picture as mean_picture
+from .figures import region_means as region_means
+from .figures import region_table as region_table
+from .figures import run_lengths as run_lengths
+from .files import label_colors as label_colors
+from .files import read_labels as read_labels
+from .files import write_labels as write_labels
+from .files import write_table as write_table
+from .formats import CONTOUR_FORMATS as CONTOUR_FORMATS
+from .formats import Drawing as Drawing
+from .formats import write_contours as write_contours
+from .formats.coco import write_coco as write_coco
+from .formats.geojson import write_geojson as write_geojson
+from .formats.svg import write_svg as write_svg

@@ -1,3 +1,2 @@
-from .similarity import VisualQuality, visual_quality
-
-__all__ = ["VisualQuality", "visual_quality"]
+from .similarity import VisualQuality as VisualQuality
+from .similarity import visual_quality as visual_quality

@@ -1,25 +1,15 @@
-from .anisotropy import HuangMetric, RecoveredHessian
-from .files import MESH_FORMATS
-from .measures import MeshMeasures, TriangleMeasures, measure_mesh, measure_triangles
-from .meshing import EFFORTS, MeshEffort, mesh_labels, mesh_region
-from .result import Mesh
-from .sizes import MeshSize
-from .volumes import VolumeMesh, mesh_volume
-
-__all__ = [
-    "EFFORTS",
-    "MESH_FORMATS",
-    "HuangMetric",
-    "Mesh",
-    "MeshEffort",
-    "MeshMeasures",
-    "MeshSize",
-    "RecoveredHessian",
-    "TriangleMeasures",
-    "VolumeMesh",
-    "measure_mesh",
-    "measure_triangles",
-    "mesh_labels",
-    "mesh_region",
-    "mesh_volume",
-]
+from .anisotropy import HuangMetric as HuangMetric
+from .anisotropy import RecoveredHessian as RecoveredHessian
+from .files import MESH_FORMATS as MESH_FORMATS
+from .measures import MeshMeasures as MeshMeasures
+from .measures import TriangleMeasures as TriangleMeasures
+from .measures import measure_mesh as measure_mesh
+from .measures import measure_triangles as measure_triangles
+from .meshing import EFFORTS as EFFORTS
+from .meshing import MeshEffort as MeshEffort
+from .meshing import mesh_labels as mesh_labels
+from .meshing import mesh_region as mesh_region
+from .result import Mesh as Mesh
+from .sizes import MeshSize as MeshSize
+from .volumes import VolumeMesh as VolumeMesh
+from .volumes import mesh_volume as mesh_volume

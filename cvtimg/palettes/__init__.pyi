@@ -1,4 +1,5 @@
-from .files import PALETTE_FORMATS, PaletteFormat, read_palette, write_palette
-from .swatches import Swatches
-
-__all__ = ["PALETTE_FORMATS", "PaletteFormat", "Swatches", "read_palette", "write_palette"]
+from .files import PALETTE_FORMATS as PALETTE_FORMATS
+from .files import PaletteFormat as PaletteFormat
+from .files import read_palette as read_palette
+from .files import write_palette as write_palette
+from .swatches import Swatches as Swatches

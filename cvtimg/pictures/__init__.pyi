@@ -1,27 +1,20 @@
-from .files import ImageInfo, Metadata, encode_image, image_info, read_image, read_indices, read_metadata, write_image
-from .frames import Frames, is_animated, read_frames, write_frames
-from .pages import Pages, count_pages, read_pages, write_pages
-from .tiles import Bands, Form, open_bands, write_bands
-
-__all__ = [
-    "Bands",
-    "Form",
-    "Frames",
-    "ImageInfo",
-    "Metadata",
-    "Pages",
-    "count_pages",
-    "encode_image",
-    "image_info",
-    "is_animated",
-    "open_bands",
-    "read_frames",
-    "read_image",
-    "read_indices",
-    "read_metadata",
-    "read_pages",
-    "write_bands",
-    "write_frames",
-    "write_image",
-    "write_pages",
-]
+from .files import ImageInfo as ImageInfo
+from .files import Metadata as Metadata
+from .files import encode_image as encode_image
+from .files import image_info as image_info
+from .files import read_image as read_image
+from .files import read_indices as read_indices
+from .files import read_metadata as read_metadata
+from .files import write_image as write_image
+from .frames import Frames as Frames
+from .frames import is_animated as is_animated
+from .frames import read_frames as read_frames
+from .frames import write_frames as write_frames
+from .pages import Pages as Pages
+from .pages import count_pages as count_pages
+from .pages import read_pages as read_pages
+from .pages import write_pages as write_pages
+from .tiles import Bands as Bands
+from .tiles import Form as Form
+from .tiles import open_bands as open_bands
+from .tiles import write_bands as write_bands

@@ -1,53 +1,36 @@
-from .cells import CellMeasures, PolygonMoments, measure_cells, voronoi_cells
-from .densities import ConstantDensity, PictureDensity, as_density
-from .descent import DESCENTS, Descent, Terms
-from .draws import MACQUEEN, place_by_draws
-from .figures import Circles, FigureMoments, Figures, Segments
-from .implicit import ImplicitRegion
-from .metrics import GAUGES, Gauge, LpGauge, PolygonGauge, as_gauge
-from .moments import CellMoments, Moments, PixelMoments, pixel_labels, pixel_moments
-from .pictures import place_in_picture
-from .place import place_generators
-from .polygons import PictureRegion, PolygonRegion, as_region
-from .regions import Box, Region
-from .result import Placement
-from .samples import SampleMoments
-
-__all__ = [
-    "DESCENTS",
-    "GAUGES",
-    "MACQUEEN",
-    "Box",
-    "CellMeasures",
-    "CellMoments",
-    "Circles",
-    "ConstantDensity",
-    "Descent",
-    "FigureMoments",
-    "Figures",
-    "Gauge",
-    "ImplicitRegion",
-    "LpGauge",
-    "Moments",
-    "PictureDensity",
-    "PictureRegion",
-    "PixelMoments",
-    "Placement",
-    "PolygonGauge",
-    "PolygonMoments",
-    "PolygonRegion",
-    "Region",
-    "SampleMoments",
-    "Segments",
-    "Terms",
-    "as_density",
-    "as_gauge",
-    "as_region",
-    "measure_cells",
-    "pixel_labels",
-    "pixel_moments",
-    "place_by_draws",
-    "place_generators",
-    "place_in_picture",
-    "voronoi_cells",
-]
+from .cells import CellMeasures as CellMeasures
+from .cells import PolygonMoments as PolygonMoments
+from .cells import measure_cells as measure_cells
+from .cells import voronoi_cells as voronoi_cells
+from .densities import ConstantDensity as ConstantDensity
+from .densities import PictureDensity as PictureDensity
+from .densities import as_density as as_density
+from .descent import DESCENTS as DESCENTS
+from .descent import Descent as Descent
+from .descent import Terms as Terms
+from .draws import MACQUEEN as MACQUEEN
+from .draws import place_by_draws as place_by_draws
+from .figures import Circles as Circles
+from .figures import FigureMoments as FigureMoments
+from .figures import Figures as Figures
+from .figures import Segments as Segments
+from .implicit import ImplicitRegion as ImplicitRegion
+from .metrics import GAUGES as GAUGES
+from .metrics import Gauge as Gauge
+from .metrics import LpGauge as LpGauge
+from .metrics import PolygonGauge as PolygonGauge
+from .metrics import as_gauge as as_gauge
+from .moments import CellMoments as CellMoments
+from .moments import Moments as Moments
+from .moments import PixelMoments as PixelMoments
+from .moments import pixel_labels as pixel_labels
+from .moments import pixel_moments as pixel_moments
+from .pictures import place_in_picture as place_in_picture
+from .place import place_generators as place_generators
+from .polygons import PictureRegion as PictureRegion
+from .polygons import PolygonRegion as PolygonRegion
+from .polygons import as_region as as_region
+from .regions import Box as Box
+from .regions import Region as Region
+from .result import Placement as Placement
+from .samples import SampleMoments as SampleMoments

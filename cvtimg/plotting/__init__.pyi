@@ -1,25 +1,16 @@
-from .charts import draw_pairs, draw_spectrum, draw_supports, save_plot
-from .energy_curves import Plotted, draw_curves
-from .globes import draw_globe, draw_map, draw_surface
-from .meshes import draw_mesh
-from .outlines import contour_drawing
-from .sheets import Panel, contact_sheet, draw_edges, palette_strip, shown_colors
-
-__all__ = [
-    "Panel",
-    "Plotted",
-    "contact_sheet",
-    "contour_drawing",
-    "draw_curves",
-    "draw_edges",
-    "draw_globe",
-    "draw_map",
-    "draw_mesh",
-    "draw_pairs",
-    "draw_spectrum",
-    "draw_supports",
-    "draw_surface",
-    "palette_strip",
-    "save_plot",
-    "shown_colors",
-]
+from .charts import draw_pairs as draw_pairs
+from .charts import draw_spectrum as draw_spectrum
+from .charts import draw_supports as draw_supports
+from .charts import save_plot as save_plot
+from .energy_curves import Plotted as Plotted
+from .energy_curves import draw_curves as draw_curves
+from .globes import draw_globe as draw_globe
+from .globes import draw_map as draw_map
+from .globes import draw_surface as draw_surface
+from .meshes import draw_mesh as draw_mesh
+from .outlines import contour_drawing as contour_drawing
+from .sheets import Panel as Panel
+from .sheets import contact_sheet as contact_sheet
+from .sheets import draw_edges as draw_edges
+from .sheets import palette_strip as palette_strip
+from .sheets import shown_colors as shown_colors

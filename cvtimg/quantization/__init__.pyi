@@ -1,25 +1,15 @@
-from .animations import QuantizedFrames, quantize_frames
-from .blocks import QuantizedBlocks
-from .dithering import DITHERS
-from .files import QuantizedFile, UnfitOptionError, quantize_file
-from .images import quantize, quantize_to_size
-from .palette_search import EngineOptions, Palette, find_palette, shared_palette
-from .remapping import Quantized, map_to_palette
-
-__all__ = [
-    "DITHERS",
-    "EngineOptions",
-    "Palette",
-    "Quantized",
-    "QuantizedBlocks",
-    "QuantizedFile",
-    "QuantizedFrames",
-    "UnfitOptionError",
-    "find_palette",
-    "map_to_palette",
-    "quantize",
-    "quantize_file",
-    "quantize_frames",
-    "quantize_to_size",
-    "shared_palette",
-]
+from .animations import QuantizedFrames as QuantizedFrames
+from .animations import quantize_frames as quantize_frames
+from .blocks import QuantizedBlocks as QuantizedBlocks
+from .dithering import DITHERS as DITHERS
+from .files import QuantizedFile as QuantizedFile
+from .files import UnfitOptionError as UnfitOptionError
+from .files import quantize_file as quantize_file
+from .images import quantize as quantize
+from .images import quantize_to_size as quantize_to_size
+from .palette_search import EngineOptions as EngineOptions
+from .palette_search import Palette as Palette
+from .palette_search import find_palette as find_palette
+from .palette_search import shared_palette as shared_palette
+from .remapping import Quantized as Quantized
+from .remapping import map_to_palette as map_to_palette

@@ -1,6 +1,4 @@
-from .agreement import HIDDEN
-from .reconstruction import restore
-from .renormalization import RENORMALIZATIONS
-from .result import Restoration
-
-__all__ = ["HIDDEN", "RENORMALIZATIONS", "Restoration", "restore"]
+from .agreement import HIDDEN as HIDDEN
+from .reconstruction import restore as restore
+from .renormalization import RENORMALIZATIONS as RENORMALIZATIONS
+from .result import Restoration as Restoration

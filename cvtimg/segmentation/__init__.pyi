@@ -1,26 +1,13 @@
-from .averaging import Averaging
-from .blocks import segment_blocks
-from .grid_cells import superpixels
-from .hierarchy.building import segment_hierarchy
-from .hierarchy.tree import RegionHierarchy
-from .noise import estimate_noise
-from .result import Segmentation
-from .segments import segment, segment_curve
-from .tiled import SegmentedFile, segment_file
-from .touching import Objects, split_touching
-
-__all__ = [
-    "Averaging",
-    "Objects",
-    "RegionHierarchy",
-    "Segmentation",
-    "SegmentedFile",
-    "estimate_noise",
-    "segment",
-    "segment_blocks",
-    "segment_curve",
-    "segment_file",
-    "segment_hierarchy",
-    "split_touching",
-    "superpixels",
-]
+from .averaging import Averaging as Averaging
+from .blocks import segment_blocks as segment_blocks
+from .grid_cells import superpixels as superpixels
+from .hierarchy.building import segment_hierarchy as segment_hierarchy
+from .hierarchy.tree import RegionHierarchy as RegionHierarchy
+from .noise import estimate_noise as estimate_noise
+from .result import Segmentation as Segmentation
+from .segments import segment as segment
+from .segments import segment_curve as segment_curve
+from .tiled import SegmentedFile as SegmentedFile
+from .tiled import segment_file as segment_file
+from .touching import Objects as Objects
+from .touching import split_touching as split_touching

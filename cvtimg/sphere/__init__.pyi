@@ -1,32 +1,19 @@
-from .coasts import CoastalGrid, coastal_grid
-from .densities import GlobePicture, Refinement, by_spacing
-from .formats import GRID_FORMATS
-from .formats.polygons import cell_polygons
-from .grids import EFFORTS, GridEffort, sphere_grid
-from .measures import GridMeasures, measure_grid
-from .nesting import Cap, nested_grid
-from .patches import move_in_patches
-from .result import SphereGrid
-from .triangulation import LEAST_DISTANCE, SphereCells, triangulate
-
-__all__ = [
-    "EFFORTS",
-    "GRID_FORMATS",
-    "LEAST_DISTANCE",
-    "Cap",
-    "CoastalGrid",
-    "GlobePicture",
-    "GridEffort",
-    "GridMeasures",
-    "Refinement",
-    "SphereCells",
-    "SphereGrid",
-    "by_spacing",
-    "cell_polygons",
-    "coastal_grid",
-    "measure_grid",
-    "move_in_patches",
-    "nested_grid",
-    "sphere_grid",
-    "triangulate",
-]
+from .coasts import CoastalGrid as CoastalGrid
+from .coasts import coastal_grid as coastal_grid
+from .densities import GlobePicture as GlobePicture
+from .densities import Refinement as Refinement
+from .densities import by_spacing as by_spacing
+from .formats import GRID_FORMATS as GRID_FORMATS
+from .formats.polygons import cell_polygons as cell_polygons
+from .grids import EFFORTS as EFFORTS
+from .grids import GridEffort as GridEffort
+from .grids import sphere_grid as sphere_grid
+from .measures import GridMeasures as GridMeasures
+from .measures import measure_grid as measure_grid
+from .nesting import Cap as Cap
+from .nesting import nested_grid as nested_grid
+from .patches import move_in_patches as move_in_patches
+from .result import SphereGrid as SphereGrid
+from .triangulation import LEAST_DISTANCE as LEAST_DISTANCE
+from .triangulation import SphereCells as SphereCells
+from .triangulation import triangulate as triangulate

@@ -1,3 +1,2 @@
-from .radii import Supports, support_radii
-
-__all__ = ["Supports", "support_radii"]
+from .radii import Supports as Supports
+from .radii import support_radii as support_radii

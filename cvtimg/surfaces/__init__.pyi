@@ -1,24 +1,14 @@
-from .files import SURFACE_SUFFIXES, as_surface, read_surface, read_vertex_density
-from .implicit import ImplicitSurface
-from .measures import SurfaceMeasures, measure_surface
-from .placing import EFFORTS, surface_points
-from .result import SurfacePoints
-from .shapes import torus
-from .surface import Surface, TriangulatedSurface, VertexDensity
-
-__all__ = [
-    "EFFORTS",
-    "SURFACE_SUFFIXES",
-    "ImplicitSurface",
-    "Surface",
-    "SurfaceMeasures",
-    "SurfacePoints",
-    "TriangulatedSurface",
-    "VertexDensity",
-    "as_surface",
-    "measure_surface",
-    "read_surface",
-    "read_vertex_density",
-    "surface_points",
-    "torus",
-]
+from .files import SURFACE_SUFFIXES as SURFACE_SUFFIXES
+from .files import as_surface as as_surface
+from .files import read_surface as read_surface
+from .files import read_vertex_density as read_vertex_density
+from .implicit import ImplicitSurface as ImplicitSurface
+from .measures import SurfaceMeasures as SurfaceMeasures
+from .measures import measure_surface as measure_surface
+from .placing import EFFORTS as EFFORTS
+from .placing import surface_points as surface_points
+from .result import SurfacePoints as SurfacePoints
+from .shapes import torus as torus
+from .surface import Surface as Surface
+from .surface import TriangulatedSurface as TriangulatedSurface
+from .surface import VertexDensity as VertexDensity

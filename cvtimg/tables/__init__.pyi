@@ -1,4 +1,7 @@
-from .estimator import CVT
-from .files import Scaling, Table, find_tables, read_table, write_generators, write_row_labels
-
-__all__ = ["CVT", "Scaling", "Table", "find_tables", "read_table", "write_generators", "write_row_labels"]
+from .estimator import CVT as CVT
+from .files import Scaling as Scaling
+from .files import Table as Table
+from .files import find_tables as find_tables
+from .files import read_table as read_table
+from .files import write_generators as write_generators
+from .files import write_row_labels as write_row_labels
