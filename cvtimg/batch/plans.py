@@ -47,30 +47,11 @@ def plan_each(
     beside: bool = False,
     suffixes: frozenset[str] | None = None,
 ) -> Plan:
-    """Plan a task for each input.
+    """Plan a task for each input, with the files to write for it and those (`joint`) to write once for all together.
 
     The output of a pipe, such as standard input, goes to standard output unless it is named. If inputs in one folder
-    differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png.
-
-    Parameters
-    ----------
-    inputs, expand, out_dir
-        As in `find`.
-    outputs : mapping of str to path, pattern or None
-        Files to write for each input.
-    also_read : iterable of paths or None
-        Other files that are read.
-    joint : mapping of str to path or None
-        Files written once for all inputs together.
-    beside : bool
-        Allow outputs of several inputs without `out_dir`, beside the inputs.
-    suffixes : frozenset of str, optional
-        Suffixes of the inputs in a folder elsewhere; by default those of images.
-
-    Raises
-    ------
-    WrongUsageError
-        If an option names one file for several inputs, or if several inputs have no folder for outputs.
+    differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png. `beside` allows
+    outputs of several inputs without `out_dir`; `suffixes` are those of inputs in a folder elsewhere.
     """
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     inputs = list(inputs)
@@ -120,27 +101,11 @@ def find(
     out_dir: Path | None = None,
     suffixes: frozenset[str] | None = None,
 ) -> tuple[dict[Path, Path], Missing]:
-    """Find the files that arguments name, each once, and the arguments that name none.
+    """Find the files that arguments name, each once, with the folder for its outputs; and the arguments that name none.
 
-    Parameters
-    ----------
-    inputs : iterable of str
-        Files, folders and patterns. "-" is standard input. "@FILE" is a file that lists names, one per line or
-        separated by zero bytes, and "@-" is such a list on standard input.
-    expand : callable
-        Returns the files that an argument names.
-    out_dir : Path, optional
-        Folder for outputs. If it is inside an input folder, its files come from an earlier run and are not inputs.
-    suffixes : frozenset of str, optional
-        Suffixes of the inputs in a folder elsewhere; by default those of images.
-
-    Returns
-    -------
-    dict of Path to Path
-        The folder for the outputs of each file: its own folder, or the folder in `out_dir` that mirrors its place below
-        the folder or pattern that named it. Files from a list are placed relative to the working folder.
-    list of (str, OSError)
-        Arguments that name no file, with the error.
+    That is its own folder, or the one in `out_dir` that mirrors its place below the folder or pattern that named it, or
+    below the working folder if a list did. If `out_dir` is inside an input folder, its files come from an earlier run
+    and are not inputs. "-" is standard input; "@FILE" and "@-" are lists of names, one per line or between zero bytes.
     """
     sources: dict[Path, Path] = {}
     missing: Missing = []

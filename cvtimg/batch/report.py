@@ -24,17 +24,8 @@ FILE_SUFFIXES = (".csv", ".jsonl")
 class Report:
     """Collects the result of each input, prints it, and counts.
 
-    Prints one JSON object per line to stdout as inputs complete, or a table at the end. Errors, and the summary of
-    several inputs, go to stderr.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Columns of the table.
-    as_json : bool
-        Print JSON instead of a table.
-    quiet : bool
-        Print only errors.
+    Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. Errors, and the
+    summary of several inputs, go to stderr.
     """
 
     def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False) -> None:

@@ -52,30 +52,9 @@ class Running:
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
-    """Run all tasks of a plan and report each of them.
+    """Run all tasks of a plan, report each in their order, and return the exit status: 0, 1 or `INTERRUPTED`.
 
-    Parameters
-    ----------
-    plan : Plan
-        Tasks to do.
-    work : callable
-        Does a task, given with its stopwatch, and returns the columns of its row. An exception fails this task alone.
-    report : Report
-        Receives the results, in the order of the tasks.
-    running : Running
-        How to run the plan.
-
-    Returns
-    -------
-    int
-        Exit status: 0 if all inputs are done, 1 if some failed, 130 if the run was interrupted.
-
-    Raises
-    ------
-    WrongUsageError
-        If an output would replace an input or another output. Nothing has been done then.
-    OSError
-        If a joint output cannot be written. Nothing has been done then.
+    What is wrong with the plan, such as an output that would replace an input, is raised before anything is done.
     """
     check_plan(plan, running)
     skips = [running.skip_existing and _is_done(task) for task in plan.tasks]
@@ -157,22 +136,7 @@ def check_plan(plan: Plan, running: Running) -> None:
 def fold(
     tasks: Sequence[Task], work: Callable[[Task], Any], add: Callable[[Any, Any], Any], running: Running
 ) -> tuple[Any, dict[Path, str]]:
-    """Add up what `work` returns for each task, in pairs, as the tasks complete.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Tasks; their outputs are ignored.
-    work, add : callable
-        `work` returns a picklable value for a task, and `add` the sum of two values, in any order. Both are picklable.
-    running : Running
-        How to run the tasks.
-
-    Returns
-    -------
-    total, dict of Path to str
-        The sum over all inputs that did not fail, or None, and the reasons why the others failed.
-    """
+    """Add up what `work` returns for each task, in pairs, as they complete; return the sum and why others failed."""
     attempt = partial(_count, work=work)
     if running.dask:
         from cvtimg.batch.on_dask import sum_on_dask

@@ -167,13 +167,7 @@ def _check_optimize(output: Path | None) -> None:
 def _share(
     plan: Plan, find: Callable[[ColorSamples], NDArray[Any]], count: Callable[[Task], ColorSamples], *, running: Running
 ) -> NDArray[Any] | None:
-    """Find the palette of all images together, and move those that cannot be read to the missing of the plan.
-
-    Returns
-    -------
-    array or None
-        What `find` makes of the sum of what `count` returns for each image; None if no image is left.
-    """
+    """Find the palette of all images together, or None; inputs that cannot be read move to the missing of the plan."""
     from cvtimg.colors.counting import add_samples, in_fixed_order
 
     check_plan(plan, running)

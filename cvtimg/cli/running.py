@@ -21,27 +21,7 @@ _Read = TypeVar("_Read")
 def run_plan(
     plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, by_url: tuple[str, ...] = ()
 ) -> int:
-    """Run a plan and report it.
-
-    Parameters
-    ----------
-    plan : Plan
-        Tasks to do.
-    work : callable
-        Does a task, given with its stopwatch and the options, and returns the columns of its row; picklable if run in
-        other processes.
-    report : Report or sequence of str
-        Report, or the columns of its table.
-    given : Given
-        Values of the options of the command.
-    by_url : tuple of str
-        As in `Running`.
-
-    Returns
-    -------
-    int
-        Exit status.
-    """
+    """Run a plan, with `work` for each task, a function of a module; `report` may be the columns of its table."""
     sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
     if sends and given.as_json:
         raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")

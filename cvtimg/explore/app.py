@@ -42,15 +42,7 @@ def static_files() -> dict[str, Path]:
 
 
 class Server:
-    """The application, and when it was last used.
-
-    Attributes
-    ----------
-    app : ASGI application
-        To be run by uvicorn.
-    store : Store
-        What is open.
-    """
+    """The ASGI application `app`, what is open, and when it was last used."""
 
     def __init__(self, own: Credentials, paths: Sequence[Path] = ()) -> None:
         self.store = Store()

@@ -36,19 +36,7 @@ _KEPT = 4
 
 
 class Picture:
-    """A picture that is open on the page.
-
-    Attributes
-    ----------
-    key : str
-        Its name in requests.
-    name : str
-        Its name in commands.
-    path : Path
-        The file.
-    array : (H, W) or (H, W, C) array
-        As `read_image` returns it.
-    """
+    """A picture that is open on the page: its key in requests, its name in commands, its file and its array."""
 
     def __init__(self, key: str, name: str, path: Path) -> None:
         self.key, self.name, self.path = key, name, path

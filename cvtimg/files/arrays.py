@@ -29,17 +29,9 @@ def save_arrays(
     compressed: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write arrays to a NumPy .npz file, complete or not at all.
+    """Write arrays to a NumPy .npz file, complete or not at all, with a tag that says what they are, such as "basis".
 
-    `kind` says what the arrays are, such as "region hierarchy"; raise `version` when older programs must not read them.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_arrays(f"{folder}/a.npz", "list of primes", {"primes": [2, 3, 5]})
-    ...     load_arrays(f"{folder}/a.npz", "list of primes", ["primes"])["primes"].tolist()
-    [2, 3, 5]
+    Raise `version` when older programs must not read them.
     """
     write: Any = np.savez_compressed if compressed else np.savez
     with whole_file(path, overwrite=overwrite) as file:
@@ -47,16 +39,9 @@ def save_arrays(
 
 
 def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, version: int = 1) -> dict[str, NDArray[Any]]:
-    """Read arrays that `save_arrays` wrote.
+    """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else.
 
     A file without a tag, as older versions wrote them, is accepted if it has arrays of all the names.
-
-    Raises
-    ------
-    UnfitArraysError
-        If the file holds something else; an `OSError` and a `ValueError`.
-    OSError
-        If the file cannot be read.
     """
     wanted = f"cvtimg {kind} {version}"
     try:

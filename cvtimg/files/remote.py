@@ -30,25 +30,13 @@ def is_remote(path: StrPath) -> bool:
 
 
 def url_of(path: StrPath) -> str:
-    """Return the URL that a path was made of.
-
-    Examples
-    --------
-    >>> url_of(Path("s3://bucket/a.png"))
-    's3://bucket/a.png'
-    """
+    """Return the URL that a path was made of."""
     found = _URL.fullmatch(str(path))
     return f"{found[1]}://{found[2]}" if found else str(path)
 
 
 def url_as_stored(path: StrPath) -> str:
-    """Return the URL of a file as its file system writes it: the same for all ways to write it.
-
-    Examples
-    --------
-    >>> url_as_stored("memory:///folder/a.png"), url_as_stored("memory://folder/a.png")
-    ('memory:///folder/a.png', 'memory:///folder/a.png')
-    """
+    """Return the URL of a file as its file system writes it: the same for all ways to write it."""
     files, place = _opened(url_of(path))
     return str(files.unstrip_protocol(place))
 

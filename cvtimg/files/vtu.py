@@ -20,31 +20,7 @@ def vtu_content(
     kind: int,
     values: Mapping[str, NDArray[Any]],
 ) -> bytes:
-    """Return the content of a VTU file of cells of one kind.
-
-    Parameters
-    ----------
-    points : (N, 3) array
-    corners : (C,) integer array
-        Indices of points, one cell after the other.
-    ends : (T,) integer array
-        End of each cell in `corners`.
-    kind : int
-        VTK's number of the kind of cells: 5 for triangles, 7 for polygons.
-    values : mapping of str to (T,) arrays
-        Values of cells, integers or floating point numbers; the first are shown by default.
-
-    Returns
-    -------
-    bytes
-
-    Examples
-    --------
-    >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> content = vtu_content(points, np.arange(3), np.array([3]), TRIANGLE, {"area": np.array([0.5])})
-    >>> content[:21]
-    b'<?xml version="1.0"?>'
-    """
+    """Return the content of a VTU file of cells of one kind: corners, one cell after the other, and the end of each."""
     arrays = {
         "points": (np.asarray(points, "<f8"), 3),
         "connectivity": (np.asarray(corners, "<i4"), 1),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from inspect import cleandoc
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,19 @@ PLOT_SUFFIXES = (".png", ".svg")
 #: More axes than this would leave no room for their pairs.
 _MOST_AXES = 8
 _BINS = 10
+_Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
 
+def chart(draw: _Draw) -> _Draw:
+    """Complete the documentation of a function that draws by what all of them share."""
+    returns = "Returns\n-------\nbytes\n    Content of the file."
+    raises = "Raises\n------\nImportError\n    If matplotlib is not installed."
+    if draw.__doc__:  # there is none under python -OO
+        draw.__doc__ = f"{cleandoc(draw.__doc__)}\n\n{returns}\n\n{raises}\n"
+    return draw
+
+
+@chart
 def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing: NDArray[Any] | None = None) -> bytes:
     """Draw points in each pair of axes, and how many lie in each tenth of an axis.
 
@@ -37,16 +49,6 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
         Format of the file.
     existing : (L, d) array, optional
         Points to show in another color.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     n_axes = min(points.shape[1], _MOST_AXES)
     with figure_file(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
@@ -73,6 +75,7 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
     return content.getvalue()
 
 
+@chart
 def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -> bytes:
     """Draw the share of the variance that the first 0, 1, .. n modes leave unexplained.
 
@@ -84,16 +87,6 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
         What they are shares of.
     suffix : {".png", ".svg"}
         Format of the file.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     with figure_file(6.0, 3.6, suffix) as (figure, content):
         axes = figure.subplots()
@@ -106,6 +99,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
     return content.getvalue()
 
 
+@chart
 def draw_supports(
     points: NDArray[np.float64], radii: NDArray[np.float64], suffix: str, lines: Sequence[NDArray[np.float64]] = ()
 ) -> bytes:
@@ -119,16 +113,6 @@ def draw_supports(
         Format of the file.
     lines : sequence of (k, 2) arrays, optional
         Boundaries and slits to show.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     with figure_file(6.0, 6.0, suffix) as (figure, content):
         from matplotlib.collections import PatchCollection

@@ -16,7 +16,7 @@ from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import assign, pack
 from cvtimg.pictures.showing import natural_limits, shown
-from cvtimg.plotting.charts import figure_file
+from cvtimg.plotting.charts import chart, figure_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +41,7 @@ class Plotted:
     space: SpaceName = "rgb"
 
 
+@chart
 def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") -> bytes:
     """Plot curves and return the bytes of a file.
 
@@ -52,15 +53,6 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
         Format of the file.
     rule : str
         Name of the rule that picked k, for the legend.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     rows = [one for one in plotted if one.image is not None][:MOST_THUMBNAILS]
     n_max = max(one.curve.n_max for one in plotted)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.plotting.charts import figure_file
+from cvtimg.plotting.charts import chart, figure_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +27,7 @@ _MANY = 20_000
 _LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.6
 
 
+@chart
 def draw_globe(
     cells: Sequence[Values],
     sizes: Values,
@@ -52,16 +53,6 @@ def draw_globe(
         Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
     label : str
         What the sizes are.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     ends = np.cumsum([len(cell) for cell in cells])
     turned = np.concatenate(list(cells)) @ _axes_of_view(*center).T
@@ -82,6 +73,7 @@ def draw_globe(
     return content.getvalue()
 
 
+@chart
 def draw_map(
     rings: Sequence[Sequence[Any]],
     sizes: Values,
@@ -100,16 +92,6 @@ def draw_map(
         What cells are colored by, > 0.
     suffix, image, label
         As in `draw_globe`.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     pieces = [np.asarray(ring) for cell in rings for ring in cell]
     of_cell = np.repeat(np.arange(len(rings)), [len(cell) for cell in rings])
@@ -128,6 +110,7 @@ def draw_map(
     return content.getvalue()
 
 
+@chart
 def draw_surface(
     points: Values,
     triangles: NDArray[np.int32],
@@ -149,16 +132,6 @@ def draw_surface(
         Format of the file.
     center : (lon, lat)
         Direction to the viewer, in degrees; z points up.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable

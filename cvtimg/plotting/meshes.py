@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.plotting.charts import figure_file
+from cvtimg.plotting.charts import chart, figure_file
 
 #: Width of the figure in inches, the part of it beside the mesh, and its least and greatest height.
 _WIDTH, _BESIDE, _LEAST, _GREATEST = 9.0, 1.4, 3.0, 12.0
@@ -15,6 +15,7 @@ _POOR, _BEST = 0.6, 1.0
 _EDGE = 40.0
 
 
+@chart
 def draw_mesh(
     points: NDArray[np.float64],
     triangles: NDArray[np.int32],
@@ -39,16 +40,6 @@ def draw_mesh(
         Shown below the mesh, which then is transparent; coordinates are in its pixels.
     y_down : bool
         Whether y points down, as in images.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
     """
     from matplotlib.collections import LineCollection, PolyCollection
 
