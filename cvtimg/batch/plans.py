@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
-from cvtimg.files.finding import image_suffixes
+from cvtimg.files.finding import find_images, image_suffixes
 from cvtimg.files.remote import find_remote, is_remote, url_as_stored, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
@@ -38,10 +38,10 @@ class Plan:
 
 def plan_each(
     inputs: Iterable[str],
-    expand: Callable[[str], list[Path]],
     outputs: Outputs | None = None,
     *,
     out_dir: Path | None = None,
+    expand: Callable[[str], list[Path]] = find_images,
     also_read: Iterable[Path | None] = (),
     joint: Mapping[str, Path | None] | None = None,
     beside: bool = False,
@@ -71,14 +71,10 @@ def plan_each(
 
 
 def plan_one(
-    inputs: Iterable[str],
-    expand: Callable[[str], list[Path]],
-    outputs: Mapping[str, Path | None],
-    *,
-    also_read: Iterable[Path | None] = (),
+    inputs: Iterable[str], outputs: Mapping[str, Path | None], *, also_read: Iterable[Path | None] = ()
 ) -> Plan:
     """Plan a single task for all inputs, of which there may be none; the parameters are those of `plan_each`."""
-    sources, missing = find(inputs, expand)
+    sources, missing = find(inputs)
     return Plan([] if missing else [Task(tuple(sources), _given(outputs))], missing, None, [p for p in also_read if p])
 
 
@@ -97,7 +93,7 @@ def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Pa
 
 def find(
     inputs: Iterable[str],
-    expand: Callable[[str], list[Path]],
+    expand: Callable[[str], list[Path]] = find_images,
     out_dir: Path | None = None,
     suffixes: frozenset[str] | None = None,
 ) -> tuple[dict[Path, Path], Missing]:

@@ -13,14 +13,11 @@ if TYPE_CHECKING:
     from cvtimg.bases import Basis
     from cvtimg.plotting.sheets import Panel
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg basis film.gif -n 8 -o film.npz --sheet modes.png
   cvtimg basis runs.npy -n auto -o runs.npz --plot energies.png
   cvtimg basis frames/ -n 4 --kind cvod --cells 12 -o frames.npz
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("snapshots", "kind", "n", "cells", "explained", "energy", "seconds", "output")
 #: Modes of a sheet, in rows of so many.
 _MOST_SHOWN, _IN_A_ROW = 23, 6
@@ -31,9 +28,7 @@ def basis(given: Given) -> int:
 
     The file has the arrays of cvtimg.bases.Basis; cvtimg.bases.read_basis reads it. Arrays may be larger than memory.
     """
-    from cvtimg import find_images
-
-    plan = plan_one(given.inputs, find_images, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
+    plan = plan_one(given.inputs, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
     return run_plan(plan, _basis, COLUMNS, given)
 
 

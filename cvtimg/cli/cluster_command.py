@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from cvtimg.engine import Tessellation
     from cvtimg.tables import Scaling
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
   cvtimg cluster trees.csv -k auto
   cvtimg cluster trees.csv -k 5 --columns height,girth --generators means.csv
@@ -28,7 +26,6 @@ EXAMPLES = """Examples:
   cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
   cvtimg cluster s3://bucket/pixels.zarr -k 64 -o labels.npy
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 
@@ -51,7 +48,9 @@ def cluster(given: Given) -> int:
     names = _split(given.columns) if given.columns is not None else None
     given.read = {"columns": names, "weight": given.weight, "missing": given.missing}
     outputs = {"-o": given.output or _labels_of, "--generators": given.generators}
-    plan = plan_each(given.inputs, find_tables, outputs, out_dir=given.out_dir, suffixes=frozenset(TABLE_SUFFIXES))
+    plan = plan_each(
+        given.inputs, outputs, out_dir=given.out_dir, expand=find_tables, suffixes=frozenset(TABLE_SUFFIXES)
+    )
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return run_plan(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))

@@ -101,7 +101,7 @@ def _made(verb: str) -> Any:
     described.__doc__ = getattr(module, verb).__doc__
     described.__dict__["__signature__"] = Signature([_parameter(option) for option in options])
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command(verb, cls=_Command, epilog=module.EXAMPLES, context_settings=_NAMES)(described)
+    alone.command(verb, cls=_Command, epilog=f"Examples:\n\n\b\n{module.EXAMPLES}", context_settings=_NAMES)(described)
     command: Any = typer.main.get_command(alone)
     command.options = {option.name: option for option in options}
     command.function = getattr(module, verb)

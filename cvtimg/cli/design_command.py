@@ -6,15 +6,12 @@ from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import plan_alone, read_beside, run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg design -n 20 -d 3
   cvtimg design -n 50 --bounds bounds.csv -o runs.csv --plot runs.png --measures
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("n", "dimensions", "energy", "latin", "seconds", "output")
 MEASURES = ("discrepancy", "h", "chi", "tau", "d")
 

@@ -19,14 +19,11 @@ if TYPE_CHECKING:
     from cvtimg.elbow.curves import EnergyCurve
     from cvtimg.plotting.energy_curves import Plotted
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg elbow photo.jpg
   cvtimg elbow photos/ --k-max 32 --csv curves.csv --plot curves.png
   cvtimg elbow photo.jpg --rule psnr --target 30
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
 #: Tables; all other inputs are images. A table of blocks has no curve.
 TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
@@ -39,12 +36,10 @@ def elbow(given: Given) -> int:
     Each input has a line with the number that the rule picks, and those of the other rules. One input is followed by
     its whole curve. All columns of a table are used, as by cvtimg cluster -k auto without --columns.
     """
-    from cvtimg import find_images
-
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
     report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
-    plan = plan_each(given.inputs, find_images, joint={"--csv": given.csv, "--plot": given.plot})
+    plan = plan_each(given.inputs, joint={"--csv": given.csv, "--plot": given.plot})
     given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
     if given.edge_weight:
         given.segments["edge_weight"] = given.edge_weight

@@ -10,9 +10,7 @@ from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg explore photo.jpg
   cvtimg explore scan_1.png scan_2.png scan_3.png
   cvtimg explore --port 8000 --no-browser

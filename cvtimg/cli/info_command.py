@@ -9,16 +9,13 @@ from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = "Example:  cvtimg info photos/ --json"
-#: Columns of the table, in the words of --json; they fit into 80 characters.
+EXAMPLES = "  cvtimg info photos/ --json"
 COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
 
 
 def info(given: Given) -> int:
     """Show the size, format, bands, bit depth and number of distinct colors of images."""
-    from cvtimg import find_images
-
-    return run_plan(plan_each(given.inputs, find_images), _info, COLUMNS, given)
+    return run_plan(plan_each(given.inputs), _info, COLUMNS, given)
 
 
 def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -7,14 +7,11 @@ from cvtimg.cli.running import run_plan
 from cvtimg.cli.snapshots import as_given
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg keyframes film.gif -n 6 --sheet key.png
   cvtimg keyframes frames/ -n auto --out-dir key
   cvtimg keyframes film.webp -n 4 --json
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("frames", "n", "indices", "seconds", "output")
 _IN_A_ROW = 4
 
@@ -24,11 +21,9 @@ def keyframes(given: Given) -> int:
 
     Frames count from 0. Each key frame is the frame nearest to the mean of those that it represents.
     """
-    from cvtimg import find_images
-
     if given.out_dir and given.out_dir.exists() and not given.out_dir.is_dir():
         raise WrongUsageError(f"--out-dir: {given.out_dir} is not a folder")
-    plan = plan_one(given.inputs, find_images, {"--sheet": given.sheet})
+    plan = plan_one(given.inputs, {"--sheet": given.sheet})
     return run_plan(plan, _key_frames, COLUMNS, given)
 
 

@@ -14,16 +14,13 @@ from cvtimg.options.record import Given
 if TYPE_CHECKING:
     from cvtimg.meshes import Mesh
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg mesh mask.png -n 2000 -o mask.vtu --plot mask-mesh.png
   cvtimg mesh labels.png --edge-length 6 -o labels.msh
   cvtimg mesh coast.geojson -n 20000 --min-size 0.01 --measures
   cvtimg mesh mask.png -n 5000 --size sizes.tif --grade 0.15 -o mesh.vtu
   cvtimg mesh stack.tif --label 2 -n 20000 -o bone.vtu
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
 MEASURES = ("h", "chi", "tau", "d", "alpha", "beta", "q", "p")
 
@@ -38,13 +35,11 @@ def mesh(given: Given) -> int:
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-mesh.vtu beside it.
     """
-    from cvtimg import find_images
-
     if given.number is None and given.edge_length is None and given.size is None:
         raise WrongUsageError("give -n, --edge-length, --size, or -n and --size")
     output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
     outputs = {"-o": output, "--plot": given.plot}
-    plan = plan_each(given.inputs, find_images, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])
+    plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])
     return run_plan(plan, _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
 
 

@@ -6,15 +6,12 @@ from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg mosaic photo.jpg -n 1000 -o photo.svg
   cvtimg mosaic photo.jpg -n 2000 --shape triangles -o lowpoly.png
   cvtimg mosaic photo.jpg -n 500 -k 8 --outline 1.5 -o window.svg
   cvtimg mosaic photos/ -n 1500 --out-dir mosaics
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "energy", "psnr", "seconds", "output")
 
 
@@ -26,10 +23,8 @@ def mosaic(given: Given) -> int:
     The suffix of -o picks the format: .svg, .geojson with a polygon for each tile, or .png and other images. Without
     -o and --out-dir, one input gives NAME-mosaic.png beside it; with --out-dir each gives NAME.png.
     """
-    from cvtimg import find_images
-
     output = given.output or ("{}.png" if given.out_dir else "{}-mosaic.png")
-    plan = plan_each(given.inputs, find_images, {"-o": output}, out_dir=given.out_dir)
+    plan = plan_each(given.inputs, {"-o": output}, out_dir=given.out_dir)
     return run_plan(plan, _mosaic, COLUMNS, given)
 
 

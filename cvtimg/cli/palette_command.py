@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg palette photo.jpg -k 8
   cvtimg palette sprite.png --save-palette sprite.hex
   cvtimg palette photos/ --json
@@ -30,9 +28,7 @@ def palette(given: Given) -> int:
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
     cvtimg quantize. The most frequent color comes first.
     """
-    from cvtimg import find_images
-
-    plan = plan_each(given.inputs, find_images, {"--save-palette": given.save_palette})
+    plan = plan_each(given.inputs, {"--save-palette": given.save_palette})
     return run_plan(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
 
 

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
     from cvtimg.colors.samples import ColorSamples
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg quantize photo.jpg -k 16 -o small.png
   cvtimg quantize photos/ 'scans/*.tif' -k 256 --out-dir small
   cvtimg quantize logo.png -k 8 --lock '#ffffff' --lock '#e4002b'
@@ -40,7 +38,6 @@ EXAMPLES = """Examples:
 """
 #: Arguments of a search, for which there is none where the palette is known.
 _FINDING = ("n_colors", "locked", "effort", "method", "init", "volume_power", "rng")
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
 #: Options by their names in Python, where these differ.
@@ -67,7 +64,7 @@ def quantize(given: Given) -> int:
     Animations stay animations in .gif, .png and .webp, with one palette for all frames; so do TIFF files of several
     pages, with -o FILE.tif.
     """
-    from cvtimg import find_images, read_palette, write_palette
+    from cvtimg import read_palette, write_palette
     from cvtimg.pictures.files import lossless_suffixes
 
     aims = (given.palette, given.number, given.psnr, given.max_bytes, given.quality)
@@ -82,7 +79,6 @@ def quantize(given: Given) -> int:
     saved = {"--save-palette": given.save_palette}
     plan = plan_each(
         given.inputs,
-        find_images,
         {"-o": given.output or partial(_name, given=given), **({} if given.shared_palette else saved)},
         out_dir=given.out_dir,
         beside=given.in_place or given.ext is not None,

@@ -23,16 +23,13 @@ if TYPE_CHECKING:
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.reconstruction import Restoration
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg restore scan_1.png scan_2.png scan_3.png -k 6 -o whole.png
   cvtimg restore photo_*.png --detail --align -o photo.png --sheet sheet.png
   cvtimg restore noisy.png --detail -o clean.png
   cvtimg restore a.tif b.tif --mask a-known.png --mask b-known.png -k 4 -o c.tif --labels c-labels.png
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
 #: Versions in a row of the sheet.
 _ACROSS = 4
@@ -55,11 +52,9 @@ def restore(given: Given) -> int:
     disagree, what was added to one of them or painted over in it is left out; --hidden changes that. The result has N
     flat colors; photographs need --detail.
     """
-    from cvtimg import find_images
-
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
-    plan = plan_one(given.versions, find_images, outputs, also_read=masks)
+    plan = plan_one(given.versions, outputs, also_read=masks)
     n_versions = sum(len(task.sources) for task in plan.tasks)
     if masks and plan.tasks and len(masks) != n_versions:
         raise WrongUsageError(f"--mask is given {len(masks)} times, for {n_versions} versions")

@@ -41,7 +41,7 @@ def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
 
 def plan_alone(outputs: Mapping[str, Path | None], also_read: Iterable[Path | None] = ()) -> Plan:
     """Plan the single task of a command that has no inputs."""
-    return plan_one((), lambda name: [Path(name)], outputs, also_read=also_read)
+    return plan_one((), outputs, also_read=also_read)
 
 
 def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
   cvtimg segment cells.tif -k 2 --edge-weight auto --objects --min-size 30 --table cells.csv --coco cells.json
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
@@ -31,7 +29,6 @@ EXAMPLES = """Examples:
 """
 #: Arguments of `segment` that do not need the whole image at a time.
 _IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 
 
@@ -47,8 +44,6 @@ def segment(given: Given) -> int:
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
-    from cvtimg import find_images
-
     if given.number is None:
         if not given.hierarchy:
             raise WrongUsageError("-k is needed without --hierarchy: a number of segments, or auto")
@@ -57,7 +52,7 @@ def segment(given: Given) -> int:
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
     given.style = Style.of(given)
-    plan = plan_each(given.inputs, find_images, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
+    plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
     columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if given.number == "auto" and not given.hierarchy else COLUMNS
     return run_plan(plan, _segment, columns, given)
 

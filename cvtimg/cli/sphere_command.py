@@ -12,9 +12,7 @@ from cvtimg.options.record import Given
 if TYPE_CHECKING:
     from cvtimg.sphere import SphereGrid
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg sphere -n 40962 -o globe.nc
   cvtimg sphere -n 20000 --refine 10,50,20,4 -o europe.nc --plot europe.png --view 10 50
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
@@ -22,7 +20,6 @@ EXAMPLES = """Examples:
   cvtimg sphere -n 40962 --coast land.png -o ocean.nc
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("n", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
 
 

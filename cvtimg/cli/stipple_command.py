@@ -6,9 +6,7 @@ from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg stipple portrait.jpg -n 20000 -o portrait.svg
   cvtimg stipple photo.jpg -n 30000 --dots equal-mass --marks lines -o a.svg
   cvtimg stipple photo.jpg -n 8000 --dots sized --radius-range 0.5 4 -o a.png
@@ -16,7 +14,6 @@ EXAMPLES = """Examples:
   cvtimg stipple logo.png -n 3000 --invert --cells cells.geojson -o dots.csv
   cvtimg stipple photos/ -n 20000 --out-dir plots
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "radius", "max_ink", "energy", "seconds", "output")
 
 
@@ -29,12 +26,10 @@ def stipple(given: Given) -> int:
     The suffix of -o picks the format: .svg in millimeters with a layer for each pen, .png and other images, .csv, .npy
     or .npz. Without -o and --out-dir, one input gives NAME-stippled.svg beside it; with --out-dir each gives NAME.svg.
     """
-    from cvtimg import find_images
-
     if given.radius_range and not 0 < given.radius_range[0] <= given.radius_range[1]:
         raise WrongUsageError("--radius-range: A and B must be > 0, the least first")
     output = given.output or ("{}.svg" if given.out_dir else "{}-stippled.svg")
-    plan = plan_each(given.inputs, find_images, {"-o": output, "--cells": given.cells}, out_dir=given.out_dir)
+    plan = plan_each(given.inputs, {"-o": output, "--cells": given.cells}, out_dir=given.out_dir)
     return run_plan(plan, _stipple, COLUMNS, given)
 
 

@@ -6,15 +6,12 @@ from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = """Examples:
-
-\b
+EXAMPLES = """\
   cvtimg surface scan.stl -n 5000
   cvtimg surface part.obj -n 20000 -o part.vtu --plot part.png
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
   cvtimg surface scan.ply -n 5000 --density quality
 """
-#: Columns of the table, in the words of --json; they fit into 80 characters.
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
 
 
@@ -26,10 +23,8 @@ def surface(given: Given) -> int:
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """
-    from cvtimg import find_images
-
     output = given.output or ("{}.vtu" if given.out_dir else "{}-points.vtu")
-    plan = plan_each(given.inputs, find_images, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
+    plan = plan_each(given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
     return run_plan(plan, _surface, COLUMNS, given)
 
 

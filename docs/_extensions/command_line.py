@@ -59,7 +59,6 @@ def _described(command: Any, name: str) -> Command:
             records[parameter.param_type_name].append((names, " ".join(record[1].split())))
     paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", command.help or "")]
     examples = re.findall(r"^\s+(cvtimg .*|\S.* \| cvtimg .*)$", command.epilog or "", flags=re.MULTILINE)
-    examples += re.findall(r"^Example: +(cvtimg .*)$", command.epilog or "", flags=re.MULTILINE)
     usage = " ".join(["cvtimg", name, *command.collect_usage_pieces(context)])
     usage = re.sub(r"\{(\w+)\.*\}\.\.\.", r"\1...", usage)
     return Command(name, usage, paragraphs, records["argument"], records["option"], examples)
