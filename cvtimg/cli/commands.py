@@ -86,7 +86,7 @@ def _parameter(option: Option) -> Parameter:
         annotation = tuple[float, float]
     annotation = list[annotation] if option.many else annotation
     make = typer.Option if option.words else typer.Argument
-    about = make(*option.words, metavar=option.metavar or None, help=option.help)
+    about = make(*option.words, metavar=option.placeholder, help=option.help)
     default = Parameter.empty if option.required else option.default
     return Parameter(option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, about])
 

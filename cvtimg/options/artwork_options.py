@@ -7,7 +7,7 @@ from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Page, Pair, Real, Text, Whole
+from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
 
 _PER_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "": 1.0}
 
@@ -45,85 +45,60 @@ def _tiles() -> Sequence[str]:
 
 STIPPLE = (
     common.IMAGES,
-    common.number_of(
-        "dots", 1 << 28, "--dot-count -n", page=Page("Dots", slider=(100, 100_000), log=True, most=10**6, default=5000)
+    common.number_of("dots", 1 << 28, "--dot-count -n").on_page(
+        "Dots", slider=(100, 100_000), log=True, most=10**6, default=5000
     ),
     common.output(common.IMAGE_OUTPUT, _dots, standard=".png"),
     common.OUT_DIR,
-    Option(
+    passed(
         "dots",
         Choice(("equal", "equal-mass", "sized"), {"equal-mass": "equal ink", "sized": "by tone"}),
         "One size; one size and exactly the same ink for each dot; or each as large as its ink.",
         default="equal",
-        keyword="dots",
-        page=Page("Sizes"),
+    ).on_page("Sizes"),
+    passed(
+        "max_ink", Real(0, 1, above=0), "Share of the paper that black covers, up to 1.", metavar="F", default=0.9
+    ).on_page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, least=0.01),
+    passed("white_cutoff", Real(0, 1), "Leave tones of up to this coverage white.", metavar="F", default=0).on_page(
+        "White up to", step=0.01
     ),
-    Option(
-        "max_ink",
-        Real(0, 1, above=0),
-        "Share of the paper that black covers, up to 1.",
-        metavar="F",
-        default=0.9,
-        keyword="max_ink",
-        page=Page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, least=0.01),
-    ),
-    Option(
-        "white_cutoff",
-        Real(0, 1),
-        "Leave tones of up to this coverage white.",
-        metavar="F",
-        default=0,
-        keyword="white_cutoff",
-        page=Page("White up to", step=0.01),
-    ),
-    Option(
+    passed(
         "radius_range",
         Pair(Real(), Real()),
         "Least and greatest radius in pixels of the image, with --dots sized.",
         metavar="A B",
         needs=("dots=sized",),
-        keyword="radius_range",
     ),
-    Option(
+    passed(
         "layers",
         Text(_layers),
         "Draw in color: process colors, or K colors of the image.",
         metavar="cmyk|K",
         excludes=("invert",),
-        keyword="layers",
     ),
-    switch("invert", "Draw light dots on dark paper.", keyword="invert", page=Page("Light on dark")),
+    switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
     Option(
         "width",
         Text(_length),
         "Width of the drawing: 200mm, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
         default=200,
-        page=Page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", least=1, most=10_000),
-    ),
+    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", least=1, most=10_000),
     Option(
         "marks",
         Choice(("disks", "circles", "points", "lines"), {"disks": "filled disks", "lines": "short lines"}),
         "What a dot is in .svg: a filled disk, its outline, or a tiny loop or line that a pen dots.",
         default="disks",
-        page=Page("Marks"),
-    ),
+    ).on_page("Marks"),
     Option(
-        "pen_width",
-        Text(_length),
-        "Width of the pen's line in .svg; by default what suits the dots.",
-        metavar="MM",
-        page=Page(
-            "Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", least=0.01, most=100, default="auto"
-        ),
-    ),
+        "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
+    ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", least=0.01, most=100, default="auto"),
     Option(
         "order",
         Choice(("tour", "none"), {"tour": "short tour"}),
         "Order of dots in files: a short tour of the pen, or none.",
         default="tour",
-        page=Page("Order of dots"),
-    ),
+    ).on_page("Order of dots"),
     file("cells", "Write the cell of each dot, .svg or .geojson; for one input.", (".svg", ".geojson")),
     common.SKIP_EXISTING,
     common.MAX_PIXELS,
@@ -133,42 +108,25 @@ STIPPLE = (
 
 MOSAIC = (
     common.IMAGES,
-    common.number_of(
-        "tiles",
-        1 << 28,
-        "--tiles -n",
-        keyword="n_cells",
-        page=Page("Tiles", slider=(50, 20_000), log=True, most=10**6, default=1000),
+    common.number_of("tiles", 1 << 28, "--tiles -n", keyword="n_cells").on_page(
+        "Tiles", slider=(50, 20_000), log=True, most=10**6, default=1000
     ),
     common.output(common.IMAGE_OUTPUT, _tiles, standard=".png"),
     common.OUT_DIR,
-    Option(
+    passed(
         "shape",
         Choice(("cells", "triangles"), {"cells": "Voronoi cells"}),
         "Voronoi cells, or triangles (low poly).",
         default="cells",
-        keyword="shape",
-        page=Page("Shape"),
-    ),
-    Option(
-        "palette",
-        Whole(1, common.MAX_COLORS),
-        "Use only N colors.",
-        "--colors -k",
-        "N",
-        keyword="palette",
-        page=Page("Colors in all", slider=(2, 64), log=True, default=8),
+    ).on_page("Shape"),
+    passed("palette", Whole(1, common.MAX_COLORS), "Use only N colors.", "--colors -k").on_page(
+        "Colors in all", slider=(2, 64), log=True, default=8
     ),
     common.SPACE,
     common.EFFORT,
     Option(
-        "outline",
-        Real(0),
-        "Width of dark lines between tiles, in pixels; 0 for none.",
-        metavar="W",
-        default=0,
-        page=Page("Outlines", slider=(0, 5), step=0.1, unit="px", most=1000),
-    ),
+        "outline", Real(0), "Width of dark lines between tiles, in pixels; 0 for none.", metavar="W", default=0
+    ).on_page("Outlines", slider=(0, 5), step=0.1, unit="px", most=1000),
     Option("scale", Real(above=0), "Enlarge .png and other images by this factor.", metavar="S", default=1),
     common.SKIP_EXISTING,
     common.MAX_PIXELS,

@@ -9,9 +9,7 @@ from string import hexdigits
 from typing import Any, get_args
 
 from cvtimg._shared.choices import AutoEffortName, AveragingName, EffortName, InitName, MethodName, SpaceName
-from cvtimg.options.record import Choice, File, Option, Page, Real, Switch, Text, Whole
-
-__all__ = ["MAX_COLORS", "PALETTE_NAMES", "color", "color_or_file", "n_bytes", "number_of"]
+from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .pal, .txt, .aseprite or .png"
@@ -79,22 +77,23 @@ PLOTS = (".png", ".svg")
 
 # Inputs and outputs
 
-IMAGES = Option(
-    "inputs",
-    Text(),
+
+def inputs(help: str, metavar: str, *, name: str = "inputs", required: bool = True) -> Option:
+    """Return the option of what comes without a flag."""
+    return Option(name, Text(), help, flags="", metavar=metavar, required=required, many=True)
+
+
+IMAGES = inputs(
     "Images, URLs, folders, patterns like 'a/*.tif', - for standard input, or @FILE for a list of names (@- for one on "
     "standard input).",
-    flags="",
-    metavar="INPUT...",
-    required=True,
-    many=True,
+    "INPUT...",
 )
 
 
 def output(help: str, suffixes: Any = (), *, standard: str = "", required: bool = False) -> Option:
     """Return the option of the main output."""
     excludes = ("out_dir", "ext", "in_place")  # where a verb has them
-    return Option("output", File(suffixes, standard), help, "--output -o", "FILE", required=required, excludes=excludes)
+    return Option("output", File(suffixes, standard), help, "--output -o", required=required, excludes=excludes)
 
 
 def out_dir(help: str) -> Option:
@@ -104,7 +103,7 @@ def out_dir(help: str) -> Option:
 
 def file(name: str, help: str, suffixes: Any = (), **more: Any) -> Option:
     """Return an option that names a file."""
-    return Option(name, File(suffixes), help, **{"metavar": "FILE", **more})
+    return Option(name, File(suffixes), help, **more)
 
 
 def switch(name: str, help: str, **more: Any) -> Option:
@@ -114,17 +113,15 @@ def switch(name: str, help: str, **more: Any) -> Option:
 
 def number_of(noun: str, high: int, flags: str, **more: Any) -> Option:
     """Return the option of a number of generators, called by a noun."""
-    return Option("number", Whole(1, high), f"Number of {noun}.", flags, "N", required=True, **more)
+    return Option("number", Whole(1, high), f"Number of {noun}.", flags, required=True, **more)
 
 
 OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of the inputs.")
 IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
 SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
-MAX_PIXELS = Option(
-    "max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default.", metavar="N"
-)
+MAX_PIXELS = Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default.")
 READING = (
-    Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages.", metavar="N"),
+    Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages."),
     Option(
         "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
     ),
@@ -143,33 +140,23 @@ PALETTE_OUTPUT = file("save_palette", f"Write the palette, {PALETTE_NAMES}; for 
 
 # The method
 
-EFFORT = Option(
-    "effort",
-    Choice(get_args(EffortName)),
-    "How long to search for a better result.",
-    default="balanced",
-    keyword="effort",
-    page=Page("Effort"),
-)
+EFFORT = passed(
+    "effort", Choice(get_args(EffortName)), "How long to search for a better result.", default="balanced"
+).on_page("Effort")
 AUTO_EFFORT = Choice(get_args(AutoEffortName))
-SPACE = Option(
+SPACE = passed(
     "space",
     Choice(get_args(SpaceName), {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}),
     "Color space in which distances are measured.",
     default="rgb",
-    keyword="space",
-    page=Page("Color space"),
-)
-SEED = Option(
-    "seed", Whole(0, 2**63 - 1), "Seed of the random number generator.", metavar="N", default=0, keyword="rng"
-)
-VOLUME_POWER = Option(
+).on_page("Color space")
+SEED = Option("seed", Whole(0, 2**63 - 1), "Seed of the random number generator.", default=0, keyword="rng")
+VOLUME_POWER = passed(
     "volume_power",
     Real(0),
     "Weight cells by their size to this power (0: all cells count the same).",
     metavar="P",
     default=0,
-    keyword="volume_power",
 )
 AVERAGING_NAMES = ("none", *get_args(AveragingName))
 AVERAGING = Option(
@@ -177,19 +164,15 @@ AVERAGING = Option(
     Choice(AVERAGING_NAMES, {"before": "of the picture, before", "after": "of the segments, after"}),
     "Smooth noise, before or after pixels are assigned to segments.",
     default="none",
-    page=Page("Averaging", about="Against noise."),
-)
+).on_page("Averaging", about="Against noise.")
 #: How generators are found: options of `cvtimg.tessellate`.
 ENGINE = (
     EFFORT,
-    Option(
-        "method",
-        Choice(get_args(MethodName)),
-        "Algorithm that moves the generators; by default the one that suits.",
-        keyword="method",
+    passed(
+        "method", Choice(get_args(MethodName)), "Algorithm that moves the generators; by default the one that suits."
     ),
     VOLUME_POWER,
-    Option("init", Choice(get_args(InitName)), "How initial generators are chosen.", default="split", keyword="init"),
+    passed("init", Choice(get_args(InitName)), "How initial generators are chosen.", default="split"),
     SEED,
 )
 
@@ -210,7 +193,6 @@ BATCH = (
         Whole(1, 1024),
         "Number of inputs processed at the same time; by default one per core where that is faster.",
         "--jobs -j",
-        "N",
     ),
     Option(
         "dask",
@@ -222,14 +204,7 @@ BATCH = (
 
 #: Of ``cvtimg explore``.
 EXPLORE = (
-    Option(
-        "inputs",
-        Text(),
-        "Images to open: files, folders or patterns; more can be dropped.",
-        flags="",
-        metavar="[PICTURE...]",
-        many=True,
-    ),
-    Option("port", Whole(0, 65535), "Port of the server; 0 for any that is free.", metavar="N", default=0),
+    inputs("Images to open: files, folders or patterns; more can be dropped.", "[PICTURE...]", required=False),
+    Option("port", Whole(0, 65535), "Port of the server; 0 for any that is free.", default=0),
     switch("no_browser", "Print the address of the page without opening it."),
 )

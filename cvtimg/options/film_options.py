@@ -6,18 +6,13 @@ from dataclasses import replace
 
 from cvtimg.options import common
 from cvtimg.options.common import file
-from cvtimg.options.record import Choice, File, Option, Whole
+from cvtimg.options.record import Choice, File, Option, Whole, passed
 
 FRAMES = replace(
     common.IMAGES, help="A film (GIF, APNG, WebP), images or a folder of them, or an array, .npy or .zarr."
 )
-PASSES = Option(
-    "passes",
-    Whole(2, 64, even=True),
-    "How often to read the input, an even number: more is more precise.",
-    metavar="N",
-    default=4,
-    keyword="passes",
+PASSES = passed(
+    "passes", Whole(2, 64, even=True), "How often to read the input, an even number: more is more precise.", default=4
 )
 
 BASIS = (
@@ -27,17 +22,15 @@ BASIS = (
         Whole(1, 1 << 16, auto=True),
         "Number of modes, of each cell for cvod; auto picks it at the elbow of the energy.",
         "-n",
-        "N|auto",
         required=True,
         keyword="n_modes",
     ),
     common.output("Write the basis, .npz.", (".npz",), required=True),
-    Option(
+    passed(
         "kind",
         Choice(("pod", "cvt", "cvod")),
         "Principal components, generators of a tessellation, or principal components of each of its cells.",
         default="pod",
-        keyword="kind",
     ),
     Option("cells", Whole(1, 1 << 16), "Number of cells of --kind cvod.", metavar="C", default=8, keyword="n_cells"),
     file("sheet", "Draw the mean and the modes as images.", common.lossless),
@@ -55,7 +48,6 @@ KEYFRAMES = (
         Whole(1, 1 << 16, auto=True),
         "Number of key frames; auto picks it at the elbow of the energy.",
         "-n",
-        "N|auto",
         required=True,
         keyword="n_frames",
     ),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Option, Page, Pair, Real, Text, Whole
+from cvtimg.options.record import Option, Pair, Real, Text, Whole, passed
 
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
 #: Growth of sizes, as in `mesh_region`.
@@ -19,46 +19,19 @@ MESH = (
         ".json, .wkt, .wkb, or .csv with columns x and y. Stacks of voxels, filled with tetrahedra: .tif of several "
         "pages, or .npy.",
     ),
-    Option(
-        "number",
-        Whole(1, 1 << 26),
-        "Number of vertices.",
-        "-n",
-        "N",
-        excludes=("edge_length",),
-        keyword="n",
-        page=Page("Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default=2000),
+    Option("number", Whole(1, 1 << 26), "Number of vertices.", "-n", excludes=("edge_length",), keyword="n").on_page(
+        "Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default=2000
     ),
-    Option(
-        "edge_length",
-        Real(above=0),
-        "Edge length, in the units of the coordinates.",
-        metavar="H",
-        excludes=("size",),
-        keyword="edge_length",
-        page=Page("Edge length", slider=(2, 100), step=0.5, unit="px", least=0.1, most=10_000, default=10.0),
-    ),
+    passed(
+        "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
+    ).on_page("Edge length", slider=(2, 100), step=0.5, unit="px", least=0.1, most=10_000, default=10.0),
     file("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
     Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
-    Option(
-        "grade",
-        Real(above=0),
-        "Growth of sizes for each unit of length, at most.",
-        metavar="G",
-        default=GRADE,
-        keyword="grade",
-        page=Page(
-            "Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, least=0.01, most=10
-        ),
-    ),
-    Option(
-        "min_size",
-        Real(0),
-        "Least size; smaller details are left out.",
-        metavar="H",
-        default=0.0,
-        keyword="min_size",
-        page=Page("Least edge", slider=(0, 20), step=0.5, unit="px", most=1000),
+    passed(
+        "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=GRADE
+    ).on_page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, least=0.01, most=10),
+    passed("min_size", Real(0), "Least size; smaller details are left out.", metavar="H", default=0.0).on_page(
+        "Least edge", slider=(0, 20), step=0.5, unit="px", most=1000
     ),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
@@ -74,7 +47,7 @@ MESH = (
 
 SURFACE = (
     replace(common.IMAGES, help="Surfaces of triangles: .stl, .obj, .ply or .off."),
-    Option("number", Whole(4, 1 << 24), "Number of points.", "-n", "N", required=True),
+    Option("number", Whole(4, 1 << 24), "Number of points.", "-n", required=True),
     common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
     OUT_DIR,
     Option(
@@ -102,7 +75,6 @@ SPHERE = (
         Whole(1, 1 << 28),
         "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
         "-n",
-        "N",
         required=True,
     ),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),

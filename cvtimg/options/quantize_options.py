@@ -9,7 +9,7 @@ from typing import get_args
 from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Page, Real, Text, Whole
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 
 #: Colors of `cvtimg palette` for images that have more than it lists.
 DEFAULT_COLORS = 16
@@ -27,43 +27,36 @@ QUANTIZE = (
         Whole(1, common.MAX_COLORS, auto=True),
         f"Number of colors, at most {common.MAX_COLORS}; auto picks it at the elbow of the energy.",
         "--colors -k",
-        "N|auto",
         keyword="n_colors",
-        page=Page("Colors", slider=(2, 256), log=True, default=16),
-    ),
-    Option(
+    ).on_page("Colors", slider=(2, 256), log=True, default=16),
+    passed(
         "psnr",
         Real(0),
         "Use as few colors as reach this quality, in decibels.",
         metavar="DB",
         excludes=("number=auto", "max_bytes"),
-        page=Page("Quality at least", slider=(20, 50), step=0.5, unit="dB", most=100, default=35.0),
-        keyword="psnr",
-    ),
-    Option(
+    ).on_page("Quality at least", slider=(20, 50), step=0.5, unit="dB", most=100, default=35.0),
+    passed(
         "goal",
         Choice(get_args(GoalName)),
         "What the result is for: error, the least squared error, or eyes, a small file that looks the same.",
         metavar="NAME",
         default="error",
-        keyword="goal",
         excludes=("number=auto", "psnr"),
     ),
-    Option(
+    passed(
         "quality",
         Real(0, 100),
         "Write the smallest file that looks at least this good, 0 to 100 by SSIMULACRA2: 80 is hard to tell from the "
         "image, 70 is good.",
         metavar="Q",
-        keyword="quality",
         excludes=("number=auto", "psnr"),
     ),
-    Option(
+    passed(
         "max_bytes",
         Text(common.n_bytes),
         "Use as many colors, up to 256 or -k, as fit into a file of this size, such as 60000, 60K or 1.5M.",
         metavar="SIZE",
-        keyword="max_bytes",
         excludes=("number=auto",),
     ),
     file("palette", "Use the colors of a palette file or of an image.", excludes=(*_AIMS, "lock", "weight_map")),
@@ -75,35 +68,22 @@ QUANTIZE = (
         metavar="COLOR|FILE",
         many=True,
     ),
-    replace(common.SPACE, page=Page("Color space", about="Where distances between colors are measured.")),
-    Option(
+    replace(common.SPACE).on_page("Color space", about="Where distances between colors are measured."),
+    passed(
         "dither",
         Choice(("none", *get_args(DitherName))),
         "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, bayer-2, -4, -8 or -16; "
         "or compact, for a small file.",
         metavar="NAME",
         default="none",
-        keyword="dither",
-        page=Page("Dither"),
-    ),
-    Option(
-        "dither_strength",
-        Real(0, 1),
-        "Strength of dithering, 0 to 1.",
-        metavar="S",
-        needs=("dither",),
-        keyword="dither_strength",
-        page=Page("Dither strength", step=0.05),
+    ).on_page("Dither"),
+    passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
+        "Dither strength", step=0.05
     ),
     file("weight_map", "Gray image of the same size: the weight of each pixel."),
     replace(common.MASK, keyword="mask"),
     replace(common.NODATA, keyword="nodata"),
-    Option(
-        "depth",
-        Choice(("8", "16")),
-        "Bits per channel to work and write with; by default those of the image.",
-        keyword="depth",
-    ),
+    passed("depth", Choice(("8", "16")), "Bits per channel to work and write with; by default those of the image."),
     switch(
         "shared_palette",
         "Use one palette for all images together.",
@@ -143,7 +123,6 @@ PALETTE = (
         Whole(1, common.MAX_COLORS),
         f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
         "--colors -k",
-        "N",
     ),
     common.PALETTE_OUTPUT,
     common.SKIP_EXISTING,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +18,6 @@ from typing import Any, TypeAlias
 from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
-
-__all__ = ["Choice", "File", "Given", "Kind", "Option", "Page", "Pair", "Real", "Switch", "Text", "Whole", "collected"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +174,7 @@ class Option:
     help: str  # Its line in ``--help``
     # How it is written, such as ``"--output -o"``; by default the name after two dashes. "" for the inputs.
     flags: str | None = None
-    metavar: str = ""  # What ``--help`` shows for a value; by default the choices
+    metavar: str = ""  # What ``--help`` shows for a value; by default what suits its kind
     default: Any = None  # Value where none is given; None for none
     # Whether it must be given, and whether it can be repeated.
     required: bool = False
@@ -197,6 +195,17 @@ class Option:
         """How messages and commands of the page write it."""
         return self.words[-1].partition("/")[0]
 
+    @property
+    def placeholder(self) -> str | None:
+        """What ``--help`` shows for a value; None for the choices."""
+        if isinstance(self.kind, Whole):
+            return self.metavar or ("N|auto" if self.kind.auto else "N")
+        return self.metavar or ("FILE" if isinstance(self.kind, File) else None)
+
+    def on_page(self, label: str, about: str = "", **look: Any) -> Option:
+        """Return the option as the page shows it, too; the arguments are those of `Page`."""
+        return replace(self, page=Page(label, about, **look))
+
     def parse(self, given: Any) -> Any:
         """Return the value of what the command line gave, None for nothing; the default is converted, too."""
         if given is None or (self.many and not given):
@@ -208,6 +217,11 @@ class Option:
     def is_given(self, value: Any) -> bool:
         """Whether a value differs from the default."""
         return value is not None and value != [] and value != self.parse(None)
+
+
+def passed(name: str, kind: Kind, help: str, flags: str | None = None, **more: Any) -> Option:
+    """Return an option whose value is an argument of the Python function of the same name, as it is."""
+    return Option(name, kind, help, flags, keyword=name, **more)
 
 
 class Given(SimpleNamespace):

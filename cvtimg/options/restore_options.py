@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, File, Option, Page, Real, Text, Whole
+from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
 
 
 def _weights(text: str) -> list[float]:
@@ -21,63 +21,31 @@ def _weights(text: str) -> list[float]:
 
 
 RESTORE = (
-    Option(
-        "versions",
-        Text(),
-        "Versions of one image, all of one size: files, folders or patterns.",
-        flags="",
-        metavar="VERSION...",
-        required=True,
-        many=True,
-    ),
+    common.inputs("Versions of one image, all of one size: files, folders or patterns.", "VERSION...", name="versions"),
     common.output("Write the restored image; - for standard output.", common.lossless, standard=".png", required=True),
     Option(
         "number",
-        # More segments than this no file of labels holds.
-        Whole(1, common.MAX_COLORS - 1, auto=True),
+        Whole(1, common.MAX_COLORS - 1, auto=True),  # more segments no file of labels holds
         "Number of segments; auto picks it by the energy. With --detail, kinds of patches; auto is 32.",
         "--segments -k",
-        "N|auto",
         default="auto",
         keyword="n_generators",
-        page=Page("Segments", slider=(2, 64), log=True),
-    ),
+    ).on_page("Segments", slider=(2, 64), log=True),
     Option(
-        "mask",
-        File(),
-        "Image that is black where a version is missing; once per version, in their order.",
-        metavar="FILE",
-        many=True,
+        "mask", File(), "Image that is black where a version is missing; once per version, in their order.", many=True
     ),
-    Option(
-        "nodata",
-        Real(),
-        "Treat pixels that are V in all bands as missing.",
-        metavar="V",
-        keyword="nodata",
-        page=Page("Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0),
+    passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
+        "Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0
     ),
-    Option(
-        "weights",
-        Text(_weights),
-        "Weight of each version; by default from its noise.",
-        metavar="W,W,..",
-        keyword="weights",
-    ),
-    switch("align", "Shift each version onto the first.", keyword="align", page=Page("Align versions")),
+    passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
+    switch("align", "Shift each version onto the first.", keyword="align").on_page("Align versions"),
     switch(
-        "channels",
-        "Versions share segments but not colors, as channels do; the first is restored.",
-        keyword="channels",
-        page=Page("Versions are channels", "They share segments but not colors; the first is restored."),
-    ),
+        "channels", "Versions share segments but not colors, as channels do; the first is restored.", keyword="channels"
+    ).on_page("Versions are channels", "They share segments but not colors; the first is restored."),
     switch(
-        "detail",
-        "Restore texture too, patch by patch; for photographs, and to denoise a single one.",
-        keyword="detail",
-        page=Page("Detail", "Restore texture too, for photographs."),
-    ),
-    Option(
+        "detail", "Restore texture too, patch by patch; for photographs, and to denoise a single one.", keyword="detail"
+    ).on_page("Detail", "Restore texture too, for photographs."),
+    passed(
         "hidden",
         Choice(
             ("outliers", "background", "none"),
@@ -85,10 +53,8 @@ RESTORE = (
         ),
         "Where versions disagree, leave out the outliers, or those that show the background, or none.",
         default="outliers",
-        keyword="hidden",
-        page=Page("Disagreement"),
-    ),
-    Option(
+    ).on_page("Disagreement"),
+    passed(
         "renormalize",
         Choice(
             ("range", "median", "none"),
@@ -96,14 +62,11 @@ RESTORE = (
         ),
         "How to undo the loss of contrast where some versions are painted over.",
         default="range",
-        keyword="renormalize",
-        page=Page("Contrast"),
-    ),
+    ).on_page("Contrast"),
     replace(
         common.AVERAGING,
         kind=Choice(common.AVERAGING_NAMES, {"before": "of the versions, before", "after": "of the segments, after"}),
-        page=Page("Averaging"),
-    ),
+    ).on_page("Averaging"),
     Option(
         "radius",
         Real(above=0, high=1000),
@@ -111,17 +74,14 @@ RESTORE = (
         metavar="PIXELS",
         default=2,
         needs=("averaging",),
-        page=Page("Radius", slider=(0.5, 20), step=0.5, unit="px", least=0.5),
-    ),
-    Option(
+    ).on_page("Radius", slider=(0.5, 20), step=0.5, unit="px", least=0.5),
+    passed(
         "edge_weight",
         Real(0, auto=True),
         "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
         metavar="L|auto",
         default="auto",
-        keyword="edge_weight",
-        page=Page("Edge weight", slider=(0, 200), step=0.5, most=10**6),
-    ),
+    ).on_page("Edge weight", slider=(0, 200), step=0.5, most=10**6),
     common.VOLUME_POWER,
     common.SPACE,
     replace(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole
+from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, passed
 
 
 def _labels() -> Sequence[str]:
@@ -28,7 +28,6 @@ CLUSTER = (
         Whole(1, 2**31 - 1, auto=True),
         "Number of clusters; auto picks it at the elbow of the energy.",
         "-k",
-        "N|auto",
         required=True,
     ),
     common.output(
@@ -47,7 +46,7 @@ CLUSTER = (
 
 ELBOW = (
     replace(common.IMAGES, help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
-    Option("k_max", Whole(1, 4096), "Largest number of generators to try.", metavar="N", default=64, keyword="n_max"),
+    Option("k_max", Whole(1, 4096), "Largest number of generators to try.", default=64, keyword="n_max"),
     Option(
         "rule",
         Choice(("chord", "chord-linear", "kneedle", "variance", "psnr")),
@@ -77,18 +76,17 @@ ELBOW = (
 )
 
 DESIGN = (
-    Option("number", Whole(1, 1 << 16), "Number of new points.", "-n", "N", required=True),
+    Option("number", Whole(1, 1 << 16), "Number of new points.", "-n", required=True),
     Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "-d", "D"),
     file("bounds", "Axes: a .csv file with the columns name, low and high.", (".csv",)),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
-    Option(
+    passed(
         "latin",
         Switch(),
         "Give each of N slices along each axis exactly one point.",
         "--latin/--no-latin",
         default=True,
-        keyword="latin",
     ),
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from cvtimg.labels.formats import CONTOUR_FORMATS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Page, Real, Text, Whole
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 
 _AVIF = (".avif",) if find_spec("PIL._avif") else ()
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
@@ -39,9 +39,7 @@ SEGMENT = (
         Whole(1, common.MAX_COLORS, auto=True),
         "Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
         "-k",
-        "N|auto",
-        page=Page("Segments", slider=(2, 64), log=True, default=4),
-    ),
+    ).on_page("Segments", slider=(2, 64), log=True, default=4),
     common.output(
         "Write the label of each pixel, .png, .tif, .npy or .zarr; for one input; - for standard output.",
         KINDS["labels"],
@@ -80,8 +78,7 @@ SEGMENT = (
         common.SPACE,
         help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.",
         default=None,
-        page=Page("Color space", default="rgb"),
-    ),
+    ).on_page("Color space", default="rgb"),
     replace(common.AVERAGING, excludes=_BY_COLOR),
     Option(
         "kernel",
@@ -89,82 +86,62 @@ SEGMENT = (
         "Kernel of --averaging.",
         default="gaussian",
         needs=("averaging",),
-        page=Page("Kernel"),
+    ).on_page("Kernel"),
+    Option("radius", Real(0), "Radius of --averaging.", metavar="PIXELS", default=2, needs=("averaging",)).on_page(
+        "Radius", slider=(1, 20), unit="px", most=1000
     ),
-    Option(
-        "radius",
-        Real(0),
-        "Radius of --averaging.",
-        metavar="PIXELS",
-        default=2,
-        needs=("averaging",),
-        page=Page("Radius", slider=(1, 20), unit="px", most=1000),
-    ),
-    Option(
+    passed(
         "edge_weight",
         Real(0, auto=True),
         "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
         metavar="L|auto",
         default=0,
         excludes=_BY_COLOR,
-        keyword="edge_weight",
-        page=Page(
-            "Edge weight",
-            "Penalty per pixel of border: larger values give smoother segments. Auto follows the noise.",
-            slider=(0, 100),
-            step=0.5,
-            most=10**6,
-        ),
+    ).on_page(
+        "Edge weight",
+        "Penalty per pixel of border: larger values give smoother segments. Auto follows the noise.",
+        slider=(0, 100),
+        step=0.5,
+        most=10**6,
     ),
-    Option(
+    passed(
         "edge_radius",
         Whole(1, 30),
         "Radius of the neighborhood of --edge-weight.",
         metavar="PIXELS",
         default=3,
         excludes=_OTHER_WAYS,
-        keyword="edge_radius",
-        page=Page("Edge radius", slider=(1, 10), unit="px"),
-    ),
+    ).on_page("Edge radius", slider=(1, 10), unit="px"),
     switch(
-        "components",
-        "Make each connected component a segment of its own.",
-        excludes=_BY_COLOR,
-        keyword="components",
-        page=Page("each a segment"),
-    ),
-    Option(
+        "components", "Make each connected component a segment of its own.", excludes=_BY_COLOR, keyword="components"
+    ).on_page("each a segment"),
+    passed(
         "min_size",
         Whole(0, 2**31 - 1),
         "Merge components smaller than this into a neighbor.",
         metavar="PIXELS",
         default=0,
         excludes=_BY_COLOR,
-        keyword="min_size",
-        page=Page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px"),
-    ),
-    Option(
+    ).on_page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px"),
+    passed(
         "border_price",
         Real(0),
         "With --components: merge neighbors where that costs less per pixel of border.",
         metavar="P",
         default=0,
         needs=("components",),
-        keyword="border_price",
-        page=Page(
-            "Border price",
-            "Merge neighbors where that costs less per pixel of border.",
-            slider=(0, 5000),
-            step=10.0,
-            most=10**7,
-        ),
+    ).on_page(
+        "Border price",
+        "Merge neighbors where that costs less per pixel of border.",
+        slider=(0, 5000),
+        step=10.0,
+        most=10**7,
     ),
     switch(
         "objects",
         "Make each object before the background a segment; split touching ones.",
         excludes=("components", *_BY_COLOR),
-        page=Page("objects, background"),
-    ),
+    ).on_page("objects, background"),
     Option(
         "background",
         Choice(
@@ -174,8 +151,7 @@ SEGMENT = (
         "Segment that is the background of --objects; label 0.",
         default="largest",
         needs=("objects",),
-        page=Page("Background"),
-    ),
+    ).on_page("Background"),
     Option(
         "neck_depth",
         Real(0),
@@ -183,8 +159,7 @@ SEGMENT = (
         metavar="PIXELS",
         default=0.5,
         needs=("objects",),
-        page=Page("Depth of necks", slider=(0, 10), step=0.1, unit="px", most=1000),
-    ),
+    ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", most=1000),
     Option(
         "object_border",
         Choice(("segment", "own")),
@@ -199,19 +174,15 @@ SEGMENT = (
         metavar="NAME,...",
     ),
     switch(
-        "hierarchy",
-        "Divide into connected regions, as people see them; -k is optional.",
-        excludes=("volume",),
-        page=Page("connected regions"),
-    ),
+        "hierarchy", "Divide into connected regions, as people see them; -k is optional.", excludes=("volume",)
+    ).on_page("connected regions"),
     Option(
         "threshold",
         Real(0),
         "With --hierarchy, not -k N: keep regions apart that differ by more.",
         metavar="T",
         needs=("hierarchy",),
-        page=Page("Threshold", slider=(0.05, 2), step=0.05, most=1000, default="auto"),
-    ),
+    ).on_page("Threshold", slider=(0.05, 2), step=0.05, most=1000, default="auto"),
     file("tree", "With --hierarchy: write the tree of regions, .npz.", HIERARCHY_KINDS["tree"], needs=("hierarchy",)),
     file(
         "strengths",
@@ -229,16 +200,14 @@ SEGMENT = (
         "superpixels",
         "Divide into about N connected superpixels of similar size.",
         excludes=("number=auto", "hierarchy", "volume"),
-        page=Page("superpixels"),
-    ),
+    ).on_page("superpixels"),
     Option(
         "compactness",
         Real(0),
         "Compactness of --superpixels; larger values: rounder.",
         metavar="C",
         needs=("superpixels",),
-        page=Page("Compactness", slider=(0, 100), step=0.5, most=10**6, default=10.0),
-    ),
+    ).on_page("Compactness", slider=(0, 100), step=0.5, most=10**6, default=10.0),
     common.MASK,
     common.NODATA,
     switch("volume", "Use the same segments in all pages of a file, not in each page its own."),
