@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -49,6 +49,8 @@ class Running:
     skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
     # Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
     by_url: tuple[str, ...] = ()
+    # Makes a context in which each task is done, which appends to the list the warnings of its row; picklable.
+    around: Callable[[list[str]], AbstractContextManager[object]] = nullcontext
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
@@ -71,7 +73,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
         started = time() - _COARSE
         try:
             attempt = partial(_attempt, work=work, running=running)
-            with progress(len(todo), report) as step, closing(_perform(attempt, todo, running)) as results:
+            with progress(len(todo), report) as step, _performed(attempt, todo, running) as results:
                 for number, outcome in results:
                     step(outcome.result)
                     told.add(places[number], outcome)
@@ -146,7 +148,7 @@ def fold(
     failed: dict[Path, str] = {}
 
     def results() -> Iterator[Any]:
-        with closing(_perform(attempt, tasks, running)) as outcomes:
+        with _performed(attempt, tasks, running) as outcomes:
             for place, outcome in outcomes:
                 if outcome.why:
                     failed[tasks[place].source] = outcome.why
@@ -166,10 +168,14 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
                     _remove(path)  # an earlier run stopped between the outputs of this task
                 check_can_be_written(path, overwrite=running.overwrite or running.in_place)
             stopwatch, before = Stopwatch(), _n_bytes("input_bytes", here.sources)
-            if here.outputs and (running.skip_if_larger or running.in_place):
-                row = {**here.facts, **_worked_aside(here, work, stopwatch, running), **before}
-            else:
-                row = {**here.facts, **work(here, stopwatch), **before}
+            notes: list[str] = []
+            with running.around(notes):
+                if here.outputs and (running.skip_if_larger or running.in_place):
+                    row = {**here.facts, **_worked_aside(here, work, stopwatch, running), **before}
+                else:
+                    row = {**here.facts, **work(here, stopwatch), **before}
+            if notes:
+                row["warning"] = "; ".join([*([row["warning"]] if "warning" in row else []), *notes])
             if not row.get("skipped"):
                 row |= _n_bytes("output_bytes", tuple(here.outputs.values()))
         return Outcome({**row, "seconds": stopwatch.laps} if stopwatch.laps else row)
@@ -251,18 +257,23 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _perform(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Generator[tuple[int, Outcome]]:
-    """Yield the index and the outcome of each task as it completes."""
+@contextmanager
+def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Generator[Iterable[tuple[int, Outcome]]]:
+    """Give the index and the outcome of each task as it completes; at the end of the block, what still works stops."""
+    jobs = min(running.jobs or _jobs_worthwhile(tasks), len(tasks))
     if running.dask:
         from cvtimg.batch.on_dask import on_dask
 
-        return on_dask(attempt, tasks, running.dask, running.jobs or n_threads())
-    jobs = min(running.jobs or _jobs_worthwhile(tasks), len(tasks))
-    if jobs > 1:
+        results = on_dask(attempt, tasks, running.dask, running.jobs or n_threads())
+    elif jobs > 1:
         from cvtimg.batch.workers import in_workers
 
-        return in_workers(attempt, tasks, jobs, max(1, n_threads() // jobs))
-    return ((place, attempt(task)) for place, task in enumerate(tasks))
+        results = in_workers(attempt, tasks, jobs, max(1, n_threads() // jobs))
+    else:
+        yield enumerate(map(attempt, tasks))
+        return
+    with closing(results):
+        yield results
 
 
 def _jobs_worthwhile(tasks: Sequence[Task]) -> int:

@@ -30,12 +30,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given in ([], ["-h"], ["--help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
         return _tell(version() if given == ["--version"] else overview())
     try:
-        from cvtimg.cli.commands import run
+        from cvtimg.cli.commands import command_of
 
-        return run(given)
-    except KeyboardInterrupt:  # before the run began
+        return int(command_of(given)(standalone_mode=False) or 0)
+    except KeyboardInterrupt:
         print("cvtimg: interrupted", file=sys.stderr)
         return 130
+    except Exception as error:  # no traceback reaches a user
+        from cvtimg.cli.commands import explain
+
+        return explain(error, given)
 
 
 def _tell(text: str) -> int:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from inspect import Parameter, Signature
 from typing import Annotated, Any, Literal, cast
@@ -27,7 +28,7 @@ from cvtimg.cli.overview import version as version_text
 from cvtimg.options import options_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
-__all__ = ["app", "run"]
+__all__ = ["app", "command_of", "explain"]
 
 _NAMES = {"help_option_names": ["-h", "--help"]}
 
@@ -160,33 +161,34 @@ def _cvtimg(
     """See `overview`."""
 
 
-def run(given: list[str]) -> int:
-    """Run a command line and return the exit status."""
+def command_of(given: list[str]) -> Callable[..., Any]:
+    """Return the main function of the command that a command line names, with its arguments."""
     if "_CVTIMG_COMPLETE" in os.environ:
         from typer.completion import get_completion_inspect_parameters
 
         get_completion_inspect_parameters()  # registers the shells
-    try:
-        # A command that is named needs no group, whose own options Typer would convert.
-        alone = bool(given) and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ
-        command: Any = _made(given[0]) if alone else typer.main.get_command(app)
-        words, name = (given[1:], f"cvtimg {given[0]}") if alone else (given, "cvtimg")
-        return int(command.main(args=words, prog_name=name, standalone_mode=False) or 0)
-    except (KeyboardInterrupt, typer.Abort):
+    # A command that is named needs no group, whose own options Typer would convert.
+    if given and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ:
+        return partial(_made(given[0]).main, args=given[1:], prog_name=f"cvtimg {given[0]}")
+    return partial(typer.main.get_command(app).main, args=given, prog_name="cvtimg")
+
+
+def explain(error: Exception, given: list[str]) -> int:
+    """Say in one line why a command line failed, and return the exit status."""
+    if isinstance(error, typer.Abort):
         complain("interrupted")
         return 130
-    except WrongUsageError as error:
+    if isinstance(error, WrongUsageError):
         complain(f"{error} (see cvtimg {given[0]} --help)")
         return 2
-    except typer.TyperException as error:
+    if isinstance(error, typer.TyperException):
         command_line = getattr(getattr(error, "ctx", None), "command_path", f"cvtimg {given[0]}")
         complain(f"{error.format_message().rstrip('.')} (see {command_line} --help)")
         return error.exit_code
-    except Exception as error:  # no traceback reaches a user
-        # Its message begins with the file, or says what is not installed.
-        named = isinstance(error, ImportError) or (isinstance(error, OSError) and error.errno is None)
-        # Errors of the system that name no file are those of what is printed.
-        unnamed = "standard output" if isinstance(error, OSError) else "unexpected"
-        path = getattr(error, "filename", None) or unnamed
-        complain(str(error) if named else f"{path}: {reason(path, error)}")
-        return 1
+    # Its message begins with the file, or says what is not installed.
+    named = isinstance(error, ImportError) or (isinstance(error, OSError) and error.errno is None)
+    # Errors of the system that name no file are those of what is printed.
+    unnamed = "standard output" if isinstance(error, OSError) else "unexpected"
+    path = getattr(error, "filename", None) or unnamed
+    complain(str(error) if named else f"{path}: {reason(path, error)}")
+    return 1

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, plan_one, run
+from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.options.record import Given
 
@@ -28,7 +29,8 @@ def run_plan(
     if not isinstance(report, Report):
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
     report.quiet |= sends  # a table would mix with the output
-    return run(plan, partial(_with_selection, work=work, given=given), report, running_of(given, by_url))
+    running = replace(running_of(given, by_url), around=partial(_as_asked, given=given))
+    return run(plan, partial(work, given=given), report, running)
 
 
 def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
@@ -52,19 +54,18 @@ def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:
     return Running(jobs, report_file=given.report, by_url=by_url, **own)
 
 
-def _with_selection(task: Task, stopwatch: Stopwatch, *, work: Callable[..., Row], given: Given) -> Row:
-    """Do a task; what the library warns of stands in its row, in the words of the command."""
+@contextmanager
+def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
+    """Read images as asked; what the library warns of is noted, in the words of the command."""
     with selected(given), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         try:
-            row = work(task, stopwatch, given)
+            yield
         except ValueError as error:
             if (text := given.worded(str(error))) == str(error):
                 raise
             raise ValueError(text) from error
-    notes = [row["warning"]] if "warning" in row else []
     notes += [given.worded(str(one.message)) for one in caught]
-    return {**row, "warning": "; ".join(notes)} if notes else row
 
 
 def selected(given: Given) -> ExitStack:

@@ -95,7 +95,7 @@ def _alone(
     points: Points, n_generators: int, method: Method, conditions: Conditions, effort: SearchEffort
 ) -> Iteration:
     none = np.empty((0, points.n_dims))
-    start = search(points, none, n_generators, "split", method, effort, conditions)
+    start = search(points, none, n_generators, "split", method.iterate, effort, conditions)
     return method(points, start, conditions.until(effort.stopping))
 
 

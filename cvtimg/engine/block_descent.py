@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
+from cvtimg._shared.iteration import iterate
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.engine.checkpoints import Checkpoint
@@ -186,7 +187,7 @@ def descend(
         generators = moved
         return measure()
 
-    history = conditions.iterate(measure(), step, energies)
+    history = iterate(measure(), step, conditions.stopping, conditions.watch, energies)
     lowest = known[-1]
     if lowest <= SMALL_ENERGY * found.about_origin:
         lowest = over_blocks(blocks, _energy_of_block, _added, generators, frame)

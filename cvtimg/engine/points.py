@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -256,12 +256,14 @@ def cell_moments(
     points: Points, labels: NDArray[np.int32], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
-    parts = np.zeros((_n_parts(points), n_cells, points.n_dims + 1))
+    slices = _fixed_parts(points)
+    parts = np.zeros((len(slices), n_cells, points.n_dims + 1))
 
-    def accumulate(part: int, tiles: slice, ends: slice) -> None:
-        _kernels.accumulate(points.tiles[tiles], points.density[ends], labels[ends], parts[part])
+    def accumulate(start: int, stop: int) -> None:
+        for (tiles, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
+            _kernels.accumulate(points.tiles[tiles], points.density[ends], labels[ends], part)
 
-    _sum_in_parts(points, accumulate, len(parts))
+    in_parts(accumulate, len(parts), work=points.tiles.size)
     total = parts.sum(axis=0)
     return total[:, -1].copy(), total[:, :-1].copy()
 
@@ -280,12 +282,14 @@ def energy(
 
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
-    parts = np.zeros((_n_parts(points), len(generators)))
+    slices = _fixed_parts(points)
+    parts = np.zeros((len(slices), len(generators)))
 
-    def measure(part: int, tiles: slice, ends: slice) -> None:
-        _kernels.measure(points.tiles[tiles], points.density[ends], generators, labels[ends], parts[part])
+    def measure(start: int, stop: int) -> None:
+        for (tiles, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
+            _kernels.measure(points.tiles[tiles], points.density[ends], generators, labels[ends], part)
 
-    _sum_in_parts(points, measure, len(parts))
+    in_parts(measure, len(parts), work=points.tiles.size)
     energies: NDArray[np.float64] = parts.sum(axis=0)
     # Distinct points are farther apart than this: the rest is the rounding of means.
     return np.where(energies > _ROUNDING * points.energy_about_origin, energies, 0.0)
@@ -297,17 +301,8 @@ def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], 
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
 
 
-def _sum_in_parts(points: Points, kernel: Callable[[int, slice, slice], None], n_parts: int) -> None:
-    """Call ``kernel(part, tiles, ends)`` for each of the fixed parts of the points."""
+def _fixed_parts(points: Points) -> list[tuple[slice, slice]]:
+    """Return the tiles, and the points, of each part that is summed by itself."""
+    n_parts = min(max(len(points.tiles) // _MIN_TILES, 1), _MAX_PARTS)
     bounds = [len(points.tiles) * part // n_parts for part in range(n_parts + 1)]
-
-    def sum_some(start: int, stop: int) -> None:
-        for part in range(start, stop):
-            first, last = bounds[part], bounds[part + 1]
-            kernel(part, slice(first, last), slice(first * _kernels.TILE, last * _kernels.TILE))
-
-    in_parts(sum_some, n_parts, work=points.tiles.size)
-
-
-def _n_parts(points: Points) -> int:
-    return min(max(len(points.tiles) // _MIN_TILES, 1), _MAX_PARTS)
+    return [(slice(*ends), slice(ends[0] * _kernels.TILE, ends[1] * _kernels.TILE)) for ends in pairwise(bounds)]

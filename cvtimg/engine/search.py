@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
+from cvtimg.engine.methods import Conditions, Iterate, Iteration, Stopping
 from cvtimg.engine.methods.breathing import breathe
 from cvtimg.engine.points import Points, coarsen, thin
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
@@ -68,29 +68,25 @@ def search(
     fixed: NDArray[np.float64],
     n_generators: int,
     init: str,
-    method: Method,
+    descend: Iterate,
     effort: SearchEffort,
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
-
-    def search_over(some: Points) -> NDArray[np.float64]:
-        ends: list[Iteration] = []
-        while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
-            # A deterministic seeding is of use only once.
-            seeding = SEEDINGS["random" if ends else init]
+    some = fewer_points(points, max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS), conditions.rng)
+    ends: list[Iteration] = []
+    while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
+        # A deterministic seeding is of use only once.
+        seeding = SEEDINGS["random" if ends else init]
+        try:
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            ends.append(breathe(some, initial, method, conditions.until(_SEARCHING), effort.breaths))
-        return min(ends, key=lambda end: end.energies[-1]).generators
-
-    fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS), conditions.rng)
-    try:
-        return search_over(fewer)
-    except TooFewSamplesError:
-        if fewer is points:
-            raise
-        return search_over(points)  # fewer points may lack rare samples
+            ends.append(breathe(some, initial, descend, conditions.until(_SEARCHING), effort.breaths))
+        except TooFewSamplesError:
+            if some is points:
+                raise
+            some, ends = points, []  # fewer points may lack rare samples
+    return min(ends, key=lambda end: end.energies[-1]).generators
 
 
 def _agree(ends: list[Iteration]) -> bool:

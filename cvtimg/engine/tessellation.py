@@ -175,7 +175,15 @@ def tessellate(
     if is_blocked(samples):
         return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
-    return _tessellate_rows(*_points(samples, density, n_generators), asked)
+    points, order = _points(samples, density, n_generators)
+    descent = _Descent(points, asked)
+    end = descent.method.iterate(points, descent.start(settings), descent.conditions)
+    labels = assign(points, end.generators) if end.labels is None else end.labels
+    masses, _ = cell_moments(points, labels, n_generators)
+    parts = cell_energies(points, end.generators, labels)
+    weighted = weighted_energy(masses, parts, power)
+    own = _given_order(labels[: points.n_points], order)
+    return _of_frame(points.frame, end, own, masses, float(parts.sum()), weighted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +207,7 @@ class _Descent:
         self._points, self._asked = points, asked
         self.has_start = not isinstance(asked.init, str)
         self.fixed = points.frame.inward(check_locked(asked.locked, asked.n_generators, points.n_dims))
-        self._method = choose_method(
+        self.method = choose_method(
             asked.method,
             n_dims=points.n_dims,
             volume_power=asked.volume_power,
@@ -216,25 +224,10 @@ class _Descent:
             free = check_generators("init", asked.init, asked.n_generators - len(self.fixed), points.n_dims)
             return np.concatenate([self.fixed, points.frame.inward(free)])
         check_choice("init", asked.init, SEEDINGS)
-        if self._method.exact_in_one_dimension:
+        if self.method.exact_in_one_dimension:
             return np.zeros((asked.n_generators, points.n_dims))  # only their number matters
-        return search(points, self.fixed, asked.n_generators, asked.init, self._method, effort, self.conditions)
-
-    def end(self, start: NDArray[np.float64]) -> Iteration:
-        """Move generators until their energy converges."""
-        return self._method(self._points, start, self.conditions)
-
-
-def _tessellate_rows(points: Points, order: NDArray[np.intp] | None, asked: _Asked) -> Tessellation:
-    descent = _Descent(points, asked)
-    end = descent.end(descent.start(asked.effort))
-    labels = assign(points, end.generators) if end.labels is None else end.labels
-    masses, _ = cell_moments(points, labels, asked.n_generators)
-    parts = cell_energies(points, end.generators, labels)
-    weighted = weighted_energy(masses, parts, asked.volume_power)
-    return _of_frame(
-        points.frame, end, _given_order(labels[: points.n_points], order), masses, float(parts.sum()), weighted
-    )
+        descend, n_generators = self.method.iterate, asked.n_generators
+        return search(points, self.fixed, n_generators, asked.init, descend, effort, self.conditions)
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
@@ -248,8 +241,9 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
     state = kept.load()
     if state is None:
         start = of_sample.start(effort_beyond(asked.effort, found.n_rows, len(found.rows)))
-        # From given generators the descent starts at once.
-        state = (start if of_sample.has_start else of_sample.end(start).generators), []
+        if not of_sample.has_start:  # from given generators the descent starts at once
+            start = of_sample.method.iterate(points, start, of_sample.conditions).generators
+        state = start, []
     end = descend(blocks, points, state[0], of_sample.conditions, kept, state[1])
     labels = label_blocks(blocks, found.lengths, end.generators, points.frame)
     return _of_frame(points.frame, end, labels, end.masses, end.energy, end.energy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Generic, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
@@ -104,7 +105,7 @@ class Source(Protocol[R_co]):
 def quantized(source: Source[R], how: QuantizeOptions) -> R:
     """Quantize pixels with a number of colors, a palette, or the fewest colors of a quality."""
     if how.palette is not None or how.psnr is None:
-        return source.mapped(quantized_palettes(source, how), how)
+        return source.mapped([*map(finder(how), source.counted)], how)
     results = Search(source, how, lambda result: result.psnr, _DECIBEL).reach(how.psnr, how.n_colors or MAX_COLORS)
     if True not in results:
         best = results[False]
@@ -113,20 +114,19 @@ def quantized(source: Source[R], how: QuantizeOptions) -> R:
     return results[True]
 
 
-def quantized_palettes(source: Source[R], how: QuantizeOptions) -> list[Palette]:
-    """Return the given palette, or the one found, for each of the densities of a source."""
-    if how.palette is not None:
-        colors = np.array(how.palette)
-        return [Palette(colors, None, colors.shape[1:] == (4,))] * len(source.counted)
-    return [
-        find_palette(one, how.n_colors, space=how.space, locked=how.locked, **how.engine)  # type: ignore[arg-type]
-        for one in source.counted
-    ]
+def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
+    """Return what finds the palette of samples, or returns the given one."""
+    if how.palette is None:
+        n_colors: Any = how.n_colors
+        return partial(find_palette, n_colors=n_colors, space=how.space, locked=how.locked, **how.engine)
+    colors = np.array(how.palette)
+    given = Palette(colors, None, colors.shape[1:] == (4,))
+    return lambda samples: given
 
 
 def toward(source: Source[R], how: QuantizeOptions, start: float, end: float, good: Callable[[R], bool]) -> R:
     """Return the good result whose price of bits is nearest to `end`; the one at `start` if that is not good."""
-    palettes = quantized_palettes(source, how)
+    palettes = [*map(finder(how), source.counted)]
     best = source.mapped(palettes, replace(how, price=start))
     for _ in range(_HALVINGS if good(best) else 0):
         price = math.sqrt(start * end)

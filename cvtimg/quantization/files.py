@@ -373,7 +373,14 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     if job.depth:
         image = to_depth(image, np.dtype(f"uint{job.depth}"))
     hint = read_palette(job.source) if header.mode == "P" and not given_colors else None
-    result = _quantized(job, image, mask, hint, file)
+    how = job.at_depth(image.dtype)
+    options: dict[str, Any] = {name: getattr(how, name) for name in ("locked", "space", "dither", "dither_strength")}
+    options |= {"mask": mask, "weights": job.weights, **how.engine}
+    if job.max_bytes is None:
+        aims = {name: getattr(how, name) for name in ("psnr", "quality", "goal", "palette")}
+        result = quantize(image, how.n_colors, palette_hint=hint, **aims, **options)
+    else:
+        result = _small_enough(job, image, how, options, file)
     job.lap("cluster")
     pixels, how_stored = _content(result, file)
     n_colors = len(result.palette) + (result.inside is not None)
@@ -389,21 +396,11 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     return QuantizedFile.of("picture", [result], shape=image.shape, n_left_out=n_left_out)
 
 
-def _quantized(
-    job: _Job, image: NDArray[Any], mask: NDArray[np.bool_] | None, hint: Any, file: Mapping[str, Any]
+def _small_enough(
+    job: _Job, image: NDArray[Any], how: QuantizeOptions, options: dict[str, Any], file: Mapping[str, Any]
 ) -> Quantized:
-    how = job.at_depth(image.dtype)
-    given: dict[str, Any] = {name: getattr(how, name) for name in ("locked", "space", "dither", "dither_strength")}
-    given |= {"mask": mask, "weights": job.weights, **how.engine}
-    if job.max_bytes is None:
-        aims = {
-            "psnr": how.psnr,
-            "quality": how.quality,
-            "goal": how.goal,
-            "palette": how.palette,
-            "palette_hint": hint,
-        }
-        return quantize(image, how.n_colors, **aims, **given)
+    """Quantize an image into a file of at most so many bytes."""
+    most: Any = job.max_bytes
 
     def size(result: Quantized) -> int:
         pixels, how_stored = _content(result, file)
@@ -412,10 +409,10 @@ def _quantized(
     n_colors: Any = how.n_colors or MOST_INDEXED
     if how.quality is not None:
         with suppress(ValueError):  # which that many colors cannot reach
-            result = quantize(image, n_colors, quality=how.quality, **given)
-            if size(result) <= job.max_bytes:
+            result = quantize(image, n_colors, quality=how.quality, **options)
+            if size(result) <= most:
                 return result
-    result = quantize_to_size(image, job.max_bytes, size, n_colors, **given)
+    result = quantize_to_size(image, most, size, n_colors, **options)
     return replace(result, quality=visual_quality(image, result.image)) if how.goal == "eyes" else result
 
 

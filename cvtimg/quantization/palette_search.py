@@ -137,12 +137,25 @@ def find_palette(
     if samples.alpha and samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all():
         return _opaque_palette(samples, n_colors, space, fixed, engine)
     if samples.n_colors <= n_colors:
-        colors = _in_order(np.concatenate([fixed, samples.colors]), samples.alpha)
-        if len(colors) <= n_colors:
-            return Palette(colors, None, samples.alpha)
+        all_colors = _in_order(np.concatenate([fixed, samples.colors]), samples.alpha)
+        if len(all_colors) <= n_colors:
+            return Palette(all_colors, None, samples.alpha)
     if len(fixed) == n_colors:
         return Palette(_in_order(fixed, samples.alpha), None, samples.alpha)
-    return _tessellated(samples, n_colors, space, fixed, engine)
+    colors, density, alpha = samples.colors, samples.density, samples.alpha
+    if samples.n_colors < n_colors:  # the engine needs as many samples as generators, locked ones included
+        colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
+    places, in_place = to_places(colors, space, alpha), to_places(fixed, space, alpha)
+    tessellation = tessellate(replace(samples, rows=places, density=density), n_colors, locked=in_place, **engine)
+    generators = tessellation.generators
+    if alpha:
+        end = opaque_end(fixed.shape[1], space, fixed.dtype)
+        rest = _AT_ONCE if engine.get("volume_power") else _REST
+        ends = kinds_of(colors, True), kinds_of(fixed, True)
+        generators = _keep_opaque(places, density, ends, tessellation, end, rest)
+    found = from_places(generators, space, fixed.dtype, alpha)
+    found[: len(fixed)] = fixed
+    return Palette(_in_order(found, alpha), tessellation, alpha)
 
 
 def shared_palette(
@@ -233,28 +246,6 @@ def _opaque_palette(
     found = find_palette(seen, n_left, space=space, locked=locked, **engine)
     colors = np.concatenate([fixed[~opaque], with_alpha(found.colors)])
     return Palette(_in_order(colors, True), found.tessellation, True)
-
-
-def _tessellated(
-    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: NDArray[Any], engine: EngineOptions
-) -> Palette:
-    """Find a palette for more colors than it can hold."""
-    colors, density = samples.colors, samples.density
-    if samples.n_colors < n_colors:  # the engine needs as many samples as generators, locked ones included
-        colors, density = np.concatenate([colors, fixed]), np.append(density, np.zeros(len(fixed)))
-    alpha = samples.alpha
-    places, locked = to_places(colors, space, alpha), to_places(fixed, space, alpha)
-    tessellation = tessellate(replace(samples, rows=places, density=density), n_colors, locked=locked, **engine)
-    generators = tessellation.generators
-    if alpha:
-        end = opaque_end(fixed.shape[1], space, fixed.dtype)
-        rest = _AT_ONCE if engine.get("volume_power") else _REST
-        generators = _keep_opaque(
-            places, density, (kinds_of(colors, True), kinds_of(fixed, True)), tessellation, end, rest
-        )
-    found = from_places(generators, space, fixed.dtype, alpha)
-    found[: len(fixed)] = fixed
-    return Palette(_in_order(found, alpha), tessellation, alpha)
 
 
 def _keep_opaque(

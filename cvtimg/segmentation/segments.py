@@ -14,7 +14,7 @@ from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import CHORD_ENDS
-from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.blocks import segment_blocks
@@ -126,11 +126,18 @@ def segment(
     if n_segments == "auto":
         curve = _curve(values, prepared, CHORD_ENDS, volume_power, rng)
         n_segments = curve.elbow()
-    search = _Search(min(n_segments, values.samples.n_colors), effort, volume_power, rng)
+    n_cells = min(n_segments, values.samples.n_colors)
+    start = prepared.start(n_cells) if prepared else None
+    samples: Any = values.samples if start is None else start[values.inside]
+    cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
     if prepared is None:
-        result = from_tessellation(values, search.tessellate(values.samples))
+        result = from_tessellation(values, cells)
     else:
-        result = _from_pixels(prepared, search, pieces)
+        own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
+        labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
+        if pieces is not None:
+            labels = pieces.applied(labels, prepared.data, prepared.length_price)
+        result = from_labels(values, prepared.field, labels, descent or cells, prepared.edge_weight)
     return replace(result, curve=curve) if curve else result
 
 
@@ -188,19 +195,6 @@ def _curve(
 
 
 @dataclass(frozen=True, slots=True)
-class _Search:
-    """How to tessellate colors."""
-
-    n_segments: int
-    effort: EffortName
-    volume_power: float
-    rng: int | np.random.Generator
-
-    def tessellate(self, samples: Any) -> Tessellation:
-        return tessellate(samples, self.n_segments, effort=self.effort, volume_power=self.volume_power, rng=self.rng)
-
-
-@dataclass(frozen=True, slots=True)
 class _Pieces:
     """What to do with the connected pieces of segments: the options of `segment` by these names."""
 
@@ -230,19 +224,3 @@ class _Pieces:
         if not self.border_price:
             return kept
         return join_regions(kept, averaged(data, _BESIDE_BORDERS, labels > 0), self.border_price)
-
-
-def _from_pixels(prepared: Prepared, search: _Search, pieces: _Pieces | None) -> Segmentation:
-    """Segment an image pixel by pixel: averaged, with a cost of edges, or by connected pieces."""
-    values = prepared.values
-    start = prepared.start(search.n_segments)
-    if start is None:
-        cells = search.tessellate(values.samples)
-        own = cells.labels[values.samples.inverse[0]]
-    else:
-        cells = search.tessellate(start[values.inside])
-        own = cells.labels
-    labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), search.n_segments)
-    if pieces is not None:
-        labels = pieces.applied(labels, prepared.data, prepared.length_price)
-    return from_labels(values, prepared.field, labels, descent or cells, prepared.edge_weight)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.iteration import History, Stopping, Watch, iterate
+from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg.engine.points import Points
 
 
@@ -39,10 +39,6 @@ class Conditions:
     def until(self, stopping: Stopping) -> Conditions:
         """Return the same conditions with another stopping rule."""
         return replace(self, stopping=stopping)
-
-    def iterate(self, energy: float, step: Callable[[], float | None], before: Sequence[float] = ()) -> History:
-        """Step until the energy converges; see `cvtimg._shared.iteration.iterate`."""
-        return iterate(energy, step, self.stopping, self.watch, before)
 
     def ended(self, energies: list[float]) -> bool:
         """Whether to stop before the next step, given the energies so far."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.iteration import iterate
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
@@ -38,7 +39,7 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
             generators = refill(points, generators, labels, free, empty)
         return measure()
 
-    history = conditions.iterate(measure(), step)
+    history = iterate(measure(), step, conditions.stopping, conditions.watch)
     return Iteration(generators, *history)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
-from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -128,7 +128,7 @@ def follow_draws(
         return measure()
 
     stopping = _Patient(conditions.stopping.tolerance, conditions.stopping.max_iterations)
-    history = conditions.until(stopping).iterate(measure(), step)
+    history = iterate(measure(), step, stopping, conditions.watch)
     return Iteration(best, *history)
 
 
