@@ -251,10 +251,9 @@ def patches(quick: bool) -> list[Row]:
 
     import cvtimg
     from cvtimg.sphere import move_in_patches
-    from cvtimg.sphere.cell_sums import uniform_cells
     from cvtimg.sphere.grids import as_grid
     from cvtimg.sphere.starts import bisected, in_order
-    from cvtimg.sphere.triangulation import Triangulation
+    from cvtimg.sphere.triangulation import Triangulation, uniform_cells
 
     n = 40_962 if quick else 655_362
     coarse = cvtimg.sphere_grid((n + 6) // 4, polish=False)

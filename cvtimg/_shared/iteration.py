@@ -63,20 +63,11 @@ def iterate(
     watch: Callable[[float], bool] | None = None,
     before: Sequence[float] = (),
 ) -> History:
-    """Step until the energy converges.
+    """Step from a start of this energy until it converges.
 
-    Parameters
-    ----------
-    energy : float
-        Energy at the start.
-    step : callable
-        Makes a step and returns the energy after it; None if no step lowers it, where the iteration has converged.
-    stopping : Stopping
-        When to stop.
-    watch : callable, optional
-        Receives the energy before each step, and returns True to stop.
-    before : sequence of float
-        Energies that led to the start, of a run that goes on.
+    A step returns the energy after it; None if none lowers it, where the iteration has converged. `watch` receives the
+    energy before each step, and returns True to stop; `before` are energies that led to the start, of a run that goes
+    on.
     """
     energies = [*before, energy]
     while True:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,15 @@ from cvtimg._shared.checks import (
     check_colors,
     check_count,
     check_image,
+    check_non_negative,
+    check_positive,
     check_within,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
-from cvtimg.artwork.mosaic_files import TileDrawing
+from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
+from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
@@ -32,11 +36,13 @@ from cvtimg.artwork.tilings import (
     paint,
     place_corners,
 )
-from cvtimg.colors.spaces import from_space, to_space
+from cvtimg.colors.spaces import from_space, to_depth, to_space
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.files.whole import StrPath
-from cvtimg.pictures.files import encode_image
-from cvtimg.placement import place_in_picture
+from cvtimg.files.whole import StrPath, write_text
+from cvtimg.labels.contours import Polygon
+from cvtimg.labels.formats.geojson import write_geojson
+from cvtimg.pictures.files import encode_image, lossless_suffixes, write_image
+from cvtimg.placement import pixel_labels, place_in_picture
 from cvtimg.placement.cells import Polygons, power_cells
 
 #: Steps of the descent.
@@ -48,6 +54,25 @@ _FEW = 64
 #: Largest value of floating point images.
 _LARGEST = 1e15
 SHAPES = tuple(_UNIFORM)
+#: Parts of a pixel of a drawing, each way, and the most parts of a whole drawing.
+_FINE, _MOST_PARTS = 3, 1 << 26
+#: Color of lines between tiles.
+_LINES = "#202020"
+#: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. So all tiles
+#: are drawn twice, below with sharp edges; a stroke in the color of the tile covers what is left.
+_SEAM = 'stroke-width="0.4"'
+_SHARP_BELOW = '<use href="#tiles" shape-rendering="crispEdges"/>\n'
+#: Channels of gray, gray with alpha and so on as those of RGB and RGBA.
+_CHANNELS = {1: [0, 0, 0], 2: [0, 0, 0, 1], 3: [0, 1, 2], 4: [0, 1, 2, 3]}
+#: Formats without alpha.
+_OPAQUE = (".jpg", ".jpeg")
+#: What vectors are written in.
+VECTORS = (".svg", ".geojson")
+
+
+def suffixes() -> list[str]:
+    """List what mosaics can be written in."""
+    return [*VECTORS, *(suffix for suffix in lossless_suffixes() if suffix != ".npy"), *_OPAQUE]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +144,23 @@ class Mosaic(ReadOnly):
         -------
         (H scale, W scale, 3) or (H scale, W scale, 4) uint8 array
         """
-        return self._drawing(outline).pixels(scale)
+        check_non_negative("outline", outline)
+        check_positive("scale", scale)
+        size = self.labels.shape
+        height, width = (max(round(side * scale), 1) for side in size)
+        fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * width)), 1, _FINE))
+        points = self.points * (np.array([width * fine, height * fine]) / size[::-1])
+        if self.triangles is None:
+            labels = pixel_labels((height * fine, width * fine), points)
+        else:
+            labels = np.zeros((height * fine, width * fine), np.int32)
+            label_triangles(points, self.triangles, labels)
+        colors = self._eight_bits()
+        drawn = np.empty((height, width, colors.shape[1]), np.uint8)
+        for row in range(height):
+            parts = colors[labels[row * fine : (row + 1) * fine]].reshape(fine, width, fine, -1)
+            drawn[row] = np.rint(parts.mean(axis=(0, 2), dtype=np.float32))
+        return self._outlined(drawn, outline * scale, fine) if outline else drawn
 
     def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
         """Write the mosaic as vectors or as pixels; the suffix picks the format.
@@ -142,12 +183,66 @@ class Mosaic(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        self._drawing(outline).save(path, scale, overwrite)
+        check_non_negative("outline", outline)
+        suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
+        if suffix == ".svg":
+            write_text(path, self._svg(outline), overwrite=overwrite)
+        elif suffix == ".geojson":
+            self._write_geojson(path, overwrite)
+        else:
+            drawn = self.draw(scale=scale, outline=outline)
+            write_image(path, drawn[:, :, :3] if suffix in _OPAQUE else drawn, overwrite=overwrite)
 
-    def _drawing(self, outline: float) -> TileDrawing:
-        size = (self.labels.shape[0], self.labels.shape[1])
-        areas = np.bincount(self.labels.ravel(), minlength=len(self.colors))
-        return TileDrawing(self.points, self.triangles, self.polygons(), self.colors, areas, size, outline)
+    def _eight_bits(self) -> NDArray[np.uint8]:
+        """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
+        n_channels = self.colors.shape[1]
+        check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
+        colors = to_depth(self.colors, np.dtype(np.uint8))
+        return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
+
+    def _svg(self, outline: float) -> Iterator[str]:
+        height, width = self.labels.shape
+        line = f'stroke="{_LINES}" stroke-width="{number(outline, 3)}"' if outline else _SEAM
+        return drawing(width, height, self._paths(outline), attributes=f' stroke-linejoin="round" {line}')
+
+    def _paths(self, outline: float) -> Iterator[str]:
+        colors = self._eight_bits()
+        if colors.shape[1] == 3 or (colors[:, 3] == 255).all():
+            yield _SHARP_BELOW
+        yield '<g id="tiles">\n'
+        for polygon, color in zip(self.polygons(), colors, strict=True):
+            if len(polygon) == 0 or (len(color) == 4 and color[3] == 0):
+                continue
+            fill = hexadecimal(color)
+            stroke = "" if outline else f' stroke="{fill}"'
+            opacity = f' opacity="{number(color[3] / 255, 3)}"' if len(color) == 4 and color[3] < 255 else ""
+            yield f'<path fill="{fill}"{stroke}{opacity} d="M{" ".join(numbers(polygon.ravel(), 3))}Z"/>\n'
+        yield "</g>\n"
+
+    def _write_geojson(self, path: StrPath, overwrite: bool) -> None:
+        polygons, properties = [], {}
+        colors, areas = self._eight_bits(), np.bincount(self.labels.ravel(), minlength=len(self.colors))
+        for tile, polygon in enumerate(self.polygons()):
+            if len(polygon):
+                polygons.append(Polygon(tile, (np.concatenate([polygon, polygon[:1]]),)))
+                opacity = {"fill-opacity": round(int(colors[tile, 3]) / 255, 3)} if colors.shape[1] == 4 else {}
+                properties[tile] = {"fill": hexadecimal(colors[tile]), **opacity, "pixels": int(areas[tile])}
+        write_geojson(path, polygons, properties, overwrite=overwrite)
+
+    def _outlined(self, drawn: NDArray[np.uint8], width: float, fine: int) -> NDArray[np.uint8]:
+        """Draw lines between tiles."""
+        from PIL import Image, ImageDraw
+
+        lines = Image.new("L", (drawn.shape[1] * fine, drawn.shape[0] * fine))
+        pen = ImageDraw.Draw(lines)
+        factor = np.array(lines.size) / self.labels.shape[::-1]
+        for polygon in self.polygons():
+            if len(polygon):
+                places = [tuple(place) for place in (np.concatenate([polygon, polygon[:1]]) * factor).tolist()]
+                pen.line(places, fill=255, width=max(round(width * fine), 1), joint="curve")
+        share = np.asarray(lines.reduce(fine), np.float32)[:, :, np.newaxis] / 255
+        ink = np.array([*bytes.fromhex(_LINES[1:]), 255][: drawn.shape[2]], np.float32)
+        return np.rint(drawn + share * (ink - drawn)).astype(np.uint8)
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())

@@ -109,7 +109,7 @@ def removal_costs(painted: Painted) -> Floats:
         sides = one[border], other[border]
         apart = np.square(painted.colors[sides[0]] - painted.colors[sides[1]]).sum(axis=1)
         for side in sides:
-            squares += np.bincount(side, apart, n_cells)
+            squares += sum_by_label(side, apart, n_cells)
             lengths += np.bincount(side, minlength=n_cells)
     return painted.areas * squares / np.maximum(lengths, 1)
 
@@ -124,10 +124,10 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
     height, width = painted.labels.shape
 
     def sums(values: NDArray[np.floating]) -> Floats:
-        return np.bincount(labels, values, n_cells).astype(np.float64, copy=False)
+        return sum_by_label(labels, values, n_cells)
 
     places = np.stack([np.tile(np.arange(width) + 0.5, height), np.repeat(np.arange(height) + 0.5, width)])
-    middles = np.stack([sums(axis) for axis in places], axis=1) / areas[:, np.newaxis]
+    middles = sums(places.T) / areas[:, np.newaxis]
     x, y = places - middles.T[:, labels]
     slopes = np.stack([[sums(axis * band) for band in image.reshape(len(labels), -1).T] for axis in (x, y)])
     # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.

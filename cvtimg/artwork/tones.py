@@ -149,16 +149,6 @@ def disk_area(coverage: Floats32) -> Floats32:
 
     Dots of a centroidal Voronoi tessellation lie nearly on a hexagonal lattice, whose disks overlap beyond a coverage
     of 0.907; at 1 their areas add up to 1.209.
-
-    Parameters
-    ----------
-    coverage : float32 array
-        In 0..1.
-
-    Returns
-    -------
-    float32 array
-        In 0..1.21, of the same shape.
     """
     areas = coverage.copy()
     dense = coverage > TOUCHING

@@ -34,7 +34,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.designs.bounds import read_bounds
+    from cvtimg.designs.points import read_bounds
     from cvtimg.files.text_tables import csv_text
     from cvtimg.tables.files import read_table
 

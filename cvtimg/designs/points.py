@@ -1,11 +1,15 @@
-"""Designs: points that fill a box, or the part of it that is feasible, as evenly as a tessellation does."""
+"""Designs: points that fill a box, or the part of it that is feasible, as evenly as a tessellation does.
+
+Names and bounds of the axes may be a text file.
+"""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,11 +25,12 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.choices import EffortName
-from cvtimg._shared.drawings import draw_dots
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, sobol_samples
 from cvtimg.designs.descent import EFFORTS, Cube, place, place_latin
 from cvtimg.designs.measures import PointMeasures, point_measures
+from cvtimg.files.remote import local_copy
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 
@@ -109,15 +114,6 @@ class Design(ReadOnly):
             np.save(file, self.points)
 
 
-class _Request(NamedTuple):
-    """A checked request, in the unit cube."""
-
-    cube: Cube
-    bounds: _Floats
-    existing: _Floats
-    latin: bool
-
-
 def design(
     n_points: int,
     bounds: int | ArrayLike,
@@ -182,34 +178,6 @@ def design(
     >>> np.sort(found.points[:, 1]).tolist()
     [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
     """
-    generator = np.random.default_rng(rng)
-    request = _checked(n_points, bounds, periodic, latin, density, feasible, existing, effort, generator)
-    cube, old = request.cube, request.existing
-    found = place(cube, n_points, old, effort, generator)
-    unit = place_latin(cube, found, old, effort, generator) if request.latin else found[0]
-    low, high = request.bounds.T
-    return Design(
-        low + unit * (high - low),
-        unit,
-        request.bounds,
-        low + old * (high - low),
-        cube.moments(np.concatenate([old, unit])).energy,
-        request.latin,
-        periodic,
-    )
-
-
-def _checked(
-    n_points: int,
-    bounds: int | ArrayLike,
-    periodic: bool,
-    latin: bool | None,
-    density: Any,
-    feasible: Any,
-    existing: ArrayLike | None,
-    effort: EffortName,
-    rng: np.random.Generator,
-) -> _Request:
     check_count("n_points", n_points, _MAX_POINTS, "the most points")
     check_choice("effort", effort, EFFORTS)
     low, high = _checked_bounds(bounds)
@@ -219,14 +187,20 @@ def _checked(
         check_alone("density or feasible", given)
     old = _checked_existing(existing, low, high)
     asked = EFFORTS[effort].samples * (n_points + len(old))
-    samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), rng)
+    random = np.random.default_rng(rng)
+    samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), random)
     samples, weights = _weighted(samples, low, high, density, feasible)
     enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"
     check_that("feasible", len(samples) >= n_points + len(old), enough)
     worth_it = periodic or effort == "best"
     exact = everywhere and len(low) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
     cube = Cube(samples, weights, periodic, exact)
-    return _Request(cube, np.stack([low, high], axis=1), old, everywhere if latin is None else latin)
+    latin = everywhere if latin is None else latin
+    found = place(cube, n_points, old, effort, random)
+    unit = place_latin(cube, found, old, effort, random) if latin else found[0]
+    energy = cube.moments(np.concatenate([old, unit])).energy
+    points, existing = (low + places * (high - low) for places in (unit, old))
+    return Design(points, unit, np.stack([low, high], axis=1), existing, energy, latin, periodic)
 
 
 def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
@@ -246,9 +220,7 @@ def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
 def _checked_existing(existing: ArrayLike | None, low: _Floats, high: _Floats) -> _Floats:
     if existing is None:
         return np.empty((0, len(low)))
-    array = (
-        np.asarray(existing, dtype=np.float64).reshape(-1, len(low)) if np.size(existing) == 0 else np.asarray(existing)
-    )
+    array = np.empty((0, len(low))) if np.size(existing) == 0 else np.asarray(existing)
     fits = array.ndim == 2 and array.shape[1] == len(low)
     check_shape("existing", array.shape, fits, f"(L, {len(low)}), a row for each point")
     unit: _Floats = (array - low) / (high - low)
@@ -273,3 +245,47 @@ def _weighted(
         check_density(weights, len(samples))
         samples, weights = samples[weights > 0], weights[weights > 0]
     return samples, weights
+
+
+def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
+    r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .csv file.
+
+    Returns
+    -------
+    list of str, (d, 2) float64 array
+        Names, and least and greatest values.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, has other columns or no axis, or a least value is not below the greatest.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high\nspeed,0,30\nheat,20,90\n")
+    ...     names, bounds = read_bounds(f"{folder}/a.csv")
+    >>> names, bounds.tolist()
+    (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
+    """
+    try:
+        with local_copy(path) as file:
+            text = file.read_text(encoding="utf-8-sig")
+        lines = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
+        bounds = np.array([[float(line["low"]), float(line["high"])] for line in lines]).reshape(-1, 2)
+        names = [line["name"] for line in lines]
+    except (KeyError, TypeError, ValueError) as error:
+        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
+    if not names:
+        raise OSError(f"{path}: must have a line for each axis after the first")
+    for name, (low, high) in zip(names, bounds.tolist(), strict=True):
+        if not -np.inf < low < high < np.inf:
+            raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+    return names, bounds

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
-from cvtimg.placement.quasi_newton import StepMemory
+from cvtimg.placement.descent import StepMemory
 
 Points = NDArray[np.float64]
 #: From (N, 2) points to their metrics (N, 3): xx, xy and yy. Edges are wanted to have length 1 in it.

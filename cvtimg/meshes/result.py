@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.drawings import MOST_SHAPES, draw_lines, edges_of
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.svg import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import MeshContent, write_mesh

@@ -32,13 +32,13 @@ def _layers(text: str) -> Any:
 
 
 def _dots() -> Sequence[str]:
-    from cvtimg.artwork.stipple_files import suffixes
+    from cvtimg.artwork.stipples import suffixes
 
     return suffixes()
 
 
 def _tiles() -> Sequence[str]:
-    from cvtimg.artwork.mosaic_files import suffixes
+    from cvtimg.artwork.mosaics import suffixes
 
     return suffixes()
 

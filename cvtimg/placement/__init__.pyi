@@ -10,10 +10,6 @@ from .descent import Descent as Descent
 from .descent import Terms as Terms
 from .draws import MACQUEEN as MACQUEEN
 from .draws import place_by_draws as place_by_draws
-from .figures import Circles as Circles
-from .figures import FigureMoments as FigureMoments
-from .figures import Figures as Figures
-from .figures import Segments as Segments
 from .implicit import ImplicitRegion as ImplicitRegion
 from .metrics import GAUGES as GAUGES
 from .metrics import Gauge as Gauge
@@ -33,4 +29,8 @@ from .polygons import as_region as as_region
 from .regions import Box as Box
 from .regions import Region as Region
 from .result import Placement as Placement
+from .samples import Circles as Circles
+from .samples import FigureMoments as FigureMoments
+from .samples import Figures as Figures
 from .samples import SampleMoments as SampleMoments
+from .samples import Segments as Segments

@@ -27,11 +27,6 @@ class ToBoundary:
     """Brings to a corner the generator whose cell holds it, and to the boundary those whose cells meet it.
 
     The energy may rise at a move. M. Gunzburger's lecture on centroidal Voronoi tessellations has the recipe.
-
-    Parameters
-    ----------
-    region : Region
-    n_generators : int
     """
 
     def __init__(self, region: Region, n_generators: int) -> None:

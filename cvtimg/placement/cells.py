@@ -366,8 +366,7 @@ def _corners(points: Points, weights: Points, size: Points) -> tuple[NDArray[np.
 def _in_order(owners: NDArray[np.int32], corners: Points, n_cells: int) -> Polygons:
     """Put the corners of each cell in order around their middle, without those that coincide."""
     counts = np.bincount(owners, minlength=n_cells)
-    sums = np.stack([np.bincount(owners, corners[:, axis], n_cells) for axis in (0, 1)], axis=1)
-    middles = sums / np.maximum(counts, 1)[:, np.newaxis]
+    middles = per_mass(sum_by_label(owners, corners, n_cells), counts)
     steps = corners - middles[owners]
     order = np.lexsort([np.arctan2(steps[:, 1], steps[:, 0]), owners])
     owners, corners = owners[order], corners[order]

@@ -3,10 +3,14 @@
 A descent knows nothing of pictures or polygons. It asks for the moments of cells, and lets a projection bring
 generators back to where they may be after each move. The gradient of the energy by a generator is 2 m (z - c), for its
 mass m and the center of mass c of its cell, so that Lloyd's move to c is a step along it.
+
+Limited-memory BFGS: D. C. Liu, J. Nocedal, On the limited memory BFGS method for large scale optimization, Mathematical
+Programming 45 (1989) 503-528, doi 10.1007/BF01589116.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,7 +20,6 @@ from numpy.typing import NDArray
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
-from cvtimg.placement.quasi_newton import StepMemory, dot
 
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[Points, Points], Points]
@@ -27,6 +30,62 @@ _MEMORY = 4
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: How far an over-relaxed move goes beyond the center of mass.
 _RELAXATION = 1.8
+#: The inverse Hessian starts as the given one times a number in this range.
+_LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
+
+
+def dot(a: Points, b: Points) -> float:
+    """Return the sum of the products of two (K, D) arrays."""
+    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
+    return float(np.einsum("kd,kd", a, b))
+
+
+class StepMemory:
+    """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
+
+    Vectors may be any arrays, such as coefficients of vectors that lie elsewhere, with a product to match. Figures
+    hardly change from 5 to 10 steps.
+    """
+
+    def __init__(self, n_steps: int = 7, product: Callable[[Points, Points], float] = dot) -> None:
+        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=n_steps)
+        self._product = product
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def clear(self) -> None:
+        """Forget all steps."""
+        self._pairs.clear()
+
+    def forget(self) -> None:
+        """Forget the oldest step."""
+        self._pairs.popleft()
+
+    def learn(self, step: Points, change: Points) -> bool:
+        """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
+        product = self._product(step, change)
+        is_convex = product > 1e-12 * (self._product(step, step) * self._product(change, change)) ** 0.5
+        if is_convex:
+            self._pairs.append((step, change, product))
+        return is_convex
+
+    def times(self, gradient: Points, start: Callable[[Points], Points], scale: float = 1.0) -> Points:
+        """Multiply a gradient by the inverse Hessian, which starts as `start` times about `scale`."""
+        rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
+        for step, change, product in reversed(self._pairs):
+            part = self._product(step, rest) / product
+            rest -= np.multiply(change, part, out=buffer)
+            parts.append(part)
+        rest = start(rest)
+        if self._pairs:
+            _, change, product = self._pairs[-1]
+            found = product / self._product(start(change), change)
+            scale = min(max(found, _LEAST_SCALE * scale), _LARGEST_SCALE * scale)
+        rest *= scale
+        for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
+            rest += np.multiply(step, part - self._product(change, rest) / product, out=buffer)
+        return rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)

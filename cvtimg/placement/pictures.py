@@ -12,6 +12,7 @@ from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Stopping, Watch
 from cvtimg.placement import _placement
+from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.polygons import NearestPixel, PictureRegion
@@ -113,19 +114,14 @@ def place_in_picture(
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     check_fewer("fixed", len(still), n_generators)
     check_apart("fixed", still, np.array([[0, 0], mass.shape[::-1]]))
-    end = place_by_levels(
-        picture_moments(mass, n_generators),
-        n_generators,
-        fixed=still,
-        method=check_choice("method", method, DESCENTS),
-        effort=EFFORTS[check_choice("effort", effort, EFFORTS)],
-        rng=np.random.default_rng(rng),
-        watch=Watch(callback),
-    )
+    check_choice("method", method, DESCENTS)
+    moments, settings = picture_moments(mass, n_generators), EFFORTS[check_choice("effort", effort, EFFORTS)]
+    random = np.random.default_rng(rng)
+    end = place_by_levels(moments, n_generators, still, method, settings, random, Watch(callback))
     return Placement.of(end, PictureRegion(np.ones(mass.shape, bool)))
 
 
-def check_apart(name: str, points: NDArray[np.float64], bounds: NDArray[Any]) -> None:
+def check_apart(name: str, points: Points, bounds: NDArray[Any]) -> None:
     """Refuse points (L, D) that nearly coincide: the cells of all but one of them would be slivers, or empty."""
     from scipy.spatial import cKDTree
 
@@ -165,27 +161,35 @@ def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 def place_by_levels(
     moments: PixelMoments,
     n_generators: int,
-    *,
-    fixed: NDArray[np.float64],
+    fixed: Points,
     method: str,
     effort: PlacementEffort,
     rng: np.random.Generator,
     watch: Watch,
 ) -> Descent:
     """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
-    n_free = n_generators - len(fixed)
-    start = _start(moments, n_free, effort.coarse, fixed, method, rng, watch)
+
+    def descend(cells: PixelMoments, free: Points, stopping: Stopping, project: Projection | None = None) -> Descent:
+        movable = np.arange(len(fixed) + len(free)) >= len(fixed) if len(fixed) else None
+        terms = Terms(stopping, movable, project, watch=watch)
+        return DESCENTS[method](cells, np.concatenate([fixed, free]), terms)
+
+    def start(cells: PixelMoments, n_free: int, coarser: tuple[Stopping, ...]) -> Points:
+        if not coarser or n_free < _WORTH_A_LEVEL:
+            return along_hilbert_curve(cells.density, n_free, rng) / cells.scale
+        coarse = cells.halved()
+        end = descend(coarse, start(coarse, -(-n_free // 4), coarser[:-1]), coarser[-1])
+        height, width = cells.density.shape
+        split = split_generators(end.generators[len(fixed) :], n_free)
+        return np.clip(split, 0, np.array([width, height]) / cells.scale)
+
     project = WhereMassIs(moments)
-    return _descend(moments, project(start, start), fixed, method, effort.in_picture, watch, project)
+    free = start(moments, n_generators - len(fixed), effort.coarse)
+    return descend(moments, project(free, free), effort.in_picture, project)
 
 
 class WhereMassIs:
-    """The projection of points to pixels with mass: a cell may have its center of mass in a gap.
-
-    Parameters
-    ----------
-    moments : PixelMoments
-    """
+    """The projection of points to pixels with mass: a cell may have its center of mass in a gap."""
 
     def __init__(self, moments: PixelMoments) -> None:
         self._mass = moments.density > 0
@@ -193,7 +197,7 @@ class WhereMassIs:
         self._everywhere = bool(self._mass.all())
         self._nearest: NearestPixel | None = None  # made when it is needed first
 
-    def __call__(self, there: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, there: Points, before: Points) -> Points:
         """Move points without mass below them to the nearest pixel that has some."""
         if self._everywhere:
             return there
@@ -210,43 +214,7 @@ class WhereMassIs:
         return moved
 
 
-def _start(
-    moments: PixelMoments,
-    n_free: int,
-    coarser: tuple[Stopping, ...],
-    fixed: NDArray[np.float64],
-    method: str,
-    rng: np.random.Generator,
-    watch: Watch,
-) -> NDArray[np.float64]:
-    if not coarser or n_free < _WORTH_A_LEVEL:
-        return along_hilbert_curve(moments.density, n_free, rng) / moments.scale
-    coarse = moments.halved()
-    n_coarse = -(-n_free // 4)
-    start = _start(coarse, n_coarse, coarser[:-1], fixed, method, rng, watch)
-    end = _descend(coarse, start, fixed, method, coarser[-1], watch)
-    height, width = moments.density.shape
-    split = split_generators(end.generators[len(fixed) :], n_free)
-    return np.clip(split, 0, np.array([width, height]) / moments.scale)
-
-
-def _descend(
-    moments: PixelMoments,
-    free: NDArray[np.float64],
-    fixed: NDArray[np.float64],
-    method: str,
-    stopping: Stopping,
-    watch: Watch,
-    project: Projection | None = None,
-) -> Descent:
-    generators = np.concatenate([fixed, free])
-    movable = np.arange(len(generators)) >= len(fixed) if len(fixed) else None
-    return DESCENTS[method](moments, generators, Terms(stopping, movable, project, watch=watch))
-
-
-def along_hilbert_curve(
-    density: NDArray[np.float32], n_generators: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def along_hilbert_curve(density: NDArray[np.float32], n_generators: int, rng: np.random.Generator) -> Points:
     """Draw (K, 2) places, in pixels, in the order of a Hilbert curve; each in one of K parts of equal rho^(1/2).
 
     In the plane a centroidal Voronoi tessellation of many generators has about rho^(1/2) of them in an area (Gersho's
@@ -260,7 +228,7 @@ def along_hilbert_curve(
     return places + rng.random(places.shape)
 
 
-def split_generators(generators: NDArray[np.float64], n_generators: int) -> NDArray[np.float64]:
+def split_generators(generators: Points, n_generators: int) -> Points:
     """Split each of (K, 2) generators into four that stand around it; leave out the last ones over `n_generators`."""
     from scipy.spatial import cKDTree
 

@@ -24,14 +24,13 @@ from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_alo
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
-from cvtimg.placement.figures import FigureMoments, Figures
-from cvtimg.placement.metrics import Gauge, LpGauge, MetricLike, PolygonGauge, as_gauge
+from cvtimg.placement.metrics import LpGauge, MetricLike, PolygonGauge, as_gauge
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, MOST_GENERATORS, check_apart, picture_moments, place_by_levels
 from cvtimg.placement.polygons import PictureRegion, as_region
 from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.result import Placement
-from cvtimg.placement.samples import SampleMoments
+from cvtimg.placement.samples import FigureMoments, Figures, SampleMoments
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
@@ -40,8 +39,6 @@ _FAINTEST, _GREATEST = 1e-30, 1e30
 _FOR_PIXELS = f"in {_FAINTEST:g}..{_GREATEST:g} where the region is a mask"
 #: Requirement for every density.
 _NOT_0 = "not be 0 everywhere in the region"
-
-
 #: Samples where cells are not integrated exactly, at least.
 _FEWEST_SAMPLES = 1 << 14
 
@@ -132,7 +129,13 @@ def place_generators(
         plain = fixed is None and on_boundary is None and gauge == LpGauge(2) and where.n_dims == 2
         allowed = "in the plane, with metric=2, none fixed or on the boundary"
         check_in_range("generators", generators, plain, allowed)
-        return _place_figures(where, weight, n_generators, generators, name, effort, random, Watch(callback))
+        # Around points that stand apart: figures that cross at the start would stay so.
+        samples, first = _samples(where, weight, n_generators, effort, random), Terms(EFFORTS["fast"].elsewhere)
+        drawn = draw_start(where, weight, n_generators, random)
+        apart = DESCENTS[name](SampleMoments(samples, LpGauge(2)), drawn, first).generators
+        begin = generators.start(apart, (where.measure / n_generators) ** 0.5, random)
+        terms = Terms(EFFORTS[effort].elsewhere, project=generators.project, watch=Watch(callback))
+        return Placement.of(DESCENTS[name](FigureMoments(samples, generators), begin, terms), where, generators)
     still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
     settings = EFFORTS[effort]
     terms = Terms(
@@ -143,14 +146,15 @@ def place_generators(
         watch=Watch(callback),
     )
     if isinstance(where, PictureRegion) and where.n_dims == 2 and gauge == LpGauge(2):
-        moments = picture_moments(_on_pixels(where, weight), n_generators)
-        end = place_by_levels(
-            moments, n_generators, fixed=still, method=name, effort=settings, rng=random, watch=terms.watch
-        )
+        moments, watch = picture_moments(_on_pixels(where, weight), n_generators), terms.watch
+        end = place_by_levels(moments, n_generators, still, name, settings, random, watch)
         if auto:
             end = DESCENTS[name](moments, end.generators, replace(terms, stopping=settings.in_picture))
         return Placement.of(end, where)
-    cells = _moments(where, weight, gauge, n_generators, effort, random)
+    if where.is_polygonal and gauge == LpGauge(2):
+        cells: CellMoments = PolygonMoments(where, weight)
+    else:
+        cells = SampleMoments(_samples(where, weight, n_generators, effort, random), gauge, where)
     ends = []
     for _ in range(settings.n_starts):
         start = np.concatenate([still, draw_start(where, weight, n_generators - len(still), random)])
@@ -203,14 +207,6 @@ def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
     return inside
 
 
-def _moments(
-    region: Region, density: Density, gauge: Gauge, n_generators: int, effort: EffortName, rng: np.random.Generator
-) -> CellMoments:
-    if region.is_polygonal and gauge == LpGauge(2):
-        return PolygonMoments(region, density)
-    return SampleMoments(_samples(region, density, n_generators, effort, rng), gauge, region)
-
-
 def _samples(region: Region, density: Density, n_generators: int, effort: EffortName, rng: np.random.Generator) -> Any:
     settings = EFFORTS[effort]
     n = int(np.clip(settings.samples * n_generators, _FEWEST_SAMPLES, settings.most_samples))
@@ -229,26 +225,3 @@ def draw_start(region: Region, density: Density, n_generators: int, rng: np.rand
     check_that("density", weights[-1] > 0, _NOT_0)
     own = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
     return points[np.minimum(own, len(points) - 1)]
-
-
-def _place_figures(
-    region: Region,
-    density: Density,
-    n_generators: int,
-    kind: Figures,
-    method: str,
-    effort: EffortName,
-    rng: np.random.Generator,
-    watch: Watch,
-) -> Placement:
-    samples = _samples(region, density, n_generators, effort, rng)
-    # Around points that stand apart: figures that cross at the start would stay so.
-    apart = DESCENTS[method](
-        SampleMoments(samples, LpGauge(2)),
-        draw_start(region, density, n_generators, rng),
-        Terms(EFFORTS["fast"].elsewhere),
-    )
-    start = kind.start(apart.generators, (region.measure / n_generators) ** 0.5, rng)
-    terms = Terms(EFFORTS[effort].elsewhere, project=kind.project, watch=watch)
-    end = DESCENTS[method](FigureMoments(samples, kind), start, terms)
-    return Placement.of(end, region, kind)

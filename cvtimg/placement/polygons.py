@@ -333,12 +333,7 @@ class PictureRegion(Region):
 
 
 class NearestPixel:
-    """Finds the nearest point of the pixels of a mask, for points outside of it, any number of times.
-
-    Parameters
-    ----------
-    mask : (H, W) or (L, H, W) bool array
-    """
+    """Finds the nearest point of the pixels of a mask, for points outside of it, any number of times."""
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:
         from scipy.spatial import cKDTree

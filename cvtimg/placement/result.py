@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.drawings import draw_dots
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.svg import draw_dots
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import CellMeasures, cell_rings, measure_cells, voronoi_cells
 from cvtimg.placement.descent import Descent
-from cvtimg.placement.figures import Figures
 from cvtimg.placement.polygons import PictureRegion
 from cvtimg.placement.regions import Box, Region
+from cvtimg.placement.samples import Figures
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -8,12 +8,12 @@ from .formats.polygons import cell_polygons as cell_polygons
 from .grids import EFFORTS as EFFORTS
 from .grids import GridEffort as GridEffort
 from .grids import sphere_grid as sphere_grid
-from .measures import GridMeasures as GridMeasures
-from .measures import measure_grid as measure_grid
 from .nesting import Cap as Cap
 from .nesting import nested_grid as nested_grid
 from .patches import move_in_patches as move_in_patches
+from .result import GridMeasures as GridMeasures
 from .result import SphereGrid as SphereGrid
+from .result import measure_grid as measure_grid
 from .triangulation import LEAST_DISTANCE as LEAST_DISTANCE
 from .triangulation import SphereCells as SphereCells
 from .triangulation import triangulate as triangulate

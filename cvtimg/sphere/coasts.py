@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg.sphere.cell_sums import SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -23,7 +22,7 @@ from cvtimg.sphere.densities import (
 from cvtimg.sphere.descent import polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
+from cvtimg.sphere.triangulation import Points, SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
 
 #: Coasts are smoothed by this part of the size of a cell; islands and lakes smaller than so many cells are left out.
 _SMOOTHING, _FEWEST_CELLS = 1.0, 6.0

@@ -8,7 +8,6 @@ Neural Information Processing Systems 27 (2014) 1332-1340.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
@@ -17,15 +16,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
 from cvtimg._shared.threads import in_parts
-from cvtimg.placement.quasi_newton import StepMemory
+from cvtimg.placement.descent import Projection, StepMemory
 from cvtimg.sphere import _sphere
-from cvtimg.sphere.cell_sums import Cells, SumCells
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
+from cvtimg.sphere.triangulation import Cells, Points, SphereTriangulation, SumCells, unit
 
 _Floats = NDArray[np.float64]
-
-#: Where points (N, 3) that have moved may be, given where they came from.
-Projection = Callable[[Points, Points], Points]
 
 #: How many steps are remembered; the rows of the products are these, the changes of the gradient, and the gradient.
 N_STEPS = 7
@@ -52,20 +47,9 @@ def block_size(n: int) -> int:
 
 
 class Stretch:
-    """Consecutive points of a triangulation that move by the steps that they remember.
+    """Consecutive points of a triangulation, its `own`, that move by the steps that they remember.
 
-    Parameters
-    ----------
-    mesh : SphereTriangulation
-        Of these points and others.
-    own : slice
-        Which they are.
-    sum_cells : callable
-        Integrates over cells.
-    block : int
-        Points whose sums are made first; the points begin with a block.
-    free : (N,) bool array or None
-        Which of them may move; None lets all.
+    Sums are made over blocks of points first; the points begin with a block. None of `free` (N,) lets all move.
     """
 
     def __init__(
@@ -247,22 +231,7 @@ def descend(
 ) -> Cells:
     """Move the points of a triangulation by limited-memory BFGS with capped steps; return the cells at the end.
 
-    Parameters
-    ----------
-    mesh : SphereTriangulation
-        Is changed.
-    sum_cells : callable
-        Integrates over cells.
-    most : int
-        Moves at most.
-    tolerance : float
-        It ends when points are no farther from centers of mass, by the sizes of cells.
-    free : (N,) bool array or None
-        Which points may move; None lets all.
-    project : callable or None
-        Brings moved points back to where they may be.
-    watch : Watch, optional
-        Called with the energy before each move.
+    It ends when free points are no farther than `tolerance` from centers of mass, by the sizes of cells.
     """
     whole = _Whole(mesh, sum_cells, free, project)
     follow(whole, most, tolerance, Watch() if watch is None else watch)
@@ -278,20 +247,9 @@ def polish_angles(
     free: NDArray[np.bool_] | None = None,
     project: Projection | None = None,
 ) -> None:
-    """Descend the sum of squares by which cosines of angles are out of bounds, with flips in between.
+    """Descend the sum of squares by which cosines of angles are out of bounds, in degrees, with flips in between.
 
-    Parameters
-    ----------
-    mesh : SphereTriangulation
-        Is changed.
-    sizes : (N,) array
-        Of the cells: roots of their areas.
-    most : int
-        Moves at most; it ends when no angle is out of bounds.
-    bounds : pair of float
-        For angles, in degrees.
-    free, project
-        As in `descend`.
+    Cells have `sizes` (N,), the roots of their areas. It ends when no angle is out of bounds.
     """
     least_cosine, largest_cosine = np.cos(np.radians(bounds[::-1]))
     for _ in range(most):

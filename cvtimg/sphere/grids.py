@@ -12,12 +12,20 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.placement.densities import ConstantDensity
-from cvtimg.sphere.cell_sums import Cells, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, check_sphere_points, unit
+from cvtimg.sphere.triangulation import (
+    Cells,
+    Points,
+    SphereTriangulation,
+    SumCells,
+    WeightedCells,
+    check_sphere_points,
+    uniform_cells,
+    unit,
+)
 
 #: More points than this have more edges than 32 bits number.
 MOST_POINTS = 1 << 28

@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least, check_that
 from cvtimg._shared.iteration import Watch
-from cvtimg.sphere.cell_sums import UNIFORM_ENERGY, SumCells, WeightedCells, uniform_cells
 from cvtimg.sphere.densities import Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import Stretch, block_size, follow
 from cvtimg.sphere.grids import as_grid
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, SphereTriangulation
+from cvtimg.sphere.triangulation import (
+    UNIFORM_ENERGY,
+    Points,
+    SphereTriangulation,
+    SumCells,
+    WeightedCells,
+    uniform_cells,
+)
 
 _Indices = NDArray[np.intp]
 

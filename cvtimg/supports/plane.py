@@ -76,23 +76,11 @@ def _in_windows(
     near = sight.around(centers, diagonals)
     tips = _within(sight.tips, centers, 2 * halves)
     n_lines = 4 + int((near.lengths() + (others.lengths() + 1) * (1 + tips.lengths())).max())
+    bounds = np.ascontiguousarray(sight.region.bounds).reshape(4)
     return _supports.find_reaches(
-        points,
-        who.astype(np.int32),
-        order,
-        windows,
-        np.ascontiguousarray(sight.region.bounds).reshape(4),
-        *others,
-        sight.barriers,
-        sight.n_boundary,
-        *near,
-        sight.tips,
-        *tips,
-        sight.blocking,
-        sight.tolerance,
-        sight.slack,
-        n_lines,
-    )
+        points, who.astype(np.int32), order, windows, bounds, *others, sight.barriers, sight.n_boundary, *near,
+        sight.tips, *tips, sight.blocking, sight.tolerance, sight.slack, n_lines,
+    )  # fmt: skip
 
 
 def _neighbors(points: _Floats, who: NDArray[np.intp], extents: _Floats, tree: object) -> Rows:

@@ -67,19 +67,9 @@ def find_gaps(points: _Floats, radii: _Floats, sight: Sight, order: int) -> Gaps
     ]
     looked_at = Places(*(np.concatenate([part[at] for part in parts]) for at in range(3)))
     places, without = np.ascontiguousarray(looked_at.places), np.ascontiguousarray(looked_at.without, np.int32)
-    depths = _supports.count_depths(
-        places,
-        looked_at.owners.astype(np.int32),
-        without,
-        points,
-        radii,
-        *meets,
-        sight.barriers,
-        *near,
-        sight.tolerance,
-        0.0,
-        order,
-    )
+    owners = looked_at.owners.astype(np.int32)
+    given = places, owners, without, points, radii, *meets, sight.barriers, *near, sight.tolerance, 0.0, order
+    depths = _supports.count_depths(*given)
     few = np.flatnonzero(depths < order)
     few = few[_inside(sight, places[few])]
     return Gaps(places[few], order - depths[few], without[few])

@@ -3,12 +3,12 @@ from .files import as_surface as as_surface
 from .files import read_surface as read_surface
 from .files import read_vertex_density as read_vertex_density
 from .implicit import ImplicitSurface as ImplicitSurface
-from .measures import SurfaceMeasures as SurfaceMeasures
-from .measures import measure_surface as measure_surface
+from .implicit import torus as torus
 from .placing import EFFORTS as EFFORTS
 from .placing import surface_points as surface_points
+from .result import SurfaceMeasures as SurfaceMeasures
 from .result import SurfacePoints as SurfacePoints
-from .shapes import torus as torus
+from .result import measure_surface as measure_surface
 from .surface import Surface as Surface
 from .surface import TriangulatedSurface as TriangulatedSurface
 from .surface import VertexDensity as VertexDensity

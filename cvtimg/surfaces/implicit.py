@@ -1,4 +1,4 @@
-"""Surfaces where a function is 0."""
+"""Surfaces where a function is 0, and one with a name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_finite, check_places, check_positive, check_shape, check_that
+from cvtimg._shared.checks import check_finite, check_in_range, check_places, check_positive, check_shape, check_that
 from cvtimg.placement import Box
 from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
@@ -105,3 +105,39 @@ class ImplicitSurface(Surface):
         vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
         faces = np.ascontiguousarray(found[1], np.int32)
         return SurfaceTriangulation(*divide_fans(vertices, faces))
+
+
+def torus(major: float = 1.0, minor: float = 0.4) -> ImplicitSurface:
+    """Make a torus around the z axis.
+
+    Parameters
+    ----------
+    major : float
+        Radius of the circle in the middle of the tube.
+    minor : float
+        Radius of the tube, less than `major`.
+
+    Returns
+    -------
+    ImplicitSurface
+
+    Examples
+    --------
+    >>> from cvtimg.surfaces import torus
+    >>> torus().triangulation.euler_characteristic
+    0
+    """
+    major, minor = check_positive("major", major), check_positive("minor", minor)
+    check_in_range("minor", minor, minor < major, f"less than major={major}")
+
+    def distance(points: Points) -> Points:
+        return np.asarray(np.hypot(np.hypot(points[:, 0], points[:, 1]) - major, points[:, 2]) - minor)
+
+    def gradient(points: Points) -> Points:
+        around = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-300)
+        middle = np.stack([points[:, 0] / around, points[:, 1] / around, np.zeros(len(points))], axis=1)
+        steps = points - major * middle
+        return np.asarray(steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300))
+
+    reach = np.array([major + minor, major + minor, minor]) + 0.1 * minor
+    return ImplicitSurface(distance, -reach, reach, gradient=gradient, spacing=minor / 6)

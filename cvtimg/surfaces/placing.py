@@ -1,4 +1,7 @@
-"""Place points on a surface: collapse edges of fine triangles, then move points and flip edges (Lloyd's method)."""
+"""Place points on a surface: collapse edges of fine triangles, then move points and flip edges (Lloyd's method).
+
+On surfaces with a boundary, cells are sums over samples, and end where the surface does.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that, refuse_type
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.sums import sum_by_label
+from cvtimg.engine.samples import WeightedSamples
+from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
-from cvtimg.surfaces.sampled import place_by_samples
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
@@ -48,6 +53,8 @@ _REST = 10
 #: Points whose triangles would fold stay, and those around them if that folds others, at most so far around.
 _RETREATS = 4
 _MOST_POINTS = 1 << 24
+#: Cosine of the angle from which on a triangle is flat.
+_FLAT = -0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,3 +274,69 @@ def _energy(fine: SurfaceTriangulation, points: Points, density: Density) -> flo
         distances, _ = tree.query(middles)
         total += float((areas * density(middles) * distances**2).sum()) / 3
     return total
+
+
+def place_by_samples(
+    surface: Surface, fine: SurfaceTriangulation, weights: Values, n: int, moves: int, least: float
+) -> tuple[Points, Triangles, Values, float, int]:
+    """Move points to the centers of mass of the samples nearest to them, projected to the surface.
+
+    Samples, with their weights (N,), are the vertices of fine triangles, which are small beside cells.
+    """
+    from scipy.spatial import KDTree
+
+    # Centers of mass in space, near the surface, to start from; then those that are on it.
+    points = tessellate(WeightedSamples(fine.points.copy(), weights.copy(), in_order=False), n).generators
+    face = fine.face_of_each()
+    whole = KDTree(fine.points)
+    sizes, move = np.ones(n), 0
+    points, _, _ = surface.nearest(points, face[whole.query(points)[1]], fine)
+    area = fine.vertex_areas()
+    while True:
+        _, labels = KDTree(points).query(fine.points)
+        masses = sum_by_label(labels, weights, n)
+        heavy = masses > 0
+        sums = sum_by_label(labels, fine.points, n, weights)
+        centers = np.where(heavy[:, None], sums / np.where(heavy, masses, 1)[:, None], points)
+        sizes = np.sqrt(np.maximum(sum_by_label(labels, area, n), 1e-300))
+        there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
+        offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
+        if offset <= least or move == moves:
+            return points, _without_flat(points, _dual(labels, fine.triangles)), masses, offset, move
+        points, move = there, move + 1
+
+
+def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
+    """Join points whose cells meet in a triangle.
+
+    Where the same three cells meet in several triangles, those that go around in opposite directions cancel out: what
+    is left has no holes, as it is the image of a surface that has none.
+    """
+    corners = labels[triangles]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    first = np.argmin(corners, axis=1)
+    turned = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1)
+    direction = np.where(turned[:, 1] < turned[:, 2], 1, -1)
+    keys, where = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    sums = np.bincount(where.ravel(), direction, len(keys))
+    found = np.where((sums < 0)[:, None], keys[:, [0, 2, 1]], keys)
+    return np.ascontiguousarray(found[np.abs(sums) > 0.5], np.int32)
+
+
+def _without_flat(points: Points, triangles: Triangles) -> Triangles:
+    """Leave out flat triangles at the boundary, where cells that are long beside it meet far outside of them."""
+    while len(triangles):
+        mesh = SurfaceTriangulation(points, triangles)
+        corner = np.flatnonzero(mesh.twins.ravel() < 0)  # where an edge of the boundary begins
+        face, k = corner // 3, corner % 3
+        start, end, apex = (triangles[face, (k + step) % 3] for step in range(3))
+        one, other = points[start] - points[apex], points[end] - points[apex]
+        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+        # An apex inside comes to the boundary; one that is there would be its end on both sides.
+        flat = (np.einsum("ij,ij->i", one, other) < _FLAT * lengths) & ~np.isin(apex, start)
+        _, first = np.unique(apex[flat], return_index=True)
+        if not len(first):
+            break
+        triangles = np.delete(triangles, face[flat][first], axis=0)
+    return triangles

@@ -104,21 +104,7 @@ def split_long_edges(
     limits: Callable[[Points], NDArray[np.float64]],
     on_surface: Callable[[Points], Points],
 ) -> tuple[Points, Triangles]:
-    """Halve edges until none is longer than allowed.
-
-    Parameters
-    ----------
-    points, triangles
-        The surface.
-    limits : callable
-        From (N, 3) points to the (N,) lengths that edges there may have.
-    on_surface : callable
-        Moves the middles of edges to the surface.
-
-    Returns
-    -------
-    points, triangles
-    """
+    """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface."""
     allowed = limits(points)
     triangles = np.ascontiguousarray(triangles)
     for _ in range(_ROUNDS):

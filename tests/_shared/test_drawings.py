@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 import cvtimg
-from cvtimg._shared.drawings import MOST_SHAPES, draw_dots, draw_lines, draw_solid, edges_of, seen_from
+from cvtimg._shared.svg import MOST_SHAPES, draw_dots, draw_lines, draw_solid, edges_of, seen_from
 from cvtimg.placement import PictureRegion
 from cvtimg.surfaces import torus
 

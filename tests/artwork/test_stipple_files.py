@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from cvtimg import read_image, stipple
-from cvtimg.artwork.stipple_files import MARKS
+from cvtimg.artwork.stipples import MARKS
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (40, 1))
 STIPPLES = stipple(RAMP, 150, dots="sized")

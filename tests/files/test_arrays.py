@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cvtimg.artwork.stipple_files import PenDots, write_table
+from cvtimg.artwork.stipples import PenDots, write_table
 from cvtimg.bases import read_basis, reduced_basis
 from cvtimg.engine.checkpoints import Checkpoint
 from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays

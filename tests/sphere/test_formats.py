@@ -253,8 +253,7 @@ def icosahedral(n_bisections: int) -> NDArray[np.float64]:
 
 
 def test_weights_reproduce_a_solid_rotation_the_better_the_finer_the_grid() -> None:
-    from cvtimg.sphere.formats.connectivity import connect
-    from cvtimg.sphere.formats.geometry import measure, tangential_weights
+    from cvtimg.sphere.formats.geometry import connect, measure, tangential_weights
 
     errors = []
     for points in (icosahedral(2), icosahedral(3)):

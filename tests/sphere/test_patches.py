@@ -9,10 +9,9 @@ import pytest
 
 from cvtimg import sphere_grid
 from cvtimg.sphere import Refinement, move_in_patches
-from cvtimg.sphere.cell_sums import uniform_cells
 from cvtimg.sphere.descent import N_STEPS, _Whole, descend
 from cvtimg.sphere.patches import _Patches
-from cvtimg.sphere.triangulation import SphereTriangulation, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, uniform_cells, unit
 
 GRID = sphere_grid(6000, effort="fast", polish=False)
 

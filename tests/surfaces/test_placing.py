@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, KDTree
 
 from cvtimg import surface_points
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, measure_surface, torus
-from cvtimg.surfaces.sampled import _without_flat
+from cvtimg.surfaces.placing import _without_flat
 
 Points = NDArray[np.float64]
 

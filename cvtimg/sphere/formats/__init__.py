@@ -1,4 +1,4 @@
-"""Files of grids of the sphere, a format a module."""
+"""Files of grids of the sphere."""
 
 from __future__ import annotations
 
@@ -6,15 +6,42 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
 from cvtimg._shared.checks import refuse
+from cvtimg.files.text_tables import csv_text
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.sphere.formats.geometry import GridContent
-from cvtimg.sphere.formats.mpas import write_mpas
+from cvtimg.sphere.formats.geometry import GridContent, latitudes_longitudes
+from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
-from cvtimg.sphere.formats.tables import write_graph, write_table
-from cvtimg.sphere.formats.ugrid import write_scrip, write_ugrid
 
 __all__ = ["GRID_FORMATS", "GridContent", "grid_format", "write_grid"]
+
+
+def write_table(file: BinaryIO, grid: GridContent) -> None:
+    """Write a row for each generator: longitude in -180..180 and latitude, place, area, neighbors and density."""
+    areas = grid.geometry.cell_areas * grid.radius**2
+    latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(grid.points))
+    columns = {
+        "lon": (longitudes + 180) % 360 - 180,
+        "lat": latitudes,
+        **dict(zip("xyz", grid.points.T * grid.radius, strict=True)),
+        "area": areas,
+        "neighbors": grid.around.degrees,
+        "density": grid.density,
+    }
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    file.write(csv_text(columns, rows).encode())
+
+
+def write_graph(file: BinaryIO, grid: GridContent) -> None:
+    """Write the graph of cells for METIS, which divides it among processes: neighbors of each, numbered from 1."""
+    around = grid.around
+    lines = [f"{len(grid.points)} {len(around.halves)}"]
+    for row, degree in zip((around.cells_on_cell + 1).tolist(), around.degrees.tolist(), strict=True):
+        lines.append(" ".join(map(str, row[:degree])))
+    file.write(("\n".join(lines) + "\n").encode())
+
 
 #: The registry of formats: end of the file's name to the function that writes it; longer ends come first.
 GRID_FORMATS: dict[str, Callable[[BinaryIO, GridContent], None]] = {

@@ -1,4 +1,4 @@
-"""NetCDF files, in the classic format with 64-bit offsets, which every netCDF library reads."""
+"""Grids as netCDF, in the classic format with 64-bit offsets, which every library reads: MPAS, UGRID and SCRIP."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes, tangential_weights
 
 #: Types of netCDF's classic format.
 _TYPES = {"f": np.float64, "i": np.int32}
@@ -46,3 +48,164 @@ def _describe(described: Any, attributes: Mapping[str, Any]) -> None:
     """Set attributes; floating point numbers in double precision, as other programs read them."""
     for key, value in attributes.items():
         setattr(described, key, np.float64(value) if isinstance(value, float) else value)
+
+
+def write_mpas(file: BinaryIO, grid: GridContent) -> None:
+    """Write a mesh of the Model for Prediction Across Scales, which ocean and atmosphere models start from.
+
+    MPAS Mesh Specification, version 1.0 (2015). Indices begin with 1; 0 stands for none.
+    """
+    around, geometry = grid.around, grid.geometry
+    edges_on_edge, weights = tangential_weights(around, geometry)
+    most = around.outgoing.shape[1]
+    dimensions = {
+        "Time": None,
+        "nCells": len(grid.points),
+        "nEdges": len(around.halves),
+        "nVertices": len(grid.triangles),
+        "maxEdges": most,
+        "maxEdges2": 2 * most,
+        "TWO": 2,
+        "vertexDegree": 3,
+    }
+    variables = {}
+    for name, places in (("Cell", grid.points), ("Edge", geometry.edges), ("Vertex", geometry.vertices)):
+        along: tuple[str, ...] = ({"Cell": "nCells", "Edge": "nEdges", "Vertex": "nVertices"}[name],)
+        latitudes, longitudes = latitudes_longitudes(places)
+        variables[f"lat{name}"] = Variable(along, latitudes)
+        variables[f"lon{name}"] = Variable(along, longitudes)
+        for axis, coordinates in zip("xyz", places.T, strict=True):
+            variables[f"{axis}{name}"] = Variable(along, coordinates * grid.radius)
+        variables[f"indexTo{name}ID"] = Variable(along, np.arange(1, len(places) + 1, dtype=np.int32))
+    cells, cell_table = ("nCells",), ("nCells", "maxEdges")
+    edges, edge_pairs, edge_table = ("nEdges",), ("nEdges", "TWO"), ("nEdges", "maxEdges2")
+    vertices, vertex_table = ("nVertices",), ("nVertices", "vertexDegree")
+    area = grid.radius**2
+    variables |= {
+        "nEdgesOnCell": Variable(cells, around.degrees),
+        "nEdgesOnEdge": Variable(edges, (edges_on_edge >= 0).sum(axis=1, dtype=np.int32)),
+        "cellsOnCell": Variable(cell_table, around.cells_on_cell + 1),
+        "edgesOnCell": Variable(cell_table, around.edges_on_cell + 1),
+        "verticesOnCell": Variable(cell_table, around.vertices_on_cell + 1),
+        "cellsOnEdge": Variable(edge_pairs, around.cells_on_edge + 1),
+        "verticesOnEdge": Variable(edge_pairs, around.vertices_on_edge + 1),
+        "edgesOnEdge": Variable(edge_table, edges_on_edge + 1),
+        "weightsOnEdge": Variable(edge_table, weights),
+        "cellsOnVertex": Variable(vertex_table, around.cells_on_vertex + 1),
+        # Entry k is the edge between cells k - 1 and k, as the official converter has it.
+        "edgesOnVertex": Variable(vertex_table, np.roll(around.edges_on_vertex, 1, axis=1) + 1),
+        "kiteAreasOnVertex": Variable(vertex_table, geometry.kites * area),
+        "areaCell": Variable(cells, geometry.cell_areas * area),
+        "areaTriangle": Variable(vertices, geometry.triangle_areas * area),
+        "dcEdge": Variable(edges, geometry.cell_distances * grid.radius),
+        "dvEdge": Variable(edges, geometry.edge_lengths * grid.radius),
+        "angleEdge": Variable(edges, geometry.angles),
+        "meshDensity": Variable(cells, grid.density / grid.density.max()),
+    }
+    attributes = {
+        "on_a_sphere": "YES",
+        "sphere_radius": float(grid.radius),
+        "is_periodic": "NO",
+        "mesh_spec": "1.0",
+        "Conventions": "MPAS",
+        "source": "cvtimg",
+        "file_id": _identity(grid),
+        "history": "",
+    }
+    write_netcdf(file, dimensions, variables, attributes)
+
+
+def _identity(grid: GridContent) -> str:
+    """Ten characters that stand for the grid: a hash, so that equal grids have equal files."""
+    from hashlib import sha256
+
+    return sha256(grid.points.tobytes() + grid.triangles.tobytes()).hexdigest()[:10]
+
+
+def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
+    """Write the UGRID conventions, version 1.0: coordinates in degrees, indices from 0."""
+    around, geometry = grid.around, grid.geometry
+    dimensions = {
+        "n_face": len(grid.points),
+        "n_node": len(grid.triangles),
+        "n_edge": len(around.halves),
+        "n_max_face_nodes": around.outgoing.shape[1],
+        "two": 2,
+    }
+    # The edge and the face after node j, as the conventions have it.
+    tables: dict[str, tuple[tuple[str, ...], Indices]] = {
+        "face_nodes": (("n_face", "n_max_face_nodes"), around.vertices_on_cell),
+        "face_edges": (("n_face", "n_max_face_nodes"), _moved_by_one(around.edges_on_cell, around.degrees)),
+        "face_faces": (("n_face", "n_max_face_nodes"), _moved_by_one(around.cells_on_cell, around.degrees)),
+        "edge_nodes": (("n_edge", "two"), around.vertices_on_edge),
+        "edge_faces": (("n_edge", "two"), around.cells_on_edge),
+    }
+    roles = {name: f"{name.removesuffix('s')}_connectivity" for name in tables}
+    mesh = {
+        "cf_role": "mesh_topology",
+        "long_name": "Voronoi cells of the generators",
+        "topology_dimension": np.int32(2),
+        **{f"{place}_coordinates": f"{place}_lon {place}_lat" for place in ("node", "face", "edge")},
+        **{role: name for name, role in roles.items()},
+        "face_dimension": "n_face",
+        "edge_dimension": "n_edge",
+    }
+    variables = {
+        "mesh": Variable((), np.int32(0), mesh),
+        **_coordinates("node", geometry.vertices),
+        **_coordinates("face", grid.points),
+        **_coordinates("edge", geometry.edges),
+    }
+    for name, (along, table) in tables.items():
+        variables[name] = Variable(
+            along, table, {"cf_role": roles[name], "start_index": np.int32(0), "_FillValue": np.int32(-1)}
+        )
+    areas = geometry.cell_areas * grid.radius**2
+    for name, values, text in (
+        ("face_area", areas, "area of cells"),
+        ("density", grid.density, "density at generators"),
+    ):
+        variables[name] = Variable(("n_face",), values, {"long_name": text, "mesh": "mesh", "location": "face"})
+    attributes = {"Conventions": "CF-1.8 UGRID-1.0", "source": "cvtimg", "sphere_radius": float(grid.radius)}
+    write_netcdf(file, dimensions, variables, attributes)
+
+
+def write_scrip(file: BinaryIO, grid: GridContent) -> None:
+    """Write the format of SCRIP and ESMF's tools: cells by their corners, areas in steradians.
+
+    Cells with fewer corners than others repeat their last one.
+    """
+    around, geometry = grid.around, grid.geometry
+    last = around.vertices_on_cell[np.arange(len(grid.points)), around.degrees - 1]
+    corners = np.where(around.vertices_on_cell < 0, last[:, None], around.vertices_on_cell)
+    latitudes, longitudes = latitudes_longitudes(geometry.vertices)
+    center_latitudes, center_longitudes = latitudes_longitudes(grid.points)
+    size, table = ("grid_size",), ("grid_size", "grid_corners")
+    radians = {"units": "radians"}
+    variables = {
+        "grid_dims": Variable(("grid_rank",), np.array([len(grid.points)], np.int32)),
+        "grid_center_lat": Variable(size, center_latitudes, radians),
+        "grid_center_lon": Variable(size, center_longitudes, radians),
+        "grid_corner_lat": Variable(table, latitudes[corners], radians),
+        "grid_corner_lon": Variable(table, longitudes[corners], radians),
+        "grid_imask": Variable(size, np.ones(len(grid.points), np.int32), {"units": "unitless"}),
+        "grid_area": Variable(size, geometry.cell_areas, {"units": "radians^2"}),
+    }
+    dimensions = {"grid_size": len(grid.points), "grid_corners": corners.shape[1], "grid_rank": 1}
+    write_netcdf(file, dimensions, variables, {"Conventions": "SCRIP", "title": "cvtimg", "source": "cvtimg"})
+
+
+def _coordinates(name: str, places: Values) -> dict[str, Variable]:
+    latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(places))
+    return {
+        f"{name}_lat": Variable((f"n_{name}",), latitudes, {"standard_name": "latitude", "units": "degrees_north"}),
+        f"{name}_lon": Variable((f"n_{name}",), longitudes, {"standard_name": "longitude", "units": "degrees_east"}),
+    }
+
+
+def _moved_by_one(table: Indices, degrees: Indices) -> Indices:
+    """Begin each row of a table about neighbors with its second entry, and end it with the first."""
+    moved = np.roll(table, -1, axis=1)
+    moved[:, -1] = -1
+    moved[np.arange(len(table)), degrees - 1] = table[:, 0]
+    return moved

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.geojson import collection, feature
 from cvtimg.files.vtu import POLYGON, vtu_content
-from cvtimg.sphere.formats.connectivity import Indices
-from cvtimg.sphere.formats.geometry import GridContent, Values, latitudes_longitudes
+from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
 
 #: Decimals of degrees: about a centimeter on the earth.
 _DECIMALS = 7
