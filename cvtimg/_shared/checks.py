@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection
-from typing import Any, NoReturn, TypeVar
+from functools import wraps
+from typing import Any, NoReturn, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +17,11 @@ from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 
 _T = TypeVar("_T")
 _Name = TypeVar("_Name", bound=str)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+#: What an image must have.
+_COUNTING = "have at least one pixel that counts: finite, not masked, and in the mask"
 #: What people call arguments in other libraries.
-_MEANT = {"k": "n_colors", "n_clusters": "n_colors", "colors": "n_colors", "seed": "rng", "random_state": "rng"}
+_MEANT = dict.fromkeys(("k", "n", "n_clusters", "colors"), "n_") | dict.fromkeys(("seed", "random_state"), "rng")
 
 
 def check_choice(name: str, value: _Name, choices: Collection[str]) -> _Name:
@@ -132,9 +136,23 @@ def check_keywords(function: Callable[..., object], given: Collection[str], know
 
             own = [one.name for one in signature(function).parameters.values() if one.kind is not one.VAR_KEYWORD]
             options = [*own[1:], *sorted(known)]
-            meant = _MEANT.get(name) or next(iter(get_close_matches(name, options, 1, 0.75)), None)
+            usual = [option for option in options if option.startswith(_MEANT.get(name, " "))]
+            meant = next(iter(usual or get_close_matches(name, options, 1, 0.75)), None)
             hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(options)}"
             raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}{hint}")
+
+
+def hints_at_keywords(function: _Function) -> _Function:
+    """Let a function name the parameter that was likely meant by a keyword argument that it does not have."""
+    code = function.__code__
+    known = frozenset(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
+
+    @wraps(function)
+    def checked(*arguments: Any, **options: Any) -> Any:
+        check_keywords(function, options.keys() - known, ())
+        return function(*arguments, **options)
+
+    return cast("_Function", checked)
 
 
 def refuse_path(name: str, value: object) -> None:
@@ -292,7 +310,7 @@ def check_pixels(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray
         array = array.astype(np.float32 if array.dtype.itemsize < 4 else np.float64)
     array = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False)).view(np.ndarray)
     if inside is not None:
-        check_that(name, inside.any(), "have at least one pixel that is in the mask and finite")
+        check_that(name, inside.any(), _COUNTING)
         array = array.copy()
         array[~inside] = array[inside][0]
     return array, inside
@@ -358,7 +376,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
     _check_mask_shape(inside, name, array)
     if not np.all(finite):
         inside = inside & np.all(np.reshape(finite, array.shape), axis=2)
-    check_that(name, inside.any(), "have at least one pixel that is in the mask and finite, and not masked")
+    check_that(name, inside.any(), _COUNTING)
     return array, inside
 
 

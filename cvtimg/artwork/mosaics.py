@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_positive,
     check_within,
+    hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
@@ -252,6 +253,7 @@ class Mosaic(ReadOnly):
         return f"Mosaic({len(self.colors)} {self.shape} in {width} x {height}, energy={self.energy:.4g})"
 
 
+@hints_at_keywords
 def mosaic(
     image: Any,
     n_cells: int,

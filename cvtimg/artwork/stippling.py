@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_needs
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_needs, hints_at_keywords
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, disk_area, ink_coverage, palette_coverages, process_coverages
@@ -17,6 +17,7 @@ from cvtimg.artwork.tours import find_tour
 MAX_INK = 0.9
 
 
+@hints_at_keywords
 def stipple(
     image: Any,
     n_dots: int,

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_count
+from cvtimg._shared.checks import check_count, hints_at_keywords
 from cvtimg._shared.records import ReadOnly
 from cvtimg.bases.reduction import nearest_members
 from cvtimg.bases.sketch import sketch
@@ -40,6 +40,7 @@ class KeyFrames(ReadOnly):
     masses: NDArray[np.int64]
 
 
+@hints_at_keywords
 def key_frames(
     film: Any, n_frames: int | Literal["auto"], *, passes: int = 4, rng: int | np.random.Generator = 0
 ) -> KeyFrames:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, hints_at_keywords
 from cvtimg._shared.records import ReadOnly
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
@@ -197,6 +197,7 @@ def read_basis(path: StrPath) -> Basis:
     return Basis(**{**values, "shape": tuple(int(side) for side in values["shape"])})
 
 
+@hints_at_keywords
 def reduced_basis(
     snapshots: Any,
     n_modes: int | Literal["auto"],

@@ -26,6 +26,7 @@ from cvtimg.batch.report import complain, reason
 from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text
 from cvtimg.options import options_of
+from cvtimg.options.common import SECTIONS
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
 __all__ = ["app", "command_of", "explain"]
@@ -69,8 +70,14 @@ class _Command(TyperCommand):
             with formatter.section("Arguments"):
                 formatter.write_dl([(argument.display_name_raw, argument.help or "") for argument in arguments])
         options = [one for one in self.get_params(ctx) if not isinstance(one, TyperArgument)]
-        with formatter.section("Options"):
-            formatter.write_dl([record for one in options if (record := one.get_help_record(ctx))])
+        sections: dict[str, list[tuple[str, str]]] = {"Options": [], **{section: [] for section in SECTIONS}}
+        for one in options:
+            section = next((title for title, names in SECTIONS.items() if one.name in names.split()), "Options")
+            sections[section] += filter(None, [one.get_help_record(ctx)])
+        for title, records in sections.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
 
     def _arguments(self) -> list[TyperArgument]:
         return [one for one in self.params if isinstance(one, TyperArgument)]

@@ -23,6 +23,7 @@ from cvtimg._shared.checks import (
     check_returned,
     check_shape,
     check_that,
+    hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.records import ReadOnly
@@ -114,6 +115,7 @@ class Design(ReadOnly):
             np.save(file, self.points)
 
 
+@hints_at_keywords
 def design(
     n_points: int,
     bounds: int | ArrayLike,

@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
     check_density,
     check_non_negative,
     check_rows,
+    hints_at_keywords,
     raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
@@ -152,6 +153,7 @@ class EnergyCurve(ReadOnly):
         return picks
 
 
+@hints_at_keywords
 def energy_curve(
     samples: Any,
     n_max: int = 64,

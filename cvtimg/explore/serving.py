@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import signal
 import socket
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import current_thread, main_thread
 
 from cvtimg._shared.messages import one_line
 from cvtimg.explore.guard import ENTRANCE, Credentials
@@ -78,9 +81,29 @@ def serve(
         watch.cancel()
 
     try:
-        asyncio.run(run())
+        with _signals_end():
+            asyncio.run(run())
     finally:
         server.store.close()
+
+
+@contextmanager
+def _signals_end() -> Iterator[None]:
+    """Let SIGTERM, and SIGHUP of a closed terminal, raise SystemExit, so that what follows cleans up."""
+
+    def end(number: int, _: object) -> None:
+        raise SystemExit(128 + number)
+
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers if current_thread() is main_thread()}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 async def _end_when_idle(running: object, server: object, seconds: float) -> None:

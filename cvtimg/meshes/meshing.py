@@ -16,6 +16,7 @@ from cvtimg._shared.checks import (
     check_places,
     check_positive,
     check_that,
+    hints_at_keywords,
     refuse,
 )
 from cvtimg._shared.extras import optional
@@ -82,6 +83,7 @@ _SMOOTHING, _POWER = 2, 8
 _EVEN_AGAIN = 0.55
 
 
+@hints_at_keywords
 def mesh_region(
     region: Any,
     *,
@@ -179,6 +181,7 @@ def mesh_region(
 _TOLERANCE = 0.7
 
 
+@hints_at_keywords
 def mesh_labels(
     labels: ArrayLike,
     image: Any = None,

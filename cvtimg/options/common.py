@@ -178,6 +178,18 @@ ENGINE = (
 
 # The run
 
+#: The sections of --help after the options of the verb itself.
+SECTIONS = {
+    "Outputs": (
+        "output out_dir ext in_place write overwrite skip_if_larger keep_metadata optimize save_palette mean edges "
+        "overlay contours table coco tree strengths cuts edge_mode line_color line_width subpixel simplify properties "
+        "labels sheet plot over view csv generators measures"
+    ),
+    "Reading": "mask nodata page channel_axis max_pixels columns missing",
+    "Search": "effort method init volume_power seed passes",
+    "Run": "as_json quiet report skip_existing jobs dask help",
+}
+
 #: Of every verb: whether to replace files, and what to print.
 RUN = (
     switch("overwrite", "Replace existing outputs, but never an input."),

@@ -99,7 +99,7 @@ SEGMENT = (
         excludes=_BY_COLOR,
     ).on_page(
         "Edge weight",
-        "Penalty per pixel of border: larger values give smoother segments. Auto follows the noise.",
+        "Penalty for each pair of nearby pixels in different segments: smoother ones. Auto follows the noise.",
         slider=(0, 100),
         step=0.5,
         most=10**6,

@@ -16,6 +16,7 @@ from cvtimg._shared.checks import (
     check_places,
     check_shape,
     check_that,
+    hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
@@ -43,6 +44,7 @@ _NOT_0 = "not be 0 everywhere in the region"
 _FEWEST_SAMPLES = 1 << 14
 
 
+@hints_at_keywords
 def place_generators(
     region: Any,
     n_generators: int,

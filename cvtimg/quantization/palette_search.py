@@ -221,7 +221,7 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
 
 def check_room(n_colors: int, least: int) -> None:
     """Refuse a size beyond the largest palette, or below the number of colors that must be in it."""
-    check_count("n_colors", n_colors, MAX_COLORS, "the largest palette")
+    check_count("n_colors", n_colors, MAX_COLORS, "the size of the largest palette")
     check_at_least("n_colors", n_colors, least, "for locked colors, opaque and transparent pixels")
 
 

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_excluded, check_non_negative
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_edge_weight,
+    check_excluded,
+    check_non_negative,
+    hints_at_keywords,
+)
 from cvtimg._shared.choices import AutoEffortName, AveragingName, SpaceName
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
@@ -23,6 +30,7 @@ from cvtimg.segmentation.averaging import Averaging, as_averaging
 __all__ = ["Restoration", "restore"]
 
 
+@hints_at_keywords
 def restore(
     images: Sequence[Any],
     n_generators: int | str = "auto",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_non_negative, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
@@ -23,6 +23,7 @@ from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.values import picture_values
 
 
+@hints_at_keywords
 def superpixels(
     image: Any, n_superpixels: int, *, compactness: float = 10, space: SpaceName = "rgb", mask: ArrayLike | None = None
 ) -> Segmentation:

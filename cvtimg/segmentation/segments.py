@@ -8,7 +8,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_needs, check_non_negative
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_excluded,
+    check_needs,
+    check_non_negative,
+    hints_at_keywords,
+)
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
@@ -27,6 +34,7 @@ _MAX_SEGMENTS = 1 << 16
 _BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
 
 
+@hints_at_keywords
 def segment(
     image: Any,
     n_segments: int | Literal["auto"],

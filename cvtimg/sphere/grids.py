@@ -8,7 +8,15 @@ from warnings import warn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_excluded, check_fewer, check_in_range, check_shape
+from cvtimg._shared.checks import (
+    check_at_least,
+    check_choice,
+    check_excluded,
+    check_fewer,
+    check_in_range,
+    check_shape,
+    hints_at_keywords,
+)
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.placement.densities import ConstantDensity
@@ -76,6 +84,7 @@ EFFORTS: dict[str, GridEffort] = {
 }
 
 
+@hints_at_keywords
 def sphere_grid(
     n: int,
     *,

@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape, check_that
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_in_range,
+    check_places,
+    check_shape,
+    check_that,
+    hints_at_keywords,
+)
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
@@ -125,6 +133,7 @@ class Supports(ReadOnly):
         return sight.sees(self.points, own, places)
 
 
+@hints_at_keywords
 def support_radii(
     points: ArrayLike,
     region: Any,

@@ -13,7 +13,14 @@ from warnings import warn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that, refuse_type
+from cvtimg._shared.checks import (
+    check_at_least,
+    check_choice,
+    check_in_range,
+    check_that,
+    hints_at_keywords,
+    refuse_type,
+)
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.sums import sum_by_label
 from cvtimg.engine.samples import WeightedSamples
@@ -73,6 +80,7 @@ EFFORTS: dict[str, SurfaceEffort] = {
 }
 
 
+@hints_at_keywords
 def surface_points(
     surface: Any,
     n: int,

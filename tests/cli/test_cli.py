@@ -28,7 +28,7 @@ from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
 from cvtimg.labels.edges import EDGE_MODES
 from cvtimg.options import options_of
-from cvtimg.options.common import MAX_COLORS
+from cvtimg.options.common import MAX_COLORS, SECTIONS
 from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io
 from cvtimg.pictures import image_info
@@ -548,6 +548,22 @@ def test_choices_are_those_of_the_registries(choices: str, registry: Collection[
     option = next(option for option in options_of(verb) if option.name == name)
     assert isinstance(option.kind, Choice)
     assert sorted(option.kind.names) == sorted(registry)
+
+
+def test_each_option_is_in_one_section_of_the_help(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    every = {option.name: option for verb in COMMANDS for option in options_of(verb)}
+    sections = [name for names in SECTIONS.values() for name in names.split()]
+    assert len(sections) == len(set(sections))
+    assert {*sections} <= every.keys() | {"help"}
+    for verb in ("segment", "sphere"):
+        text = run(verb, "--help").out.split("  Examples:")[0]
+        outputs = text.split("\nOutputs:\n")[1].split("\n\n")[0]
+        for option in options_of(verb):
+            if option.words:
+                shown = rf"^  (-\S+, )?{option.words[0]}(?![-\w]).*"
+                assert len(re.findall(shown, text, re.MULTILINE)) == 1
+                assert bool(re.search(shown, outputs, re.MULTILINE)) == (option.name in SECTIONS["Outputs"].split())
 
 
 def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

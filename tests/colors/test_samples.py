@@ -95,7 +95,7 @@ def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: NDA
         (np.zeros(5, np.uint8), ValueError, r"image of shape \(5,\) must be"),
         (np.zeros((0, 4), np.uint8), ValueError, r"image of shape \(0, 4\) must be"),
         (np.zeros((2, 2, 2, 2), np.uint8), ValueError, "must be"),
-        (np.full((2, 2), np.nan), ValueError, "image must have at least one pixel that is in the mask and finite"),
+        (np.full((2, 2), np.nan), ValueError, "image must have at least one pixel that counts"),
         (np.full((2, 2), np.inf, np.float32), ValueError, "image must have at least one pixel"),
         (np.full((2, 2), 1j), TypeError, "image of type complex128 must be"),
         (np.full((2, 2), "a"), TypeError, "image of type <U1 must be"),

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import signal
 import struct
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Timer
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +26,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from cvtimg.explore import TABS, store
+from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import Server, static_files
 from cvtimg.explore.guard import Credentials
 
@@ -440,3 +444,19 @@ def test_all_tabs_are_described(page: TestClient) -> None:
         for control in tab["controls"]:
             assert control["label"]
             assert set(control["when"]) <= set(names)
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_uploads_go_when_a_signal_ends_the_server(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def soon(_: str) -> None:
+        assert any(tmp_path.iterdir())
+        Timer(0.1, os.kill, [os.getpid(), number]).start()
+
+    with pytest.raises(SystemExit, match=str(128 + number)):
+        serve(browser=False, say=soon)
+    assert not any(tmp_path.iterdir())
+    assert signal.getsignal(number) == before

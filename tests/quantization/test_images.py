@@ -78,7 +78,7 @@ def test_pictures_of_any_shape_get_at_most_the_colors_asked(picture: NDArray[Any
 @pytest.mark.parametrize(
     ("n_colors", "error", "message"),
     [
-        (0, ValueError, r"n_colors=0 must be in 1\.\.65536, the largest palette"),
+        (0, ValueError, r"n_colors=0 must be in 1\.\.65536, the size of the largest palette"),
         (65537, ValueError, r"n_colors=65537 must be in 1\.\.65536"),
         ("4", TypeError, "n_colors='4' must be an integer"),
     ],

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_partial_image
+from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors.spaces import SPACES
@@ -42,6 +42,7 @@ _HARDLY_ANY, _MOST = 0.15, 2 / 3
 _EXPLAINED = 2 / 3
 
 
+@hints_at_keywords
 def segment_hierarchy(
     image: Any, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
 ) -> RegionHierarchy:
