@@ -36,10 +36,8 @@ class Sketch:
 
 
 def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generator) -> Sketch:
-    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number.
-
-    Sums over blocks are taken in a fixed order, so the same blocks give the same bits on every machine of a kind.
-    """
+    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number."""
+    # Sums over blocks are taken in a fixed order, so the same blocks give the same bits on every machine of a kind.
     rank = min(rank, snapshots.n_snapshots, snapshots.n_dims)
     directions = rng.standard_normal((snapshots.n_dims, rank), np.float32).astype(snapshots.dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.

@@ -37,11 +37,9 @@ _PATIENCE = 10
 
 
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
-    """Yield the index and the outcome of each task as it completes.
-
-    The address of the scheduler is "tcp://HOST:PORT", whose workers need the same paths of inputs and outputs as this
-    process, or "local" for a cluster of `n_workers` processes, each with one thread. `attempt` never raises.
-    """
+    """Yield the index and the outcome of each task as it completes."""
+    # The address of the scheduler is "tcp://HOST:PORT", whose workers need the same paths of inputs and outputs as this
+    # process, or "local" for a cluster of `n_workers` processes, each with one thread. `attempt` never raises.
     with _client(address, n_workers) as client:
         from distributed import as_completed, wait
 

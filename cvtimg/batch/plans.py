@@ -47,12 +47,10 @@ def plan_each(
     beside: bool = False,
     suffixes: frozenset[str] | None = None,
 ) -> Plan:
-    """Plan a task for each input, with the files to write for it and those (`joint`) to write once for all together.
-
-    The output of a pipe, such as standard input, goes to standard output unless it is named. If inputs in one folder
-    differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png. `beside` allows
-    outputs of several inputs without `out_dir`; `suffixes` are those of inputs in a folder elsewhere.
-    """
+    """Plan a task for each input, with the outputs that its options name; see `find` for the inputs."""
+    # The output of a pipe, such as standard input, goes to standard output unless it is named. If inputs in one folder
+    # differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png. Joint outputs are
+    # written once for all inputs; `beside` allows outputs of several inputs without `out_dir`, beside them.
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     inputs = list(inputs)
     folders = [_root(text) for text in inputs if glob.has_magic(text) or Path(text).is_dir()]
@@ -97,12 +95,11 @@ def find(
     out_dir: Path | None = None,
     suffixes: frozenset[str] | None = None,
 ) -> tuple[dict[Path, Path], Missing]:
-    """Find the files that arguments name, each once, with the folder for its outputs; and the arguments that name none.
-
-    That is its own folder, or the one in `out_dir` that mirrors its place below the folder or pattern that named it, or
-    below the working folder if a list did. If `out_dir` is inside an input folder, its files come from an earlier run
-    and are not inputs. "-" is standard input; "@FILE" and "@-" are lists of names, one per line or between zero bytes.
-    """
+    """Find the files that arguments name, each with the folder for its outputs, and the arguments that name none."""
+    # Arguments are files, folders and patterns; "-" is standard input, "@FILE" a file that lists names, one per line or
+    # separated by zero bytes, and "@-" such a list on standard input. Outputs go to the folder of the file, or to the
+    # one in `out_dir` that mirrors its place below what named it. Files in an `out_dir` inside an input folder come
+    # from an earlier run, and are no inputs. The suffixes are those of inputs in a folder elsewhere.
     sources: dict[Path, Path] = {}
     missing: Missing = []
     outside = Path(os.path.realpath(out_dir)) if out_dir else None
@@ -174,10 +171,8 @@ def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Pa
 
 
 def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = False) -> None:
-    """Refuse outputs that would replace a file that is read, or each other, or through a link a file elsewhere.
-
-    With `in_place` an output may replace its own input.
-    """
+    """Refuse outputs that would replace a file that is read, or each other, or through a link a file elsewhere."""
+    # With `in_place` an output may replace its own input.
     inputs = {_identity(path) for task in plan.tasks for path in task.sources}
     inputs |= {_identity(path) for path in plan.also_read}
     wanted = [
@@ -201,10 +196,8 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
 
 
 def _check_link(path: Path, folders: Sequence[Path], *, in_place: bool) -> None:
-    """Refuse to replace a file elsewhere through a symbolic link.
-
-    In place, the file may be anywhere in the folder that is an input; otherwise it may be beside the link.
-    """
+    """Refuse to replace a file elsewhere through a symbolic link."""
+    # In place, the file may be anywhere in the folder that is an input; otherwise it may be beside the link.
     given = [folder for folder in folders if folder in path.parents] if in_place else [path.parent]
     if is_remote(path) or not (path.is_symlink() or (in_place and given)):
         return

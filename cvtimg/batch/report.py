@@ -22,11 +22,10 @@ FILE_SUFFIXES = (".csv", ".jsonl")
 
 
 class Report:
-    """Collects the result of each input, prints it, and counts.
+    """Collects the result of each input, prints it, and counts."""
 
-    Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. Errors, and the
-    summary of several inputs, go to stderr.
-    """
+    # Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. Errors, and
+    # the summary of several inputs, go to stderr; if quiet, only errors.
 
     def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False) -> None:
         if as_json and quiet:
@@ -79,11 +78,9 @@ class Report:
         return ", ".join(f"{n} {status}" for status, n in self._counts.items())
 
     def write(self, path: Path, *, overwrite: bool, append: bool = False) -> None:
-        """Write a row for each input so far, whether done, skipped or failed, as .csv or .jsonl.
-
-        With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
-        inputs keep their old ones.
-        """
+        """Write a row for each input so far, whether done, skipped or failed, as .csv or .jsonl."""
+        # With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
+        # inputs keep their old ones.
         from cvtimg.files.whole import write_whole
 
         is_json = path.suffix.lower() == ".jsonl"
@@ -199,10 +196,8 @@ def complain(text: str) -> None:
 
 @contextmanager
 def progress(n_tasks: int, report: Report) -> Iterator[Callable[[Row | None], None]]:
-    """Show a progress bar on stderr, if that is a terminal that does not also show JSON.
-
-    Yields a function to call with the row of each completed input, or None for one that failed.
-    """
+    """Show a progress bar on stderr, if that is a terminal that does not also show JSON."""
+    # Yields a function to call with the row of each completed input, or None for one that failed.
     if n_tasks < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
         yield lambda row: None
         return

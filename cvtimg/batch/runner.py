@@ -54,10 +54,9 @@ class Running:
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
-    """Run all tasks of a plan, report each in their order, and return the exit status: 0, 1 or `INTERRUPTED`.
-
-    What is wrong with the plan, such as an output that would replace an input, is raised before anything is done.
-    """
+    """Run all tasks of a plan, report each in its order, and return the exit status: 0, 1 if some failed, or 130."""
+    # Raises WrongUsageError if an output would replace an input or another output, and OSError if a joint output cannot
+    # be written; nothing has been done then.
     check_plan(plan, running)
     skips = [running.skip_existing and _is_done(task) for task in plan.tasks]
     todo = [task for task, skip in zip(plan.tasks, skips, strict=True) if not skip]
@@ -100,10 +99,8 @@ class _InOrder:
             self._next += 1
 
     def end(self, started: float) -> None:
-        """Report what is done though earlier tasks are not, and outputs that are whole though no outcome tells of them.
-
-        These were written since `started` by a task that was interrupted before it could say so.
-        """
+        """Report what is done though earlier tasks are not, and outputs that are whole though no outcome says so."""
+        # These were written since `started` by a task that was interrupted before it could say so.
         for place in range(self._next, len(self._tasks)):
             task = self._tasks[place]
             if place not in self._known and task.outputs and not task.shown:

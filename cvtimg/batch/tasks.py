@@ -30,11 +30,10 @@ class InputsFailedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Inputs that are processed together, nearly always one, and the files to write, by option.
+    """Inputs that are processed together, nearly always one, and the files to write, by option."""
 
-    A task without inputs makes its outputs from options alone. `shown` has the names to show for temporary files that
-    stand for standard input and output.
-    """
+    # A task without inputs makes its outputs from options alone. `shown` has the names to show for temporary files that
+    # stand for standard input and output.
 
     sources: tuple[Path, ...]
     outputs: Mapping[str, Path] = field(default_factory=dict)

@@ -43,21 +43,9 @@ class PixelBlocks:
 
     @classmethod
     def of(cls, image: Any, nodata: float | None = None) -> PixelBlocks:
-        """Return an image in blocks.
-
-        Parameters
-        ----------
-        image : dask.array.Array or xarray.DataArray
-            A Dask array is (H, W), (H, W, C) or a stack (T, ..., H, W, C). The bands of a DataArray are its dimension
-            of one of the names in `BAND_DIMS`; any others, such as time, y and x, make the pixels.
-        nodata : float, optional
-            By default what the attributes of a DataArray say.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it is no such image.
-        """
+        """Return a Dask array or DataArray in blocks; `nodata` is by default what the attributes say."""
+        # A Dask array is (H, W), (H, W, C) or a stack (T, ..., H, W, C). The bands of a DataArray are its dimension of
+        # one of the names in `BAND_DIMS`; any others, such as time, y and x, make the pixels.
         da = dask_arrays()
         like, array = None, image
         if type(image).__module__.partition(".")[0] == "xarray":
@@ -85,10 +73,8 @@ class PixelBlocks:
         return add_up(parts, _counted, add, self.nodata, count, name="count", scheduler=scheduler)
 
     def mapped(self, function: Callable[[NDArray[Any]], NDArray[Any]], dtype: Any, n_bands: int | None = None) -> Any:
-        """Return what a function makes of the (n, C) pixels of each block that count, labeled as the image is.
-
-        It makes (n,) values, or (n, n_bands); pixels that do not count become 0.
-        """
+        """Return what a function makes of the (n, C) pixels of each block that count, labeled as the image is."""
+        # It makes (n,) values, or (n, n_bands); pixels that do not count become 0.
         from dask.delayed import delayed
 
         ndim = self.pixels.ndim - (n_bands is None)

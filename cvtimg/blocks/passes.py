@@ -57,13 +57,7 @@ class Block:
     weights: NDArray[Any] | None  # (n,)
 
     def pieces(self) -> Iterator[tuple[NDArray[Any], NDArray[np.float64]]]:
-        """Yield some rows at a time, of a type that the kernels read, with their weights.
-
-        Raises
-        ------
-        ValueError
-            If they are not finite, or a weight is negative.
-        """
+        """Yield some rows at a time, finite and of a type that the kernels read, with their weights, >= 0."""
         for start in range(0, len(self.rows), _PIECE_ROWS):
             part = slice(start, start + _PIECE_ROWS)
             rows = as_samples("samples", self.rows[part])
@@ -76,31 +70,10 @@ class Block:
 
 
 def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[T]], T], *shared: Any) -> T:
-    """Do work on each block, and return the sum.
-
-    Parameters
-    ----------
-    blocks : Blocks
-        What to work on.
-    work : callable
-        From a `Block` and what is shared to a value; picklable.
-    add : callable
-        From values of consecutive blocks, or sums of them, in their order to their sum; picklable.
-    *shared
-        What the work on every block needs: sent to each worker once.
-
-    Returns
-    -------
-    object
-        The sum over all blocks: the same bits wherever and in whatever order they were worked on.
-
-    Raises
-    ------
-    BlockError
-        If the work fails, a block cannot be read, or its workers were lost.
-    ConnectionError
-        If the cluster was lost.
-    """
+    """Return the sum of ``work(block, *shared)`` over the blocks: the same bits wherever they are worked on."""
+    # `add` takes values of consecutive blocks, or sums of them, in their order; both functions are picklable. What is
+    # shared is sent to each worker once. Raises BlockError if a block fails, and ConnectionError if the cluster was
+    # lost.
     parts = _delayed(blocks)
     lengths = blocks.lengths or (None,) * len(parts)
     name = getattr(work, "__name__", "work")
@@ -138,26 +111,8 @@ def map_rows(
     *,
     lengths: tuple[int, ...] | None = None,
 ) -> Any:
-    """Return what a function makes of the rows, as a Dask array that is computed when it is needed.
-
-    Parameters
-    ----------
-    blocks : Blocks
-        Rows; their weights are ignored.
-    function : callable
-        From (n, D) rows to (n,) or (n, n_columns) values of this type, row by row; picklable.
-    dtype : data type
-        Of the values.
-    n_columns : int, optional
-        Columns of the values; by default they have no second axis.
-    lengths : tuple of int, optional
-        Lengths of the blocks, where Dask does not know them.
-
-    Returns
-    -------
-    (N,) or (N, n_columns) dask.array.Array
-        In the same blocks. Computing it raises `BlockError` for a block that is not finite.
-    """
+    """Return what a function makes of (n, D) rows, (n,) or (n, n_columns) values, as a Dask array."""
+    # The function is picklable and works row by row. `lengths` are those of the blocks, where Dask does not know them.
     from dask.delayed import delayed
 
     tail = () if n_columns is None else ((n_columns,),)
@@ -173,13 +128,7 @@ def map_rows(
 
 
 def blocks_of(*arrays: Any) -> Iterator[tuple[NDArray[Any], ...]]:
-    """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time.
-
-    Raises
-    ------
-    BlockError, ConnectionError
-        As in `over_blocks`.
-    """
+    """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time."""
     parts = list(zip(*(array.to_delayed().ravel().tolist() for array in arrays), strict=True))
     for start in range(0, len(parts), _WIDTH):
         some = parts[start : start + _WIDTH]

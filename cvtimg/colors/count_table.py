@@ -13,13 +13,7 @@ TABLE_BYTES = 3
 
 
 class CountTable:
-    """Counts of pixels of up to three bytes: 2^24 counts, 64 MiB, in pages whose memory is touched at their first use.
-
-    Parameters
-    ----------
-    n_bytes : int
-        Bytes per pixel.
-    """
+    """Counts of pixels of up to three bytes: 2^24 counts, 64 MiB, in pages that take memory from their first use."""
 
     def __init__(self, n_bytes: int) -> None:
         n_pages = max(1, (1 << 8 * n_bytes) // _counting.PAGE_SIZE)

@@ -103,13 +103,7 @@ class Counter:
 
 
 def count_blocks(blocks: PixelBlocks, alpha: bool = False) -> Count:
-    """Return the distinct colors of an image in blocks, in a fixed order.
-
-    Raises
-    ------
-    ValueError
-        If no pixel counts.
-    """
+    """Return the distinct colors of an image in blocks, in a fixed order; some pixel must count."""
     count = blocks.total(partial(_count_pixels, alpha=alpha), add_counts)
     return count._replace(samples=in_fixed_order(count.of_some("is finite and not nodata")))
 
@@ -121,10 +115,8 @@ def _count_pixels(pixels: NDArray[Any], *, alpha: bool) -> Count:
 def count_picture(
     picture: StrPath | ArrayLike, depth: str | None = None, *, mask: ArrayLike | None = None
 ) -> ColorSamples:
-    """Count the colors of an image, at this many bits per sample, without `inverse`.
-
-    This is what workers exchange: a few megabytes for a photograph of any size.
-    """
+    """Count the colors of an image, at this many bits per sample, without `inverse`."""
+    # This is what workers exchange: a few megabytes for a photograph of any size.
     image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
     alpha = says_alpha(image)
     if depth:

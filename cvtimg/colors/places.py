@@ -83,10 +83,8 @@ def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[Any]) -> tuple[ND
 
 
 def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, NDArray[Any]]:
-    """Bring samples and given colors to the same channels: to grey if both are, to alpha if one of them has it.
-
-    Colors of two and four channels have alpha, unless the samples have as many bands without.
-    """
+    """Bring samples and given colors to the same channels: to grey if both are, to alpha if one of them has it."""
+    # Colors of two and four channels have alpha, unless the samples have as many bands without.
     given, n_channels = colors.shape[1], samples.colors.shape[1]
     n_colors = n_channels - samples.alpha
     if given == n_channels:

@@ -32,11 +32,9 @@ _LAST = Stopping(tolerance=0, max_iterations=1)
 def chain(
     points: Points, n_max: int, method: Method, conditions: Conditions, effort: SearchEffort | None = None
 ) -> list[Iteration]:
-    """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0.
-
-    The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
-    better end kept.
-    """
+    """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0."""
+    # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
+    # better end kept.
     ends: list[Iteration] = []
     for found in _over_fewer(points, n_max, method, conditions):
         end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)

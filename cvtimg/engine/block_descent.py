@@ -115,15 +115,7 @@ class Descent:
 
 
 def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Survey:
-    """Check all blocks, measure them, and draw a sample.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer rows than generators, or the weights are all 0.
-    BlockError
-        If a block is wrong.
-    """
+    """Check all blocks, measure them, and draw a sample; there must be as many rows as generators."""
     lengths = blocks.lengths or over_blocks(blocks, _length, _chained)
     check_count("n_generators", n_generators, sum(lengths), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
@@ -162,10 +154,8 @@ def descend(
     checkpoint: Checkpoint,
     energies: Sequence[float] = (),
 ) -> Descent:
-    """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them.
-
-    Empty cells, which are rare after a search, are refilled from the sample.
-    """
+    """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them."""
+    # Empty cells, which are rare after a search, are refilled from the sample.
     free = np.arange(len(generators)) >= conditions.n_locked
     frame = sample.frame
     known = list(energies)

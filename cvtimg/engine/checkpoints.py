@@ -24,13 +24,7 @@ class Checkpoint:
     job: str  # Names the samples and the options. The state of another job is refused.
 
     def load(self) -> tuple[NDArray[np.float64], list[float]] | None:
-        """Return what was saved, or None if there is no file.
-
-        Raises
-        ------
-        ValueError
-            If the file is of another job, or no checkpoint.
-        """
+        """Return what was saved, or None if there is no file; a file of another job is refused."""
         if self.path is None or not exists(self.path):
             return None
         try:

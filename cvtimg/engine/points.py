@@ -52,10 +52,9 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Weighted points in their frame, packed in tiles for the kernels.
+    """Weighted points in their frame, packed in tiles for the kernels."""
 
-    Only this module and the kernels know the layout of the tiles; others use the methods here.
-    """
+    # Only this module and the kernels know the layout of the tiles; others use the methods here.
 
     tiles: NDArray[np.float32]  # (n_tiles, D, TILE): the points; the last one is repeated to fill the last tile
     boxes: NDArray[np.float32]  # (n_tiles, 2, D): smallest and largest coordinates in each tile
@@ -96,10 +95,8 @@ def pack(
     frame: Frame | None = None,
     in_order: bool = False,
 ) -> Points:
-    """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one.
-
-    Rows are copied only here.
-    """
+    """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one."""
+    # Rows are copied only here.
     middle = _mean(rows, density) if center is None and frame is None else center
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
@@ -160,10 +157,8 @@ def _points(
 
 
 def coarsen(points: Points, factor: int) -> Points:
-    """Replace every `factor` consecutive points by their center of mass; `factor` divides the size of a tile.
-
-    Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
-    """
+    """Replace every `factor` consecutive points by their center of mass; `factor` divides the size of a tile."""
+    # Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
     n_tiles, n_dims, width = points.tiles.shape
     n_missing = -n_tiles % factor
     tiles = np.concatenate([points.tiles, np.repeat(points.tiles[-1:], n_missing, axis=0)])
@@ -184,11 +179,9 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
 
 
 def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.float32]]:
-    """Project points onto the subspace where they vary most, nearly; also return its (n_dims, D) orthonormal axes.
-
-    Two passes of a randomized range finder: N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288,
-    doi 10.1137/090771806.
-    """
+    """Project points onto the subspace where they vary most, nearly; also return its (n_dims, D) orthonormal axes."""
+    # Two passes of a randomized range finder: N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288,
+    # doi 10.1137/090771806.
     from threadpoolctl import threadpool_limits
 
     # One thread, because the bits of a product of matrices depend on the number of threads of the BLAS.
@@ -207,11 +200,9 @@ def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.fl
 def assign(
     points: Points, generators: NDArray[np.float64], *, offsets: NDArray[np.float64] | None = None
 ) -> NDArray[np.int32]:
-    """Label each point, padding included, with its nearest generator; the first one on a tie.
-
-    The nearest generator z of a point y has the least ``offset - y . z``, where the offset is ``|z|^2 / 2``. With other
-    (K,) `offsets` this is the least affine function of y.
-    """
+    """Label each point, padding included, with its nearest generator; the first one on a tie."""
+    # The nearest generator z of a point y has the least ``offset - y . z``, where the offset is ``|z|^2 / 2``. With
+    # other (K,) `offsets` this is the least affine function of y.
     single, half_norms = _for_kernels(generators)
     if offsets is not None:
         half_norms = offsets.astype(np.float32)
@@ -236,10 +227,8 @@ def assign(
 def assign_two(
     points: Points, generators: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
-    """Return the nearest and the second nearest generator of each point, and how much farther the second is.
-
-    The third array is the difference of the two squared distances.
-    """
+    """Return the nearest and the second nearest generator of each point, and how much farther the second is."""
+    # The third array is the difference of the two squared distances.
     labels, seconds = np.empty((2, len(points.density)), np.int32)
     gaps = np.empty(len(points.density), np.float32)
     single, half_norms = _for_kernels(generators)
@@ -271,10 +260,8 @@ def cell_moments(
 def energy(
     about_origin: float, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
 ) -> float:
-    """Return the sum of density times squared distance to the own generator, from the moments of the cells.
-
-    `about_origin` is that to the origin. Below the fraction `SMALL_ENERGY` of it the moments cancel.
-    """
+    """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
+    # `about_origin` is that to the origin. Below the fraction `SMALL_ENERGY` of it the moments cancel.
     cross = np.einsum("kd,kd->", generators, sums)
     norms = np.einsum("k,kd,kd->", masses, generators, generators)
     return float(max(about_origin - 2 * cross + norms, 0.0))

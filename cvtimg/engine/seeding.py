@@ -57,11 +57,9 @@ class _Cells:
 
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Divide the cells of highest energy at their mean, across their main axis, until there are enough.
-
-    Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
-    (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the highest energy.
-    """
+    """Divide the cells of highest energy at their mean, across their main axis, until there are enough."""
+    # Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
+    # (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the highest energy.
     if points.n_dims <= _MOST_DIMS:
         return _divided(points, n_generators)[0].means
     labels = _divided(in_main_subspace(points, _MOST_DIMS)[0], n_generators)[1]
@@ -143,10 +141,8 @@ def divide_worst(
 
 
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy.
-
-    D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
-    """
+    """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy."""
+    # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
     n_draws = 2 + int(np.log(n_generators))
     chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
     nearest = _distances(points, chosen[0], np.full(len(points.density), np.inf, np.float32))
@@ -163,11 +159,9 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
 
 
 def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Take the point nearest to the mean, then repeatedly the point farthest from those taken.
-
-    Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985),
-    doi 10.1016/0304-3975(85)90224-5.
-    """
+    """Take the point nearest to the mean, then repeatedly the point farthest from those taken."""
+    # Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985), doi
+    # 10.1016/0304-3975(85)90224-5.
     weighted = points.density > 0
     from_mean = _distances_to(points, np.zeros(points.n_dims, np.float32), np.full(len(weighted), np.inf, np.float32))
     chosen = [int(np.argmin(np.where(weighted, from_mean, np.inf)))]

@@ -39,10 +39,9 @@ class Walk(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """Stretches of a walk from junction to junction, or around a ring without one.
+    """Stretches of a walk from junction to junction, or around a ring without one."""
 
-    Each line is walked as two pieces, once in each direction.
-    """
+    # Each line is walked as two pieces, once in each direction.
 
     starts: _Index  # (p,): the steps of each piece
     stops: _Index

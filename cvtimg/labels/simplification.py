@@ -26,11 +26,9 @@ _ON_LINE = 1e-3
 def simplify(
     lines: Sequence[_Points], tolerance: float, spoiled: Callable[[Sequence[_Points]], NDArray[np.intp]]
 ) -> list[_Points]:
-    """Leave out points within `tolerance` of the line that remains, by the method of Douglas and Peucker.
-
-    Lines that sweep over a point of another line, or are `spoiled`, are simplified again with half the tolerance until
-    they are neither. First and last points stay.
-    """
+    """Leave out points within `tolerance` of the line that remains, by the method of Douglas and Peucker."""
+    # Lines that sweep over a point of another line, or are `spoiled`, are simplified again with half the tolerance
+    # until they are neither. First and last points stay.
     tolerances = np.full(len(lines), float(tolerance))
     simple = [_shorter(line, tolerance) for line in lines]
     suspects = list(range(len(lines)))

@@ -59,51 +59,14 @@ def dither(
     allowed: ArrayLike | None = None,
     inside: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int32]:
-    """Choose entries of a palette for the pixels of an image, so that their mean over an area is that of the image.
-
-    Parameters
-    ----------
-    places : (M, D) array
-        Place of each distinct color of the image in the space where distances are measured, D in 1..4.
-    inverse : (H, W) int32 array
-        Index of the color of each pixel, as in `ColorSamples`.
-    palette : (K, D) array
-        Place of each entry of the palette, K in 1..65536.
-    method : str
-        "floyd-steinberg" hands the error of each pixel to its neighbors, in alternating directions row by row.
-        "edge-aware" does the same in smooth transitions only: text, flat areas and edges keep the nearest entries.
-        "blue-noise" and "bayer-2", "bayer-4", "bayer-8", "bayer-16" mix entries for each color, of which a mask picks
-        one: a pixel depends only on its own color and place, so that still parts of an animation stay still.
-    strength : float
-        Fraction of the error that is handed on, in 0..1. At 0 each pixel gets its nearest entry. At 1 no error is
-        lost unless the palette cannot mix a color; errors beyond three times the widest gap of the palette, which only
-        such colors reach, are shortened to that. Up to 0.9 the limit is the usual step between entries.
-    kinds : (M,) array of int, optional
-        Kind of each color, where not every color may take every entry.
-    allowed : (n_kinds, K) array of bool, optional
-        Which entries a color of each kind may take, at least one. A kind with a single entry hands on no error.
-    inside : (H, W) bool array, optional
-        Pixels between which errors are handed on; by default all.
-
-    Returns
-    -------
-    (H, W) int32 array
-        Index of the entry of each pixel; the first on a tie.
-
-    References
-    ----------
-    R. W. Floyd, L. Steinberg, "An adaptive algorithm for spatial grey scale", Proc. Society for Information Display
-    17 (1976) 75-77. R. Ulichney, "The void-and-cluster method for dither array generation", Proc. SPIE 1913 (1993)
-    332-343, doi 10.1117/12.152707. T. Knoll, "Pattern dithering", US patent 6606166, expired (mixing of entries).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> grey = np.zeros((4, 8), np.int32)
-    >>> chosen = dither(np.array([[0.25]]), grey, np.array([[0.0], [1.0]]), strength=1)
-    >>> float(chosen.mean())
-    0.25
-    """
+    """Choose (H, W) entries of a palette so that the mean of an area is that of the image; the first on a tie."""
+    # Colors are (M, D) places, D in 1..4, with the (H, W) index of each pixel among them, and entries (K, D) places. A
+    # color of each of the (M,) kinds may take the entries `allowed`, (n_kinds, K). Errors are handed on between the
+    # pixels `inside`. At strength 1 no error is lost unless the palette cannot mix a color; errors beyond three times
+    # the widest gap, which only such colors reach, are shortened to that. Up to 0.9 the limit is the usual step between
+    # entries.
+    # Sources: R. W. Floyd, L. Steinberg, Proc. Society for Information Display 17 (1976) 75-77; R. Ulichney, Proc. SPIE
+    # 1913 (1993) 332-343, doi 10.1117/12.152707 (blue noise); T. Knoll, US patent 6606166, expired (mixing of entries).
     chosen = DITHERS[check_choice("method", method, DITHERS)]
     check_in_range("strength", strength, 0 <= strength <= 1, "in 0..1")
     kinds = np.zeros(len(places), np.uint8) if kinds is None else np.asarray(kinds, np.uint8)
@@ -139,11 +102,10 @@ def _floyd_steinberg(job: Job) -> NDArray[np.int32]:
 
 
 def _edge_aware(job: Job) -> NDArray[np.int32]:
-    """Diffuse errors in smooth transitions alone; connected pixels of one color are dithered together or not at all.
-
-    Most borders of such a piece are small steps in a smooth transition. In large pieces these must be tiny: others are
-    flat areas of text and drawings. What touches a flat area, as the smoothed rims of letters do, stays clean with it.
-    """
+    """Diffuse errors in smooth transitions alone; connected pixels of one color are dithered together or not at all."""
+    # Most borders of such a piece are small steps in a smooth transition. In large pieces these must be tiny: others
+    # are flat areas of text and drawings. What touches a flat area, as the smoothed rims of letters do, stays clean
+    # with it.
     from cvtimg.labels.components import connected_pieces
 
     pieces = connected_pieces(job.inverse + np.int32(1))
@@ -213,16 +175,8 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
 
 @cache
 def bayer_mask(side: int) -> NDArray[np.uint8]:
-    """Return the (side, side) Bayer matrix; the side is a power of two up to 16.
-
-    B. E. Bayer, "An optimum method for two-level rendition of continuous-tone pictures", IEEE International Conference
-    on Communications 1 (1973) 26.11-26.15.
-
-    Examples
-    --------
-    >>> bayer_mask(4).tolist()
-    [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]
-    """
+    """Return the (side, side) Bayer matrix; the side is a power of two up to 16."""
+    # B. E. Bayer, IEEE International Conference on Communications 1 (1973) 26.11-26.15.
     mask = np.zeros((1, 1), np.int64)
     while len(mask) < side:
         mask = np.block([[4 * mask, 4 * mask + 2], [4 * mask + 3, 4 * mask + 1]])
@@ -246,10 +200,9 @@ DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
 
 
 def _usual_step(palette: NDArray[np.float32]) -> float:
-    """Return the root of the mean squared distance from an entry to the nearest other one.
-
-    Longer errors come mostly from colors that the palette cannot mix. They would add up and end as spots of far colors.
-    """
+    """Return the root of the mean squared distance from an entry to the nearest other one."""
+    # Longer errors come mostly from colors that the palette cannot mix. They would add up and end as spots of far
+    # colors.
     if len(palette) == 1:
         return 0.0
     some = np.arange(0, len(palette), max(1, len(palette) ** 2 // _COMPARISONS))

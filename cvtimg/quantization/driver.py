@@ -154,13 +154,10 @@ class Search(Generic[R]):
     per_octave: float
 
     def reach(self, target: float, most: int | Any) -> dict[bool, R]:
-        """Return the result with the fewest colors whose value reaches the target, under True.
-
-        Under False is the result with one color less; either can be missing.
-
-        A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is what
-        `quantize` returns for its size: starting from another trial would end at a higher energy.
-        """
+        """Return the result with the fewest colors whose value reaches the target, under True."""
+        # Under False is the result with one color less; either can be missing.
+        # A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is
+        # what `quantize` returns for its size: starting from another trial would end at a higher energy.
         least = max(fixed_colors(one, self.how.locked)[2] for one in self.source.counted)
         check_room(most, least)
         n = _FIRST_TRIAL
@@ -181,10 +178,8 @@ class Search(Generic[R]):
 def first_reaching(
     measure: Callable[[int], float], target: float, least: int, most: int, *, first: int, per_octave: float
 ) -> int:
-    """Return an n in least..most with measure(n) >= target where measure(n - 1) is below it; most + 1 if none is.
-
-    `measure` grows with n, more or less, from n to 2 n by about `per_octave`; each trial is expensive.
-    """
+    """Return an n in least..most with measure(n) >= target where measure(n - 1) is below it; most + 1 if none is."""
+    # `measure` grows with n, more or less, from n to 2 n by about `per_octave`; each trial is expensive.
     below, reaching = least - 1, most + 1
     n = min(max(first, least), most)
     trials: list[tuple[int, float]] = []

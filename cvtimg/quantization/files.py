@@ -508,10 +508,8 @@ def _pages(job: _Job, header: ImageInfo) -> QuantizedFile:
 def _stored_pages(
     pages: Pages, result: QuantizedFrames, *, keeps_nodata: bool
 ) -> tuple[Pages, NDArray[np.uint8] | None]:
-    """Return pages as they are written: indices and their palette, or colors.
-
-    Pixels that are left out become transparent, but in types without transparency, and where they are nodata.
-    """
+    """Return pages as they are written: indices and their palette, or colors."""
+    # Pixels that are left out become transparent, but in types without transparency, and where they are nodata.
     first = result.results[0].palette
     left_out = any(one.inside is not None for one in result.results)
     eight_bit = first.dtype == np.uint8 and first.shape[1] in (1, 3)

@@ -37,10 +37,8 @@ class Grid(NamedTuple):
 def nearest_grid(
     places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_], near: float, far: float
 ) -> Grid:
-    """Cover the (M, 4) places of colors and their surroundings with cells; `allowed` are the entries of each kind.
-
-    Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
-    """
+    """Cover the (M, 4) places of colors and their surroundings with cells; `allowed` are the entries of each kind."""
+    # Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
     low, high = places.min(axis=0), places.max(axis=0)
     varies = np.minimum(low, palette.min(axis=0)) < np.maximum(high, palette.max(axis=0))
     margin = np.where(varies, np.float32(1.01 * near) + np.float32(1e-5) * high.max(), np.float32(0))

@@ -256,11 +256,9 @@ def _keep_opaque(
     end: float,
     rest: Stopping,
 ) -> NDArray[np.float64]:
-    """Make the generators of mostly opaque cells opaque, and move all generators until they converge.
-
-    `kinds` are those of the places and of the locked generators, which come first. Opaque places belong to the nearest
-    opaque generator, whose last coordinate is `end`. No step raises the energy.
-    """
+    """Make the generators of mostly opaque cells opaque, and move all generators until they converge."""
+    # `kinds` are those of the places and of the locked generators, which come first. Opaque places belong to the
+    # nearest opaque generator, whose last coordinate is `end`. No step raises the energy.
     generators, labels = tessellation.generators.copy(), tessellation.labels
     n_generators, n_locked = len(generators), len(kinds[1])
     free = np.arange(n_generators) >= n_locked

@@ -254,10 +254,8 @@ def map_samples(
 
 
 def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[np.int32]]:
-    """Let a transparent color that was put first take the place of one without pixels, if indices would need more bits.
-
-    This is said in a warning, as the palette is no longer the one that was given.
-    """
+    """Let a transparent color that was put first replace one without pixels, if indices would need more bits."""
+    # This is said in a warning, as the palette is no longer the one that was given.
     n_given = len(colors) - 1
     idle = np.flatnonzero(np.bincount(labels.ravel(), minlength=len(colors))[1:] == 0) + 1
     said = "palette has no transparent color: one is put first, for the transparent pixels"

@@ -37,11 +37,9 @@ _SAMPLED_ROWS, _SAMPLED_PIXELS = 32, 1 << 20
 
 
 def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions:
-    """Leave out each version where it departs from the median of all, which the majority decides.
-
-    Only pixels that three or more versions know can be judged. Where all depart, as where two versions stand against
-    two, nothing is left out. `noise`, (S,), is the standard deviation of the noise of each version, > 0.
-    """
+    """Leave out each version where it departs from the median of all, which the majority decides."""
+    # Only pixels that three or more versions know can be judged. Where all depart, as where two versions stand against
+    # two, nothing is left out. `noise`, (S,), is the standard deviation of the noise of each version, > 0.
     if versions.n_versions < 3 or versions.coverage.max() < 3:
         return versions
     scales = _scales(versions, noise)
@@ -56,11 +54,9 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions
 
 
 def without_background(versions: Versions, noise: NDArray[np.float64]) -> Versions:
-    """Leave out each version that shows the background where another shows something else.
-
-    Everything that any version shows is then kept, even if others hide it: the union of all. The background is the most
-    frequent color.
-    """
+    """Leave out each version that shows the background where another shows something else."""
+    # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
+    # most frequent color.
     background = _commonest_color(versions)
     n_bands = len(background)
     scales = np.repeat((noise[:, None] / _SIDES)[:, :, None], n_bands, axis=2).astype(np.float32)
@@ -97,10 +93,8 @@ class _Part:
         return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
 
     def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
-        """(h, W) where a version departs by a residual, (h, W, C), by more than noise would.
-
-        `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
-        """
+        """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
+        # `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
         from scipy.ndimage import uniform_filter
 
         known = self.known[version] & np.isfinite(residual[..., 0])
@@ -141,10 +135,8 @@ def _stacked(versions: Versions, rows: slice | NDArray[np.intp]) -> Floats:
 
 
 def _scales(versions: Versions, noise: NDArray[np.float64]) -> Floats:
-    """(S, sides, C) standard deviations by which the mean of each version in a window departs from the median anyway.
-
-    That is its noise, or more where versions differ all over: in exposure, or because they do not line up.
-    """
+    """(S, sides, C) standard deviations by which the means of versions in windows depart from the median anyway."""
+    # That is its noise, or more where versions differ all over: in exposure, or because they do not line up.
     from scipy.ndimage import uniform_filter
 
     rows = _sampled_rows(versions)
@@ -172,10 +164,8 @@ def _sampled_rows(versions: Versions) -> NDArray[np.intp]:
 
 
 def _largest_by_chance(n_dims: int) -> float:
-    """Return the square of white noise in so many dimensions that is exceeded as rarely as `_RARE` deviations in one.
-
-    E. Wilson, M. Hilferty, PNAS 17 (1931) 684-688, doi 10.1073/pnas.17.12.684.
-    """
+    """Return the square of white noise in `n_dims` dimensions, exceeded as rarely as `_RARE` deviations in one."""
+    # E. Wilson, M. Hilferty, PNAS 17 (1931) 684-688, doi 10.1073/pnas.17.12.684.
     part = 2 / (9 * n_dims)
     return float(n_dims * (1 - part + _RARE * np.sqrt(part)) ** 3)
 

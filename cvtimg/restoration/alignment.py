@@ -22,15 +22,12 @@ _BLUR = 1.0
 
 
 def align(versions: Versions) -> tuple[Versions, NDArray[np.float64]]:
-    """Register versions and shift them to the place of the first; pixels that a shift uncovers are unknown.
-
-    Masked phase correlation finds whole pixels. Fractions, which it cannot find, follow by least squares over the
-    pixels that both versions know, so that neither holes nor painted-over parts bias them. Return also (S, 2) pixels by
-    which each version was moved, down and to the right.
-
-    D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for the correlation; B. Lucas
-    and T. Kanade, IJCAI 1981, pp. 674-679, for the least squares.
-    """
+    """Register versions and shift them to the place of the first; pixels that a shift uncovers are unknown."""
+    # Masked phase correlation finds whole pixels. Fractions, which it cannot find, follow by least squares over the
+    # pixels that both versions know, so that neither holes nor painted-over parts bias them. Return also (S, 2) pixels
+    # by which each version was moved, down and to the right.
+    # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for the correlation; B. Lucas
+    # and T. Kanade, IJCAI 1981, pp. 674-679, for the least squares.
     shifts = np.zeros((versions.n_versions, 2))
     pictures = [_grey(versions, version) for version in range(versions.n_versions)]
     values, known = versions.values.copy(), versions.known.copy()

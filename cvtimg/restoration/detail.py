@@ -141,10 +141,8 @@ def _parts(side: int) -> list[slice]:
 def _unclipped(
     versions: Versions, trust: NDArray[np.float64], variance: float, fused: Floats, weight: Floats, estimate: Floats
 ) -> tuple[Floats, Floats]:
-    """Fuse versions again without what clipping has done to each, given an estimate of what they show.
-
-    Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
-    """
+    """Fuse versions again without what clipping has done to each, given an estimate of what they show."""
+    # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     white = versions.white
     if white is None:
         return fused, weight

@@ -30,10 +30,8 @@ class Evidence:
     channels: bool  # whether versions share segments but no colors
 
     def variances(self, data: Versions, gain: float = 1.0) -> list[float]:
-        """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions.
-
-        The data are the versions, averaged so that this part of the variance of the noise, `gain`, is left.
-        """
+        """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
+        # The data are the versions, averaged so that this part of the variance of the noise, `gain`, is left.
         known = np.isfinite(self.noise)
         found = [float((self.trust * self.noise**2)[known].mean()) * gain] if known.any() else []
         apart = np.nan if self.channels else disagreement(data, self.trust)

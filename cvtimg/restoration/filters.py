@@ -76,11 +76,9 @@ class Block:
 
 
 def filtered(noisy: Noisy, blocks: Sequence[Block], from_estimate: bool) -> Floats:
-    """(H, W, C) image, from patches filtered by group, of blocks that do not overlap.
-
-    Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are of.
-    Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
-    """
+    """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
+    # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
+    # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
     estimate = noisy.estimate
     usual = noisy.usual_variance
     # The filters of a large image are made again for each round: together they would fill the memory.

@@ -35,11 +35,9 @@ class MaskedCells:
 def masked_cells(
     values: Floats, weights: Floats, labels: NDArray[np.int32], n_generators: int, *, volume_power: float = 0
 ) -> MaskedCells:
-    """Lower the sum over all pixels and channels of weight times squared distance to the generator.
-
-    Values (H, W, D) are finite, best with a mean near 0, and weights (H, W, D) >= 0; a pixel without any weight keeps
-    its label. Labels are in 1..n_generators. Cells count by their share of the pixels to the volume power.
-    """
+    """Lower the sum over all pixels and channels of weight times squared distance to the generator."""
+    # Values (H, W, D) are finite, best with a mean near 0, and weights (H, W, D) >= 0; a pixel without any weight keeps
+    # its label. Labels are in 1..n_generators. Cells count by their share of the pixels to the volume power.
     rows, loads = values.reshape(-1, values.shape[2]), weights.reshape(-1, values.shape[2])
     known: NDArray[np.bool_] = np.asarray(loads.any(axis=1))
     move = _engine(rows, loads, known, volume_power) if volume_power else _nearest(rows, loads, known)
@@ -62,12 +60,10 @@ def masked_cells(
 
 
 def _nearest(rows: Floats, loads: Floats, known: NDArray[np.bool_]) -> _Move:
-    """Move each pixel to the generator nearest to its known values: Lloyd's step.
-
-    Up to a term without the generator, weight times squared distance is minus twice the product of a pixel, as
-    (weight, weight times value), and a generator, as (minus half its square, itself). The kernel of the engine can
-    therefore find the nearest.
-    """
+    """Move each pixel to the generator nearest to its known values: Lloyd's step."""
+    # Up to a term without the generator, weight times squared distance is minus twice the product of a pixel, as
+    # (weight, weight times value), and a generator, as (minus half its square, itself). The kernel of the engine can
+    # therefore find the nearest.
     points = pack(
         np.concatenate([loads, loads * rows], axis=1)[known], np.ones(known.sum()), center=np.zeros(2 * rows.shape[1])
     )
@@ -80,12 +76,10 @@ def _nearest(rows: Floats, loads: Floats, known: NDArray[np.bool_]) -> _Move:
 
 
 def _engine(rows: Floats, loads: Floats, known: NDArray[np.bool_], volume_power: float) -> _Move:
-    """Let the engine tessellate complete values: missing ones, or those of less weight, are drawn to their generator.
-
-    The energy of the completed values is nowhere below that of the masked ones and equal to it at the start of a round,
-    so lowering one lowers the other: D. Hunter and K. Lange, The American Statistician 58 (2004), doi
-    10.1198/0003130042836.
-    """
+    """Let the engine tessellate complete values: those that are missing or uncertain are drawn to their generator."""
+    # The energy of the completed values is nowhere below that of the masked ones and equal to it at the start of a
+    # round, so lowering one lowers the other: D. Hunter and K. Lange, The American Statistician 58 (2004), doi
+    # 10.1198/0003130042836.
     full = loads.max(axis=0)
     share = np.divide(loads, full, out=np.zeros_like(loads), where=full > 0)[known]
     scale = np.sqrt(full, dtype=np.float64)

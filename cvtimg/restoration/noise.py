@@ -35,10 +35,8 @@ _SUMS, _STEPS, _OWN = 0.02, 0.25, 0.5
 
 
 def noise_of(versions: Versions, *, alike: bool = True) -> _Doubles:
-    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known.
-
-    Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise.
-    """
+    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known."""
+    # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise.
     return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_of_bands(versions, alike=alike)])
 
 

@@ -53,12 +53,10 @@ def median_colors(levels: Levels) -> _Doubles:
 
 
 def range_colors(levels: Levels) -> _Doubles:
-    """(K, C) median over the versions of the level that each segment has in that version alone.
-
-    In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so the
-    levels span the range of the versions again. Levels are those of segments, not of the least and greatest pixels,
-    which are the noisiest. A segment that is too small in every version keeps its mean.
-    """
+    """(K, C) median over the versions of the level that each segment has in that version alone."""
+    # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
+    # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
+    # pixels, which are the noisiest. A segment that is too small in every version keeps its mean.
     colors = mean_colors(levels)
     settled = []
     for version in range(len(levels.values)):

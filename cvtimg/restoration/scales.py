@@ -37,10 +37,8 @@ def halved(noisy: Noisy) -> Noisy:
 
 
 def with_low_frequencies(estimate: Floats, coarse: Floats, variance: float) -> Floats:
-    """(H, W, C) estimate, with low frequencies from an estimate of half the size where they agree.
-
-    `variance` is that of the noise that the image had.
-    """
+    """(H, W, C) estimate, with low frequencies from an estimate of half the size where they agree."""
+    # `variance` is that of the noise that the image had.
     from scipy.ndimage import gaussian_filter, uniform_filter, zoom
 
     height, width = estimate.shape[:2]

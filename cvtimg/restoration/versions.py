@@ -180,10 +180,8 @@ def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
-    """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel.
-
-    Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
-    """
+    """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
+    # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
     n_bands = np.count_nonzero(versions.version_of == 0)
     mean, _ = fuse(versions, trust)
     apart = np.zeros(versions.known.shape[:2])
@@ -208,10 +206,8 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
 
 
 def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> tuple[Floats, Floats]:
-    """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it.
-
-    With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case.
-    """
+    """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it."""
+    # With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case.
     from scipy.ndimage import gaussian_filter
 
     n_bands = np.count_nonzero(versions.version_of == 0)
@@ -225,12 +221,9 @@ def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> t
 
 
 def fill(total: Floats, weight: Floats) -> Floats:
-    """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill pixels without weight from nearby.
-
-    This is normalized convolution.
-
-    H. Knutsson and C.-F. Westin, CVPR 1993, doi 10.1109/CVPR.1993.341081.
-    """
+    """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill pixels without weight from nearby."""
+    # This is normalized convolution.
+    # H. Knutsson and C.-F. Westin, CVPR 1993, doi 10.1109/CVPR.1993.341081.
     from scipy.ndimage import gaussian_filter
 
     filled = np.divide(total, weight[:, :, None], out=np.zeros_like(total), where=weight[:, :, None] > 0)

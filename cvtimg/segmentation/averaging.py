@@ -76,10 +76,8 @@ def as_averaging(averaging: AveragingName | Averaging | None) -> Averaging | Non
 def averaged(
     values: NDArray[np.float32], averaging: Averaging, inside: NDArray[np.bool_] | None = None
 ) -> NDArray[np.float32]:
-    """(H, W, D) averages of (H, W, D) values over the pixels `inside`, (H, W); 0 elsewhere.
-
-    Pixels beyond the border of the image are outside too.
-    """
+    """(H, W, D) averages of (H, W, D) values over the pixels `inside`, (H, W); 0 elsewhere."""
+    # Pixels beyond the border of the image are outside too.
     within = np.ones(values.shape[:2], bool) if inside is None else inside
     mass = _filtered(within[..., None].astype(np.float32), averaging)
     sums = _filtered(np.where(within[..., None], values, np.float32(0)), averaging)
@@ -101,11 +99,9 @@ def _filtered(values: NDArray[np.float32], averaging: Averaging) -> NDArray[np.f
 def average_segments(
     values: NDArray[np.float32], labels: NDArray[np.int32], n_segments: int, averaging: Averaging
 ) -> NDArray[np.int32]:
-    """Average segments and reassign pixels in turn, until the labels settle or repeat.
-
-    Values, (H, W, D), are the original pixels. Labels, (H, W), are in 1..n_segments, and 0 outside the mask; a segment
-    that loses its last pixel does not come back.
-    """
+    """Average segments and reassign pixels in turn, until the labels settle or repeat."""
+    # Values, (H, W, D), are the original pixels. Labels, (H, W), are in 1..n_segments, and 0 outside the mask; a
+    # segment that loses its last pixel does not come back.
     inside = labels > 0
     rows = values[inside]
     seen: set[bytes] = set()

@@ -26,10 +26,9 @@ _LEAST_ROWS = 32
 
 
 class DiskRows:
-    """An array of zeros in a file of its own.
+    """An array of zeros in a file of its own."""
 
-    It is not mapped into memory, because a full disk must be an error, not a signal that ends the program.
-    """
+    # It is not mapped into memory, because a full disk must be an error, not a signal that ends the program.
 
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
         self.shape, self.dtype = shape, np.dtype(dtype)
@@ -62,21 +61,11 @@ class DiskRows:
 
 
 class DiskValues:
-    """The pixels of an image in an uncompressed file, and their colors.
+    """The pixels of an image in an uncompressed file, and their colors."""
 
-    Outside are pixels that are not finite, whose last band is alpha (`has_alpha`) and 0, that are `nodata` in all bands
-    that have color, and those that are black in a mask.
-
-    Attributes
-    ----------
-    shape : (H, W)
-    strips : list of (first, last)
-        Rows to hold in memory at a time.
-    values : PictureValues
-        Values of all pixels inside, without the way back to them.
-    exact : bool
-        Whether they distinguish all distinct colors.
-    """
+    # Outside are pixels that are not finite, whose last band is alpha (`has_alpha`) and 0, that are `nodata` in all
+    # bands that have color, and those that are black in a mask. `strips` are the rows to hold in memory at a time,
+    # `values` the colors of all pixels inside, and `exact` says whether they distinguish all.
 
     def __init__(
         self,

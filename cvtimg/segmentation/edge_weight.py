@@ -56,36 +56,11 @@ def descend(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
 ) -> EdgeWeighted:
-    """Transfer boundary pixels between segments until no transfer lowers the energy.
-
-    Parameters
-    ----------
-    values : (H, W, D) float32 array
-        Finite values, best with a mean near 0, so that float32 is precise enough.
-    labels : (H, W) int32 array
-        Initial labels in 1..n_segments, and 0 outside the mask. A pixel outside has no energy and is nobody's
-        neighbor, as if the image ended there.
-    n_segments : int
-        K. Segments can vanish.
-    edge_weight : float
-        Penalty for each pair of near pixels in different segments, in squared units of the values; each pair counts
-        twice, once from each side.
-    radius : int
-        Pixels are near each other up to this distance.
-    weights : (H, W, D) float32 array, optional
-        Finite weights >= 0 of each pixel in each channel. A pixel without weight in any channel starts with the label
-        of the nearest pixel that has some, and follows its neighbors.
-    volume_power : float
-        Weight the squared distances of each segment by its share of the mass to this power.
-    connected : bool
-        Keep each segment that starts in one piece (of pixels that share sides) in one piece, and from vanishing.
-    max_sweeps : int
-        Largest number of sweeps.
-
-    Returns
-    -------
-    EdgeWeighted
-    """
+    """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
+    # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
+    # is nobody's neighbor. Each pair of near pixels in different segments costs `edge_weight` twice, once from each
+    # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
+    # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish.
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
     whole = _Whole(
         values=np.ascontiguousarray(values, dtype=np.float32),
@@ -141,10 +116,9 @@ def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> ND
 
 
 class Strip(Protocol):
-    """All rows of an image, or some consecutive ones, in a frame of `radius` pixels (the values have none).
+    """All rows of an image, or some consecutive ones, in a frame of `radius` pixels (the values have none)."""
 
-    The frame holds what surrounds these rows, or zeros beyond the image.
-    """
+    # The frame holds what surrounds these rows, or zeros beyond the image.
 
     @property
     def values(self) -> NDArray[np.float32]:
@@ -206,18 +180,10 @@ class Cells:
 
 
 class State:
-    """The cells of an image that comes in strips; how it is divided makes no difference to the result.
+    """The cells of an image that comes in strips; how it is divided makes no difference to the result."""
 
-    Parameters
-    ----------
-    strips : callable
-        Takes whether to go backward, and gives the strips in order, from top to bottom or, backward, from bottom to
-        top.
-    shape : (W, D)
-        Pixels in a row, and values per pixel.
-    n_segments, radius
-        As in `descend`.
-    """
+    # `strips` takes whether to go backward, and gives the strips from top to bottom or, backward, from bottom to top.
+    # The shape, (W, D), is the pixels in a row and the values per pixel.
 
     def __init__(
         self, strips: Callable[[bool], Iterable[Strip]], shape: tuple[int, ...], n_segments: int, radius: int

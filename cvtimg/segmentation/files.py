@@ -59,11 +59,9 @@ def divide_file(
     volume: bool = False,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> DividedFile:
-    """Divide the picture of a file, or each of its pages, or with `volume` all pages by the same generators.
-
-    Pixels without data, black in the image `mask`, or transparent have label 0. Of several pages only labels can be
-    written, to the `target`. `on_stage` is called with the name of each stage that is done.
-    """
+    """Divide the picture of a file, or each of its pages, or with `volume` all pages by the same generators."""
+    # Pixels without data, black in the image `mask`, or transparent have label 0. Of several pages only labels can be
+    # written, to the `target`. `on_stage` is called with the name of each stage that is done.
     header = image_info(source)
     if not header.has_pages:
         image = read_image(source)

@@ -69,10 +69,8 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
 
 
 def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-    """(D, D) covariance of the noise of (H, W, D) values, measured in the blocks that lie `inside`, (H, W).
-
-    It is 0 if nothing can be measured.
-    """
+    """(D, D) covariance of the noise of (H, W, D) values, measured in the blocks that lie `inside`, (H, W)."""
+    # It is 0 if nothing can be measured.
     height, width = (min(BLOCK, max(side - 2, 1)) for side in values.shape[:2])
     return quiet_covariance(block_covariances(values, inside), height * width)
 
@@ -107,11 +105,9 @@ def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray
 
 
 def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(D,) standard deviation of the noise of (H, W, D) values at `known` pixels; NaN where too few are adjacent.
-
-    From the lower half of the differences across the diagonals of four known pixels: the edges of an image leave most
-    of them to the noise. After D. Donoho and I. Johnstone, Biometrika 81 (1994), doi 10.1093/biomet/81.3.425.
-    """
+    """(D,) standard deviation of the noise of (H, W, D) values at `known` pixels; NaN where too few are adjacent."""
+    # From the lower half of the differences across the diagonals of four known pixels: the edges of an image leave most
+    # of them to the noise. After D. Donoho and I. Johnstone, Biometrika 81 (1994), doi 10.1093/biomet/81.3.425.
     quads = known[1:, 1:] & known[1:, :-1] & known[:-1, 1:] & known[:-1, :-1]
     if np.count_nonzero(quads) < _ENOUGH_QUADS:
         return np.full(values.shape[2], np.nan)
@@ -120,11 +116,9 @@ def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> ND
 
 
 def lower_variance(differences: NDArray[np.float32]) -> float:
-    """Return the variance of Gaussian (N,) differences about 0 from the lower half of them, whatever the others are.
-
-    As robust as the median of their absolute values, but it does not jump from one level of an integer type to the
-    next.
-    """
+    """Return the variance of Gaussian (N,) differences about 0 from the lower half of them, whatever the others are."""
+    # As robust as the median of their absolute values, but it does not jump from one level of an integer type to the
+    # next.
     half = max(len(differences) // 2, 1)
     lower = np.partition(np.abs(differences), half - 1)[:half]
     return float(np.mean(np.square(lower, dtype=np.float64))) / _LOWER_HALF

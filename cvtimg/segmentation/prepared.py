@@ -52,10 +52,8 @@ class Prepared:
         return self.edge_weight * length_cost(self.edge_radius)
 
     def start(self, n_segments: int) -> Floats | None:
-        """(H, W, D) values in which to find the first cells, or None if the distinct colors serve.
-
-        An image that is averaged is taken as it is; another is blurred here if its noise would hide the segments.
-        """
+        """(H, W, D) values in which to find the first cells, or None if the distinct colors serve."""
+        # An image that is averaged is taken as it is; another is blurred here if its noise would hide the segments.
         if self.is_averaged:
             return self.data
         if self.average_after is not None:
@@ -142,11 +140,9 @@ def blur_at_start(variance: float, noise: NDArray[np.float64], n_segments: int) 
 
 
 def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Generator) -> EnergyCurve:
-    """Compute the energies of 1, 2, ... n_max segments from those of the cells that they start from.
-
-    The curve never rises: where another segment would cost more, because of its edges, it stays empty, and the curve
-    keeps the energy and the generators of one segment less.
-    """
+    """Compute the energies of 1, 2, ... n_max segments from those of the cells that they start from."""
+    # The curve never rises: where another segment would cost more, because of its edges, it stays empty, and the curve
+    # keeps the energy and the generators of one segment less.
     inside, volume_power = prepared.values.inside, prepared.volume_power
     start = prepared.start(_SEGMENTS_AT_START)
     rows = (prepared.field if start is None else start)[inside]

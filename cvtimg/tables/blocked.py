@@ -71,13 +71,7 @@ class Spread:
 
 
 def spread_of(blocks: Blocks) -> Spread:
-    """Measure all rows in one pass.
-
-    Raises
-    ------
-    ValueError
-        If no row has a positive weight.
-    """
+    """Measure all rows in one pass; at least one must have a positive weight."""
     found = over_blocks(blocks, _spread_of_block, Spread.total)
     check_that("at least one row", found.mass > 0, "be complete and of positive weight")
     return found

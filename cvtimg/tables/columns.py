@@ -43,15 +43,7 @@ class Columns(Protocol):
 
 
 def open_columns(path: Path) -> Columns:
-    """Open a ``.npy`` file as an array, and any other file as text.
-
-    Raises
-    ------
-    ValueError
-        If its content does not fit its suffix; the message names the file.
-    OSError
-        If it cannot be read.
-    """
+    """Open a ``.npy`` file as an array, and any other file as text; its content must fit its suffix."""
     return _Array(path) if path.suffix.lower() == ".npy" else _Text(path)
 
 
@@ -155,10 +147,8 @@ class _Text:
         return f"; choose columns of numbers (--columns {text.getvalue()})"
 
     def _sniff(self) -> tuple[str, list[str], list[str] | None]:
-        """Guess the delimiter, and return it with the first two rows.
-
-        It gives two rows the same number of values. A comma comes last, as it may be a decimal separator.
-        """
+        """Guess the delimiter, and return it with the first two rows."""
+        # It gives two rows the same number of values. A comma comes last, as it may be a decimal separator.
         found = []
         for delimiter in _DELIMITERS:
             with self._rows(delimiter) as (rows, _):

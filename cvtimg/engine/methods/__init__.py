@@ -46,26 +46,9 @@ def choose_method(
     n_locked: int = 0,
     has_start: bool = False,
 ) -> Method:
-    """Return a method by its name, or by default the first in the registry that can do the job.
-
-    Parameters
-    ----------
-    method : str, Method, callable or None
-        A callable that is no `Method` is taken to lock generators and to take no volume power.
-    n_dims : int
-        Number of coordinates of the samples.
-    volume_power : float
-        Power that weights the cells.
-    n_locked : int
-        Number of locked generators.
-    has_start : bool
-        Whether initial generators are given. An exact method, which takes no account of them, is no default then.
-
-    Raises
-    ------
-    ValueError
-        If there is no such method, or it cannot do the job.
-    """
+    """Return a method by its name, or by default the first in the registry that can do the job."""
+    # A callable that is no `Method` is taken to lock generators and to take no volume power. An exact method takes no
+    # account of initial generators, so where these are given it is no default.
     if method is None:
         exact = n_dims == 1 and not (volume_power or n_locked or has_start)
         return next(

@@ -30,11 +30,9 @@ def breathe(
     conditions: Conditions,
     breaths: tuple[float, float],
 ) -> Iteration:
-    """Breathe until no breath lowers the energy, then descend.
-
-    `breaths` are the largest and the smallest breath as fractions of the generators, at least one each; with (0, 0)
-    this is the descent alone.
-    """
+    """Breathe until no breath lowers the energy, then descend."""
+    # `breaths` are the largest and the smallest breath as fractions of the generators, at least one each; with (0, 0)
+    # this is the descent alone.
     if not any(breaths):
         return descend(points, generators, conditions)
     breath, smallest = (max(1, int(share * len(generators))) for share in breaths)

@@ -44,10 +44,8 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 
 
 def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Iterate as `lloyd` does, with no locked generators, checking only every few moves whether to stop.
-
-    For so few points that a pass over them takes less time than the call that starts it.
-    """
+    """Iterate as `lloyd` does, with no locked generators, checking only every few moves whether to stop."""
+    # For so few points that a pass over them takes less time than the call that starts it.
     n_generators, n_dims = generators.shape
     moved = generators.copy()
     sums, single = np.empty((n_generators, n_dims + 1)), np.empty((n_generators, n_dims), np.float32)

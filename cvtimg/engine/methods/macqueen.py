@@ -35,10 +35,8 @@ def meet(
     masses: NDArray[np.float64],
     n_locked: int = 0,
 ) -> None:
-    """Let generators meet points one by one: a generator z of mass j that is nearest to y of weight w moves, in place.
-
-    It becomes (j z + w y) / (j + w), and its mass j + w.
-    """
+    """Let generators meet points one by one: the generator z of mass j nearest to y of weight w moves, in place."""
+    # It becomes (j z + w y) / (j + w), and its mass j + w.
     columns = np.ascontiguousarray(moving.T)
     _kernels.draw_means(points.tiles, members, weights, columns, masses, np.empty(len(masses)), n_locked)
     moving[:] = columns.T

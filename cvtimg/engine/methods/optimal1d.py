@@ -29,13 +29,7 @@ from cvtimg.engine.seeding import TooFewSamplesError
 
 
 def optimal1d(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Find the global optimum. Only the number of initial generators matters; nothing is drawn.
-
-    Raises
-    ------
-    ValueError
-        If points have more than one dimension, or there are fewer distinct ones than generators.
-    """
+    """Find the global optimum. Only the number of initial generators matters; nothing is drawn."""
     levels = _levels(points)
     n_cells = len(generators)
     if n_cells > len(levels.values):
@@ -79,11 +73,10 @@ class _Cut(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Sorted distinct values (M,), their density > 0, and moments (M + 1, 3).
+    """Sorted distinct values (M,), their density > 0, and moments (M + 1, 3)."""
 
-    The moments are the sums of density times (1, y, y^2) over the levels before each, where y is the level minus the
-    mean.
-    """
+    # The moments are the sums of density times (1, y, y^2) over the levels before each, where y is the level minus the
+    # mean.
 
     values: NDArray[np.float64]
     density: NDArray[np.float64]
@@ -172,10 +165,8 @@ def _guess(few: _Cut, many: _Cut, n_cells: int, prices: dict[int, float]) -> flo
 
 
 def _join(few: NDArray[np.int32], many: NDArray[np.int32], n_cells: int) -> NDArray[np.int32]:
-    """Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total.
-
-    Both cuts are cheapest, so the two other halves together cost no less: the joined cut is cheapest too.
-    """
+    """Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total."""
+    # Both cuts are cheapest, so the two other halves together cost no less: the joined cut is cheapest too.
     n_more = n_cells - (len(few) - 1)
     cell = int(np.argmax(many[n_more + 1 : n_more + len(few)] <= few[1:]))
     return np.concatenate([many[: n_more + cell + 1], few[cell + 1 :]])

@@ -117,11 +117,9 @@ def segment_hierarchy(
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
-    """Strengthen the borders between leaves where the leaves of an image of half the size merge late, too.
-
-    J. Pont-Tuset, P. Arbelaez, J. Barron, F. Marques, J. Malik, IEEE Trans. Pattern Analysis and Machine Intelligence
-    39 (2017) 128-140, doi 10.1109/TPAMI.2016.2537320: hierarchies at several scales, aligned.
-    """
+    """Strengthen the borders between leaves where the leaves of an image of half the size merge late, too."""
+    # J. Pont-Tuset, P. Arbelaez, J. Barron, F. Marques, J. Malik, IEEE Trans. Pattern Analysis and Machine Intelligence
+    # 39 (2017) 128-140, doi 10.1109/TPAMI.2016.2537320: hierarchies at several scales, aligned.
     from scipy.ndimage import maximum_filter
 
     if not len(coarse.borders.pairs):
@@ -169,12 +167,10 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
 
 
 def default_threshold(lengths: NDArray[np.int32], altitudes: NDArray[np.float64], explained: float) -> float:
-    """Choose where to cut a tree.
-
-    Many small or faint objects, such as nuclei in a micrograph, differ by less than regions of photographs do. Lengths
-    and altitudes, (B,), are those of the borders between leaves; power is length times squared altitude. `explained` is
-    the part of the variance of the image that the means of the leaves have.
-    """
+    """Choose where to cut a tree."""
+    # Many small or faint objects, such as nuclei in a micrograph, differ by less than regions of photographs do.
+    # Lengths and altitudes, (B,), are those of the borders between leaves; power is length times squared altitude.
+    # `explained` is the part of the variance of the image that the means of the leaves have.
     order = np.argsort(-altitudes, kind="stable")
     power = np.cumsum(lengths[order] * altitudes[order] ** 2)
     if explained < _EXPLAINED or not len(power) or power[-1] <= 0:

@@ -85,10 +85,8 @@ def _blur_for(noise: NDArray[np.float64]) -> float:
 def _colors(
     field: NDArray[np.float32], values: PictureValues
 ) -> tuple[NDArray[np.float32], Sequence[tuple[float, float]]]:
-    """(H, W, 1 or 3) colors, and the range of each channel: if it starts at 0, contrast may be stretched to fill it.
-
-    Of more bands than three the three principal components are taken, or of two both.
-    """
+    """(H, W, 1 or 3) colors, and the range of each channel: if it starts at 0, contrast may be stretched to fill it."""
+    # Of more bands than three the three principal components are taken, or of two both.
     n_bands = field.shape[2]
     if n_bands in (1, 3):
         colors = field + values.center.astype(np.float32)

@@ -31,11 +31,9 @@ def reduction(n_pixels: int) -> int:
 
 
 def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some.
-
-    Blocks at the right and lower border may be smaller. Integers become floating point with white at 1: rounded means
-    would depend on the type.
-    """
+    """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some."""
+    # Blocks at the right and lower border may be smaller. Integers become floating point with white at 1: rounded means
+    # would depend on the type.
     height, width, n_bands = image.shape
     columns = np.arange(0, width, factor)
     means = np.empty((-(-height // factor), len(columns), n_bands), np.result_type(image.dtype, np.float32))

@@ -37,11 +37,9 @@ def merge_regions(
     histograms: list[NDArray[np.float64]],
     weights: Weights,
 ) -> Merges:
-    """Merge regions until no neighbors are left.
-
-    Borders have (B, 2) pairs of regions at their sides, lengths and strengths; regions have sizes in pixels, and (N, H)
-    histograms for each channel, textons last.
-    """
+    """Merge regions until no neighbors are left."""
+    # Borders have (B, 2) pairs of regions at their sides, lengths and strengths; regions have sizes in pixels, and (N,
+    # H) histograms for each channel, textons last.
     found, altitudes = _labels.merge(
         pairs.copy(),
         lengths.astype(np.float64),

@@ -20,10 +20,8 @@ from cvtimg.labels.borders import find_borders
 def cheapest_cut(
     merges: NDArray[np.int32], energies: NDArray[np.float64], price: float
 ) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """Find the cut with the least sum of the energies (N + M,) of its nodes and of a price for each.
-
-    Return the (K,) nodes, the regions of the cut, and for each of the N leaves the number, from 1, of its region.
-    """
+    """Find the cut with the least sum of the energies (N + M,) of its nodes and of a price for each."""
+    # Return the (K,) nodes, the regions of the cut, and for each of the N leaves the number, from 1, of its region.
     n_leaves = len(energies) - len(merges)
     least = (energies + price).tolist()
     is_whole = np.ones(len(energies), np.bool_)
@@ -43,11 +41,9 @@ def cheapest_cut(
 def shares_that_part(
     labels: NDArray[np.int32], means: NDArray[np.float64], brightness: NDArray[np.float64], contrast: float
 ) -> NDArray[np.float64]:
-    """Measure along how much of its border each region 1..K stands out from its neighbors; 0 has no border.
-
-    Return (K, 2) shares of the border with neighbors whose means differ by the contrast or more and that are darker,
-    and with those that are not.
-    """
+    """Measure along how much of its border each region 1..K stands out from its neighbors; 0 has no border."""
+    # Return (K, 2) shares of the border with neighbors whose means differ by the contrast or more and that are darker,
+    # and with those that are not.
     borders = find_borders(labels)
     lengths = np.tile(borders.lengths, 2).astype(np.float64)
     own, others = np.concatenate([borders.pairs, borders.pairs[:, ::-1]]).T

@@ -96,11 +96,9 @@ def _half_disc_distances(
 
 @cache
 def _discs() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
-    """Rows and columns (T, 2, S), from the pixel before a crack, of the halves of discs, and (T, R) their sizes.
-
-    Upright cracks come first, then flat ones, each in all directions. Pixels on the line between the halves belong
-    to neither; inner ones come first.
-    """
+    """Rows and columns (T, 2, S), from the pixel before a crack, of the halves of discs, and (T, R) their sizes."""
+    # Upright cracks come first, then flat ones, each in all directions. Pixels on the line between the halves belong to
+    # neither; inner ones come first.
     reach = np.arange(-RADII[-1], RADII[-1] + 2)
     rows, columns = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
     halves, counts = [], []
@@ -137,10 +135,8 @@ def smoothing_matrix() -> NDArray[np.float64]:
 def global_strengths(
     pairs: NDArray[np.int32], strengths: NDArray[np.float64], lengths: NDArray[np.int32], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these.
-
-    Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
-    """
+    """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these."""
+    # Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
     if not len(pairs):
         return np.zeros(0)
     weights = lengths.astype(np.float64) * np.exp(-strengths / _SOFTNESS) + _LEAST
