@@ -24,7 +24,7 @@ from . import surfaces as surfaces
 from . import tables as tables
 from .artwork.mosaics import mosaic as mosaic
 from .artwork.stippling import stipple as stipple
-from .bases.frames import key_frames as key_frames
+from .bases.film import key_frames as key_frames
 from .bases.reduction import reduced_basis as reduced_basis
 from .designs.latin import latinize as latinize
 from .designs.measures import point_measures as point_measures

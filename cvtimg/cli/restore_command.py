@@ -35,7 +35,7 @@ COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
 _ACROSS = 4
 
 
-class Versions(NamedTuple):
+class VersionFiles(NamedTuple):
     """Versions and masks as read, and the names of their files."""
 
     images: list[NDArray[Any]]
@@ -61,7 +61,7 @@ def restore(given: Given) -> int:
     return run_plan(plan, _restore, COLUMNS, given)
 
 
-def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
+def _read(sources: Sequence[Path], masks: Sequence[Path]) -> VersionFiles:
     """Read all versions and masks, and report all that cannot be read."""
     from cvtimg._shared.pixels import not_black
     from cvtimg.pictures import image_info, read_pages
@@ -84,7 +84,7 @@ def _read(sources: Sequence[Path], masks: Sequence[Path]) -> Versions:
     if failed:
         raise InputsFailedError(failed)
     alpha = None if any(image_info(path).has_alpha for path in sources) else False
-    return Versions(images, known or None, names[: len(images)], names[len(images) :], alpha)
+    return VersionFiles(images, known or None, names[: len(images)], names[len(images) :], alpha)
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -131,13 +131,13 @@ def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
     return [f"{path} is given more than once and counts once" for path in twice]
 
 
-def _with_names(message: str, read: Versions) -> str:
+def _with_names(message: str, read: VersionFiles) -> str:
     """Replace names of arguments in a message by those of files."""
     message = re.sub(r"images\[(\d+)\]", lambda match: read.names[int(match[1])], message)
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
 
-def _write(outputs: Mapping[str, Path], result: Restoration, read: Versions, given: Given) -> list[str]:
+def _write(outputs: Mapping[str, Path], result: Restoration, read: VersionFiles, given: Given) -> list[str]:
     """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
@@ -156,7 +156,7 @@ def _write(outputs: Mapping[str, Path], result: Restoration, read: Versions, giv
     return notes
 
 
-def _panels(result: Restoration, read: Versions, given: Given) -> list[list[Panel]]:
+def _panels(result: Restoration, read: VersionFiles, given: Given) -> list[list[Panel]]:
     """Arrange the versions in rows, with the result below them."""
     import numpy as np
 

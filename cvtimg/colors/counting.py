@@ -17,7 +17,7 @@ from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.colors.places import widen_samples, without_idle_alpha
 from cvtimg.colors.samples import NO_PIXELS, ColorSamples, color_samples, merge_samples
 from cvtimg.colors.spaces import to_depth
-from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
+from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import read_image
 

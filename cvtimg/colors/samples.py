@@ -17,8 +17,7 @@ from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg.colors import _counting
 from cvtimg.colors.count_table import TABLE_BYTES, CountTable
-from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
-from cvtimg.engine.samples import WeightedSamples
+from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 _FIRST_CAPACITY = 1 << 16
 #: The `inverse` of colors without their pixels.

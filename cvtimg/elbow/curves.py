@@ -32,8 +32,8 @@ from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
 from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
-from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.points import Points, pack
+from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.search import EFFORTS
 
 

@@ -20,9 +20,7 @@ from cvtimg._shared.checks import as_samples, check_count, check_that, raise_uns
 from cvtimg._shared.iteration import iterate
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
-from cvtimg.engine.checkpoints import Checkpoint
 from cvtimg.engine.methods import Conditions
-from cvtimg.engine.ordering import pack_in_order
 from cvtimg.engine.points import (
     SMALL_ENERGY,
     Frame,
@@ -34,8 +32,13 @@ from cvtimg.engine.points import (
     pack,
     scale_within,
 )
+from cvtimg.engine.samples import pack_in_order
 from cvtimg.engine.seeding import TooFewSamplesError, refill
+from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
+from cvtimg.files.remote import exists
+from cvtimg.files.whole import StrPath
 
+_CHECKPOINT = "checkpoint"
 #: The sample has at most this many rows and values, but this many rows per generator.
 _SAMPLE_ROWS = 1 << 20
 _SAMPLE_VALUES = 1 << 25
@@ -82,7 +85,7 @@ class Survey:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class BlockMoments:
     """Sums over the cells of some points: masses (K,), density times point (K, D), and the spread about the origin."""
 
     masses: NDArray[np.float64]
@@ -94,17 +97,17 @@ class Moments:
         return energy(self.about_origin, generators, self.masses, self.sums)
 
     @staticmethod
-    def total(parts: Sequence[Moments]) -> Moments:
+    def total(parts: Sequence[BlockMoments]) -> BlockMoments:
         """Add moments in their order."""
         masses, sums, about_origin = parts[0].masses, parts[0].sums, parts[0].about_origin
         for part in parts[1:]:
             masses, sums = masses + part.masses, sums + part.sums
             about_origin += part.about_origin
-        return Moments(masses, sums, about_origin)
+        return BlockMoments(masses, sums, about_origin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Descent:
+class BlockDescent:
     """The end of a descent over all blocks, in the frame."""
 
     generators: NDArray[np.float64]
@@ -112,6 +115,32 @@ class Descent:
     energy: float
     energies: list[float]
     converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """A file or URL with generators, and the energies that led to them."""
+
+    path: StrPath | None  # The file; None to save nothing
+    job: str  # Names the samples and the options. The state of another job is refused.
+
+    def load(self) -> tuple[NDArray[np.float64], list[float]] | None:
+        """Return what was saved, or None if there is no file; a file of another job is refused."""
+        if self.path is None or not exists(self.path):
+            return None
+        try:
+            state = load_arrays(self.path, _CHECKPOINT, ("job", "generators", "energies"))
+        except UnfitArraysError as error:
+            raise ValueError(f"checkpoint={str(self.path)!r} must be a file that an earlier run saved") from error
+        same = str(state["job"]) == self.job
+        check_that(f"checkpoint={str(self.path)!r}", same, "be of the same samples, blocks and options")
+        return state["generators"], state["energies"].tolist()
+
+    def save(self, generators: NDArray[np.float64], energies: Sequence[float]) -> None:
+        """Write the state, whole or not at all."""
+        if self.path is not None:
+            state = {"job": self.job, "generators": generators, "energies": np.array(energies, np.float64)}
+            save_arrays(self.path, _CHECKPOINT, state, overwrite=True)
 
 
 def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Survey:
@@ -153,18 +182,18 @@ def descend(
     conditions: Conditions,
     checkpoint: Checkpoint,
     energies: Sequence[float] = (),
-) -> Descent:
+) -> BlockDescent:
     """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them."""
     # Empty cells, which are rare after a search, are refilled from the sample.
     free = np.arange(len(generators)) >= conditions.n_locked
     frame = sample.frame
     known = list(energies)
-    found: Moments
+    found: BlockMoments
 
     def measure() -> float:
         nonlocal found
         checkpoint.save(generators, known)
-        found = over_blocks(blocks, _moments_of_block, Moments.total, generators, frame)
+        found = over_blocks(blocks, _moments_of_block, BlockMoments.total, generators, frame)
         known.append(found.energy(generators))
         return known[-1]
 
@@ -181,7 +210,7 @@ def descend(
     lowest = known[-1]
     if lowest <= SMALL_ENERGY * found.about_origin:
         lowest = over_blocks(blocks, _energy_of_block, _added, generators, frame)
-    return Descent(generators, found.masses, lowest, *history)
+    return BlockDescent(generators, found.masses, lowest, *history)
 
 
 def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
@@ -227,12 +256,12 @@ def _survey_block(block: Block, seed: int, shares: NDArray[np.int64]) -> Survey:
     return Survey(np.array([n_rows]), mass, sums, low, high, as_samples("samples", block.rows[members]), weights)
 
 
-def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> Moments:
-    parts = [Moments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
+def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> BlockMoments:
+    parts = [BlockMoments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
     for rows, weights in block.pieces():
         points = pack(rows, weights, frame=frame)
         moments = cell_moments(points, assign(points, generators), len(generators))
-        parts = [Moments.total([*parts, Moments(*moments, points.energy_about_origin)])]
+        parts = [BlockMoments.total([*parts, BlockMoments(*moments, points.energy_about_origin)])]
     return parts[0]
 
 

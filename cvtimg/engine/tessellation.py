@@ -26,13 +26,20 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.block_descent import Descent, check_by_blocks, descend, job_of, label_blocks, sample_points, survey
-from cvtimg.engine.checkpoints import Checkpoint
+from cvtimg.engine.block_descent import (
+    BlockDescent,
+    Checkpoint,
+    check_by_blocks,
+    descend,
+    job_of,
+    label_blocks,
+    sample_points,
+    survey,
+)
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.ordering import pack_in_order
 from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
-from cvtimg.engine.samples import WeightedSamples
+from cvtimg.engine.samples import WeightedSamples, pack_in_order
 from cvtimg.engine.search import EFFORTS, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
 from cvtimg.files.whole import StrPath
@@ -250,7 +257,12 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
 
 
 def _of_frame(
-    frame: Frame, end: Iteration | Descent, labels: Any, masses: NDArray[np.float64], energy: float, weighted: float
+    frame: Frame,
+    end: Iteration | BlockDescent,
+    labels: Any,
+    masses: NDArray[np.float64],
+    energy: float,
+    weighted: float,
 ) -> Tessellation:
     return Tessellation(
         generators=frame.outward(end.generators),

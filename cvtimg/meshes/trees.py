@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
-from cvtimg.engine.ordering import along_curve
+from cvtimg.engine.samples import along_curve
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline

@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg.engine.ordering import MAX_ORDERED_DIMS, along_curve
+from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density

@@ -20,7 +20,7 @@ from cvtimg.quantization.driver import QuantizeOptions
 from cvtimg.quantization.palette_search import Palette
 from cvtimg.quantization.remapping import map_to_palette
 
-__all__ = ["Blocks", "QuantizedBlocks"]
+__all__ = ["BlockSource", "QuantizedBlocks"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class QuantizedBlocks(Fidelity):
         return self.n_pixels * (self.palette.shape[1] - self.alpha)
 
 
-class Blocks:
+class BlockSource:
     """An image in blocks, whose colors Dask counts and adds along a tree: a `Source` of `quantize`."""
 
     def __init__(self, blocks: PixelBlocks, alpha: bool) -> None:

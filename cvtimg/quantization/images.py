@@ -20,7 +20,7 @@ from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.looks.similarity import VisualQuality
 from cvtimg.pictures.frames import Frames
 from cvtimg.quantization.animations import Film, QuantizedFrames
-from cvtimg.quantization.blocks import Blocks
+from cvtimg.quantization.blocks import BlockSource
 from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward
 from cvtimg.quantization.looks import PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
@@ -153,8 +153,8 @@ def quantize(
     ).aimed()
     how.check(weights=weights)
     if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):
-        return cast(Quantized, quantized(Blocks(PixelBlocks.of(image, nodata), bool(alpha)), how))
-    source = Picture(image, alpha, mask, nodata, weights)
+        return cast(Quantized, quantized(BlockSource(PixelBlocks.of(image, nodata), bool(alpha)), how))
+    source = PictureSource(image, alpha, mask, nodata, weights)
     if palette_hint is not None and isinstance(n_colors, int) and locked is None:
         kept = source.kept(np.asarray(palette_hint), n_colors, how)
         if kept is not None:
@@ -165,7 +165,7 @@ def quantize(
     return for_eyes(source, how) if how.goal == "eyes" else quantized(source, how)
 
 
-def for_eyes(source: Picture, how: QuantizeOptions) -> Quantized:
+def for_eyes(source: PictureSource, how: QuantizeOptions) -> Quantized:
     """Let bits cost as much as the quality allows, and measure it; see `quantize`."""
     measure = VisualQuality(source.image)
     wanted = how.quality
@@ -238,7 +238,7 @@ def quantize_to_size(
     if isinstance(image, Frames):
         masks: Any = mask
         return to_size(Film(image, False, alpha, masks), how, max_bytes, size, n_colors)
-    return to_size(Picture(image, alpha, mask, None, weights), how, max_bytes, size, n_colors)
+    return to_size(PictureSource(image, alpha, mask, None, weights), how, max_bytes, size, n_colors)
 
 
 def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
@@ -259,7 +259,7 @@ def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[A
     return found
 
 
-class Picture:
+class PictureSource:
     """An image in memory: the `Source` of `quantize`."""
 
     def __init__(

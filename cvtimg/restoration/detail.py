@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.filters import Block, Noisy, filtered
+from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
 from cvtimg.restoration.masked import masked_means
 from cvtimg.restoration.merging import measured
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
@@ -125,7 +125,7 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
             own, apart = kinds.label(features)
             places = near * np.mgrid[rows, columns].reshape(2, -1).T
             groups = group_patches(np.concatenate([features, places], axis=1, dtype=np.float32), own, largest)
-            blocks.append(Block(rows, columns, groups))
+            blocks.append(PatchBlock(rows, columns, groups))
             labels[rows, columns] = own.reshape(labels[rows, columns].shape)
             energy += float(apart.sum(dtype=np.float64))
     images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in axes.slices]

@@ -55,7 +55,7 @@ class Noisy:
         n_known = np.count_nonzero(self.precision)
         return n_known / max(float(self.precision.sum(dtype=np.float64)), 1e-30)
 
-    def part(self, block: Block) -> Noisy:
+    def part(self, block: PatchBlock) -> Noisy:
         """Return a block with its own border."""
         here = _with_border(block)
         return Noisy(*(np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)))
@@ -67,7 +67,7 @@ class Noisy:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Block:
+class PatchBlock:
     """A part of an image, as rows and columns, and groups of the patches around its pixels."""
 
     rows: slice
@@ -75,7 +75,7 @@ class Block:
     groups: Groups
 
 
-def filtered(noisy: Noisy, blocks: Sequence[Block], from_estimate: bool) -> Floats:
+def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats:
     """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
     # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
@@ -103,13 +103,13 @@ def filtered(noisy: Noisy, blocks: Sequence[Block], from_estimate: bool) -> Floa
 class _Filtering:
     """A block with its filters, the variances of the noise in its groups, and the (G, 25) weight of their pixels."""
 
-    block: Block
+    block: PatchBlock
     filters: _Filters
     variances: _Doubles
     trust: Floats
 
     @classmethod
-    def of(cls, part: Noisy, block: Block, from_estimate: bool, usual: float) -> _Filtering:
+    def of(cls, part: Noisy, block: PatchBlock, from_estimate: bool, usual: float) -> _Filtering:
         """Make the filters of a block from its part of an image."""
         variances = _variances(part.precision, block.groups, usual)
         filters = _Filters.of(part, block.groups, variances, from_estimate)
@@ -135,7 +135,7 @@ class _Filtering:
         weight[here] += weights
 
 
-def _with_border(block: Block) -> tuple[slice, slice]:
+def _with_border(block: PatchBlock) -> tuple[slice, slice]:
     """Return where a block and its border lie in an image with a border."""
     rows, columns = block.rows, block.columns
     return slice(rows.start, rows.stop + 2 * REACH), slice(columns.start, columns.stop + 2 * REACH)

@@ -62,7 +62,7 @@ def descend(
     # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
     # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish.
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
-    whole = _Whole(
+    whole = _InMemory(
         values=np.ascontiguousarray(values, dtype=np.float32),
         weights=None if weights is None else np.ascontiguousarray(weights, dtype=np.float32),
         labels=padded,
@@ -145,7 +145,7 @@ class Strip(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Whole:
+class _InMemory:
     """An image in memory."""
 
     values: NDArray[np.float32]
@@ -166,7 +166,7 @@ class Disc(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class Cells:
+class SegmentMoments:
     """State of the descent for each label; row 0, for pixels outside the mask, stays empty."""
 
     masses: NDArray[np.float64]  # (K + 1, D): in each channel
@@ -191,7 +191,7 @@ class State:
         width, n_dims = shape
         self.disc = Disc((disc(radius) @ (width + 2 * radius, 1)).astype(np.int32), radius)
         places = (n_segments + 1, n_dims)
-        self.cells = Cells(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
+        self.cells = SegmentMoments(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
         self._strips = strips
         self._n_pairs = self.n_boundary = 0
 

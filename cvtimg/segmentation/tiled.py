@@ -159,7 +159,7 @@ def segment_file(
         blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
         start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
         tessellation = start.tessellate(n_segments, effort, rng)
-        cells = _Cells(picture, folder, edge_radius if weight else 1)
+        cells = _LabelsOnDisk(picture, folder, edge_radius if weight else 1)
         stack.callback(cells.close)
         cells.put(start.labels(tessellation))
         energies, converged = cells.settle(len(tessellation.generators), weight)
@@ -248,7 +248,7 @@ class _Start:
             yield labels
 
 
-class _Cells:
+class _LabelsOnDisk:
     """Labels on disk in a frame of zeros, and the counts that the descent keeps up to date with them."""
 
     def __init__(self, picture: DiskValues, folder: Path, radius: int) -> None:
@@ -295,7 +295,7 @@ class _Strip:
 
     weights = None
 
-    def __init__(self, cells: _Cells, first: int, last: int) -> None:
+    def __init__(self, cells: _LabelsOnDisk, first: int, last: int) -> None:
         self._cells, self._first, self._last = cells, first, last
         self._rows: dict[str, NDArray[Any]] = {}
 

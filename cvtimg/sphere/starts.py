@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cvtimg._shared.checks import check_in_range
-from cvtimg.engine.ordering import along_curve
+from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import SphereDensity, fibonacci, from_degrees
 from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
 

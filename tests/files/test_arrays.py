@@ -9,7 +9,7 @@ import pytest
 
 from cvtimg.artwork.stipples import PenDots, write_table
 from cvtimg.bases import read_basis, reduced_basis
-from cvtimg.engine.checkpoints import Checkpoint
+from cvtimg.engine.block_descent import Checkpoint
 from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
 from cvtimg.segmentation import RegionHierarchy, segment_hierarchy
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg._shared import threads
-from cvtimg.restoration.filters import Block, Noisy, filtered
+from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
 from cvtimg.restoration.patches import Groups, group_patches, windows, with_border
 
 
@@ -52,8 +52,8 @@ def as_written(noisy: Noisy, groups: Groups) -> NDArray[np.float64]:
     return estimate[2:-2, 2:-2]
 
 
-def whole(height: int, width: int, groups: Groups) -> list[Block]:
-    return [Block(slice(0, height), slice(0, width), groups)]
+def whole(height: int, width: int, groups: Groups) -> list[PatchBlock]:
+    return [PatchBlock(slice(0, height), slice(0, width), groups)]
 
 
 @pytest.mark.parametrize("n_bands", [1, 3, 4])
@@ -73,7 +73,7 @@ def test_blocks_leave_no_seams_because_a_pixel_is_the_mean_of_the_patches_of_all
         for columns in (slice(0, 6), slice(6, 13)):
             places = np.mgrid[rows, columns].reshape(2, -1)
             own = rng.permutation(places.shape[1]).astype(np.int32)
-            blocks.append(Block(rows, columns, Groups(own, np.array([0, 14, len(own)]))))
+            blocks.append(PatchBlock(rows, columns, Groups(own, np.array([0, 14, len(own)]))))
             order.append((places[0] * 13 + places[1])[own])
             sizes += [14, len(own) - 14]
     together = Groups(np.concatenate(order).astype(np.int32), np.cumsum([0, *sizes]))
