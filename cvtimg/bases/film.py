@@ -68,6 +68,10 @@ def key_frames(
     OSError
         If a file cannot be read.
 
+    See Also
+    --------
+    reduced_basis : Modes instead of frames.
+
     Examples
     --------
     >>> import numpy as np

@@ -237,6 +237,11 @@ def reduced_basis(
     OSError
         If a file cannot be read.
 
+    See Also
+    --------
+    key_frames : Snapshots that stand for the others.
+    read_basis : What `Basis.save` wrote.
+
     Notes
     -----
     At equal storage "pod" has the least error. "cvod" stores C times as many modes and has a much smaller error at

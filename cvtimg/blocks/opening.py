@@ -59,6 +59,11 @@ def open_blocks(
     ImportError
         If Dask is not installed, or zarr or pyarrow for such files.
 
+    See Also
+    --------
+    as_blocks : Arrays in memory, of Dask or of zarr.
+    cvtimg.tessellate, cvtimg.CVT : Take what it opens.
+
     Examples
     --------
     >>> import tempfile

@@ -95,6 +95,10 @@ def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | No
     TypeError, ValueError
         If the image has another shape or type, or no pixel that counts.
 
+    See Also
+    --------
+    merge_samples : Adds those of several images.
+
     Examples
     --------
     >>> import numpy as np

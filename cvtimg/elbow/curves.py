@@ -198,6 +198,11 @@ def energy_curve(
     TypeError, ValueError
         If an argument is invalid; the message names it, its value and what is allowed.
 
+    See Also
+    --------
+    cvtimg.tessellate : A tessellation for one number of generators.
+    auto_count : The number that the default rule picks.
+
     Notes
     -----
     For samples of one dimension every energy is the global minimum, whatever the effort.

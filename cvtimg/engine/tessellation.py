@@ -158,6 +158,11 @@ def tessellate(
     ConnectionError
         If the Dask cluster was lost.
 
+    See Also
+    --------
+    cvtimg.energy_curve : Energies of all numbers of generators, to pick one.
+    cvtimg.CVT : The same for scikit-learn.
+
     Notes
     -----
     Of samples in blocks, about a million rows are drawn for the search, which is as long as that of "best" if there are

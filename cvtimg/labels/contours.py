@@ -106,6 +106,11 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     TypeError, ValueError
         If an argument is invalid; the message names it.
 
+    See Also
+    --------
+    find_edges : Edges as pixels.
+    write_contours : Files of contours.
+
     Notes
     -----
     For two segments of a grey picture the lines are those of ``skimage.measure.find_contours`` at the level half way

@@ -60,6 +60,10 @@ def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
     (H, W) or (H, W, C) array
         Of the type of the image, rounded if that is an integer type; 0 where there is no finite value.
 
+    See Also
+    --------
+    region_means : The means alone.
+
     Examples
     --------
     >>> from cvtimg.labels import mean_picture
@@ -101,6 +105,10 @@ def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()
     ------
     TypeError, ValueError
         If an argument is invalid; the message names it.
+
+    See Also
+    --------
+    write_table : The same as a file.
 
     Notes
     -----

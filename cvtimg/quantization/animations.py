@@ -129,6 +129,11 @@ def quantize_frames(
     TypeError, ValueError
         If an argument is invalid; the message names it, its value and what is allowed.
 
+    See Also
+    --------
+    quantize : A single image.
+    cvtimg.pictures.read_frames : Where frames come from.
+
     Examples
     --------
     >>> import numpy as np
@@ -140,16 +145,8 @@ def quantize_frames(
     [11, 11, 200]
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
-    how = QuantizeOptions(
-        n_colors=MOST_INDEXED if n_colors is None and psnr is not None else n_colors,
-        psnr=psnr,
-        palette=palette,
-        locked=locked,
-        space=space,
-        dither=dither,
-        dither_strength=dither_strength,
-        engine=engine,
-    )
+    n_colors = MOST_INDEXED if n_colors is None and psnr is not None else n_colors
+    how = QuantizeOptions(n_colors, psnr, palette, locked, space, dither, dither_strength, engine)
     how.check(per_frame=per_frame or None)
     return quantized(Film(frames, per_frame, alpha, masks), how)
 

@@ -36,9 +36,9 @@ R_co = TypeVar("R_co", bound=_HasPsnr, covariant=True)
 R = TypeVar("R", bound=_HasPsnr)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class QuantizeOptions:
-    """Options of `quantize` that are the same for images, frames, files and blocks."""
+    """Options of `quantize` that are the same for images, frames, files and blocks, by these names."""
 
     n_colors: int | Literal["auto"] | None = None
     psnr: float | None = None
@@ -47,10 +47,10 @@ class QuantizeOptions:
     space: SpaceName = "rgb"
     dither: DitherName | None = None
     dither_strength: float | None = None
-    price: float = PRICE
+    engine: EngineOptions = field(default_factory=EngineOptions)
     goal: GoalName = "error"
     quality: float | None = None
-    engine: EngineOptions = field(default_factory=EngineOptions)
+    price: float = PRICE
 
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""

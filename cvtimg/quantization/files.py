@@ -228,6 +228,10 @@ def quantize_file(
     OSError
         If a file cannot be read or written.
 
+    See Also
+    --------
+    quantize : An image in memory.
+
     Examples
     --------
     >>> import tempfile
@@ -242,34 +246,12 @@ def quantize_file(
     """
     check_keywords(quantize_file, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors=n_colors,
-        psnr=psnr,
-        palette=palette,
-        locked=locked,
-        space=space,
-        dither=dither,
-        dither_strength=dither_strength,
-        goal=goal,
-        quality=quality,
-        engine=engine,
+        n_colors, psnr, palette, locked, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     job = _Job(
-        source=Path(source),
-        target=Path(target),
-        how=how,
-        max_bytes=max_bytes,
-        weights=weights,
-        mask=mask,
-        nodata=nodata,
-        depth=depth,
-        per_frame=per_frame,
-        save_palette=save_palette,
-        keep_metadata=keep_metadata,
-        optimize=optimize,
-        max_pixels=max_pixels,
-        overwrite=overwrite,
-        lap=on_stage or (lambda stage: None),
-    )
+        Path(source), Path(target), how, max_bytes, weights, mask, nodata, depth, per_frame, save_palette,
+        keep_metadata, optimize, max_pixels, overwrite, on_stage or (lambda stage: None),
+    )  # fmt: skip
     if max_bytes is None:
         how.check(weights=weights)
     else:
@@ -285,9 +267,9 @@ def quantize_file(
         return _picture(job, header)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Job:
-    """The arguments of `quantize_file`."""
+    """The arguments of `quantize_file`, by its names."""
 
     source: Path
     target: Path

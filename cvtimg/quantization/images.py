@@ -117,6 +117,11 @@ def quantize(
     TypeError, ValueError
         If an argument is invalid, or `psnr` is not reached; the message names it, its value and what is allowed.
 
+    See Also
+    --------
+    find_palette, map_to_palette : Its two steps.
+    quantize_file, quantize_frames, quantize_to_size : Files of any kind, animations, and files of at most a size.
+
     Notes
     -----
     Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `nodata`, `space`, `locked` and the options of
@@ -140,16 +145,7 @@ def quantize(
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors=n_colors,
-        psnr=psnr,
-        palette=palette,
-        locked=locked,
-        space=space,
-        dither=dither,
-        dither_strength=dither_strength,
-        goal=goal,
-        quality=quality,
-        engine=engine,
+        n_colors, psnr, palette, locked, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     how.check(weights=weights)
     if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):

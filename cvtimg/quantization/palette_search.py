@@ -116,6 +116,11 @@ def find_palette(
     TypeError, ValueError
         If an argument is invalid; the message names it, its value and what is allowed.
 
+    See Also
+    --------
+    map_to_palette : Maps an image to a palette.
+    shared_palette : One palette of many images.
+
     Examples
     --------
     >>> import numpy as np

@@ -186,6 +186,11 @@ def map_to_palette(
     TypeError, ValueError
         If an argument is invalid; the message names it, its value and what is allowed.
 
+    See Also
+    --------
+    find_palette : The best palette of a size.
+    cvtimg.read_palette : Palettes of files.
+
     Examples
     --------
     >>> import numpy as np

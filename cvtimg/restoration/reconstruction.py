@@ -125,6 +125,10 @@ def restore(
     UserWarning
         If versions cannot be laid over the others.
 
+    See Also
+    --------
+    cvtimg.segment : Segments of a single image.
+
     Notes
     -----
     The distance of a pixel to a generator is the sum of weight times squared distance over the versions that know it.

@@ -59,6 +59,10 @@ def segment_blocks(
     TypeError, ValueError
         If an argument is invalid; the message names it.
 
+    See Also
+    --------
+    segment_file : Files, also with an edge weight.
+
     Examples
     --------
     >>> import dask.array as da

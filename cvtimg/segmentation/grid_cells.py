@@ -54,6 +54,11 @@ def superpixels(
     TypeError, ValueError
         If an argument is invalid; the message names it.
 
+    See Also
+    --------
+    segment : Segments of one color, in any number of pieces.
+    segment_hierarchy : Regions, merged from superpixels.
+
     Examples
     --------
     >>> import numpy as np

@@ -105,6 +105,12 @@ def segment(
     TypeError, ValueError
         If an argument is invalid; the message names it.
 
+    See Also
+    --------
+    superpixels, segment_hierarchy : Cells of similar size, and a tree of regions.
+    segment_file : Images larger than memory.
+    cvtimg.find_contours, cvtimg.labels.region_table : What to do with labels.
+
     References
     ----------
     Q. Du, M. Gunzburger, L. Ju, X. Wang, J. Math. Imaging Vision 24 (2006) 177-194, doi 10.1007/s10851-005-3620-4.
@@ -179,6 +185,10 @@ def segment_curve(
     ------
     TypeError, ValueError
         If an argument is invalid; the message names it.
+
+    See Also
+    --------
+    segment : Takes its elbow for ``"auto"``.
 
     Examples
     --------

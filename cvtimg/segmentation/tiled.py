@@ -130,6 +130,11 @@ def segment_file(
     OSError
         If a file cannot be read in tiles or written.
 
+    See Also
+    --------
+    segment : An image in memory.
+    segment_blocks : Dask arrays.
+
     Examples
     --------
     >>> import tempfile

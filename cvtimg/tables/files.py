@@ -103,6 +103,11 @@ def read_table(
     OSError
         If the file cannot be read.
 
+    See Also
+    --------
+    write_row_labels, write_generators : Files of results.
+    cvtimg.blocks.open_blocks : Tables larger than memory.
+
     Notes
     -----
     The first line of text names the columns if none of its values is a number, or if in some column it has no number
