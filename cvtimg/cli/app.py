@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from io import StringIO
 
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
-    if given in ([], ["-h"], ["--help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
+    if given in ([], ["-h"], ["--help"], ["help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
         return _tell(version() if given == ["--version"] else overview())
     try:
         from cvtimg.cli.commands import command_of

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from inspect import Parameter, Signature
@@ -25,8 +26,7 @@ from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
 from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text
-from cvtimg.options import options_of
-from cvtimg.options.common import SECTIONS
+from cvtimg.options import options_of, panel_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
 __all__ = ["app", "command_of", "explain"]
@@ -42,8 +42,10 @@ class _Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Convert values by the records; Typer sees to --help, and to arguments that are missing."""
-        parser = self.make_parser(ctx)
-        given, rest, _ = parser.parse_args(args=args)
+        known = {word for option in self.options.values() for word in option.words}
+        same = {"-n": "-k", "-k": "-n"}  # either letter stands for the number, where a command has but one of them
+        args = [same[word] if word in same and word not in known else word for word in args]
+        given, rest, _ = self.make_parser(ctx).parse_args(args=args)
         for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
             option, value = self.options.get(param.name or ""), given.get(param.name)
             if option is None or (option.required and not value):
@@ -69,15 +71,18 @@ class _Command(TyperCommand):
         if arguments := self._arguments():
             with formatter.section("Arguments"):
                 formatter.write_dl([(argument.display_name_raw, argument.help or "") for argument in arguments])
-        options = [one for one in self.get_params(ctx) if not isinstance(one, TyperArgument)]
-        sections: dict[str, list[tuple[str, str]]] = {"Options": [], **{section: [] for section in SECTIONS}}
-        for one in options:
-            section = next((title for title, names in SECTIONS.items() if one.name in names.split()), "Options")
-            sections[section] += filter(None, [one.get_help_record(ctx)])
-        for title, records in sections.items():
-            if records:
-                with formatter.section(title):
-                    formatter.write_dl(records)
+        for title, some in self.panels(ctx).items():
+            with formatter.section(title):
+                formatter.write_dl([record for one in some if (record := one.get_help_record(ctx))])
+
+    def panels(self, ctx: Any) -> dict[str, list[Any]]:
+        """Return the parameters that are not inputs under the headings of their panels; ``--help`` is in the last."""
+        found: dict[str, list[Any]] = {}
+        for one in self.get_params(ctx):
+            if not isinstance(one, TyperArgument):
+                title = panel_of(one.name or "") if one.name in self.options else list(found)[-1]
+                found.setdefault(title, []).append(one)
+        return found if len(found) > 1 else {"Options": next(iter(found.values()))}
 
     def _arguments(self) -> list[TyperArgument]:
         return [one for one in self.params if isinstance(one, TyperArgument)]
@@ -127,6 +132,12 @@ class _Commands(TyperGroup):
             self.commands[cmd_name] = _made(cmd_name)
         return self.commands.get(cmd_name)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if not ctx.resilient_parsing and args[0] not in COMMANDS:
+            near = get_close_matches(args[0], COMMANDS, 1)
+            ctx.fail(f"No such command {args[0]!r}" + "".join(f"; did you mean {name}?" for name in near))
+        return super().resolve_command(ctx, args)
+
     def get_help(self, ctx: Any) -> str:
         return overview()
 
@@ -174,6 +185,8 @@ def command_of(given: list[str]) -> Callable[..., Any]:
         from typer.completion import get_completion_inspect_parameters
 
         get_completion_inspect_parameters()  # registers the shells
+    if given[:1] == ["help"]:
+        given = [*given[1:], "--help"]
     # A command that is named needs no group, whose own options Typer would convert.
     if given and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ:
         return partial(_made(given[0]).main, args=given[1:], prog_name=f"cvtimg {given[0]}")

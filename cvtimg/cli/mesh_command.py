@@ -35,7 +35,7 @@ def mesh(given: Given) -> int:
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-mesh.vtu beside it.
     """
-    if given.number is None and given.edge_length is None and given.size is None:
+    if given.n is None and given.edge_length is None and given.size is None:
         raise WrongUsageError("give -n, --edge-length, --size, or -n and --size")
     output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
     outputs = {"-o": output, "--plot": given.plot}
@@ -108,7 +108,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
         raise ValueError(f"has voxels, for which there is no {' and no '.join(unfit)}")
     if not is_mask:
         raise ValueError("has voxels of several labels: choose one by --label")
-    found = mesh_volume(voxels > 0, n=given.number, edge_length=given.edge_length)
+    found = mesh_volume(voxels > 0, n=given.n, edge_length=given.edge_length)
     stopwatch.lap("mesh")
     found.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from cvtimg.options.record import Option
 
-__all__ = ["options_of"]
+__all__ = ["PANELS", "options_of", "panel_of"]
 
 #: Where the options of each verb are.
 _MODULES = {
@@ -33,8 +33,27 @@ _MODULES = {
     "keyframes": "film_options",
     "explore": "common",
 }
+#: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
+PANELS = {
+    "What to get": "",
+    "Colors": "space dither dither_strength palette lock depth shared_palette palette_per_frame",
+    "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table coco tree "
+    "strengths cuts generators save_palette csv sheet plot view over edge_mode line_color line_width subpixel simplify "
+    "properties width marks pen_width order cells outline scale measures keep_metadata optimize overwrite as_json "
+    "quiet report",
+    "Reading": "mask nodata weight_map columns weight missing page channel_axis max_pixels",
+    "Batch": "skip_existing jobs dask",
+    "Expert": "volume_power passes seed method init",
+}
+
+
+def panel_of(name: str) -> str:
+    """Return the panel of ``--help`` that has an option."""
+    return next((panel for panel, names in PANELS.items() if name in names.split()), "What to get")
 
 
 def options_of(verb: str) -> tuple[Option, ...]:
     """Return the options of a verb, in the order of ``--help``."""
-    return getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())
+    options: tuple[Option, ...] = getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())
+    panels = list(PANELS)
+    return tuple(sorted(options, key=lambda option: panels.index(panel_of(option.name))))

@@ -141,7 +141,10 @@ PALETTE_OUTPUT = file("save_palette", f"Write the palette, {PALETTE_NAMES}; for 
 # The method
 
 EFFORT = passed(
-    "effort", Choice(get_args(EffortName)), "How long to search for a better result.", default="balanced"
+    "effort",
+    Choice(get_args(EffortName)),
+    "How long to search: fast takes about half as long as balanced, best several times.",
+    default="balanced",
 ).on_page("Effort")
 AUTO_EFFORT = Choice(get_args(AutoEffortName))
 SPACE = passed(
@@ -168,27 +171,15 @@ AVERAGING = Option(
 #: How generators are found: options of `cvtimg.tessellate`.
 ENGINE = (
     EFFORT,
+    VOLUME_POWER,
+    SEED,
     passed(
         "method", Choice(get_args(MethodName)), "Algorithm that moves the generators; by default the one that suits."
     ),
-    VOLUME_POWER,
     passed("init", Choice(get_args(InitName)), "How initial generators are chosen.", default="split"),
-    SEED,
 )
 
 # The run
-
-#: The sections of --help after the options of the verb itself.
-SECTIONS = {
-    "Outputs": (
-        "output out_dir ext in_place write overwrite skip_if_larger keep_metadata optimize save_palette mean edges "
-        "overlay contours table coco tree strengths cuts edge_mode line_color line_width subpixel simplify properties "
-        "labels sheet plot over view csv generators measures"
-    ),
-    "Reading": "mask nodata page channel_axis max_pixels columns missing",
-    "Search": "effort method init volume_power seed passes",
-    "Run": "as_json quiet report skip_existing jobs dask help",
-}
 
 #: Of every verb: whether to replace files, and what to print.
 RUN = (

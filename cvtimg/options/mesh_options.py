@@ -19,7 +19,7 @@ MESH = (
         ".json, .wkt, .wkb, or .csv with columns x and y. Stacks of voxels, filled with tetrahedra: .tif of several "
         "pages, or .npy.",
     ),
-    Option("number", Whole(1, 1 << 26), "Number of vertices.", "-n", excludes=("edge_length",), keyword="n").on_page(
+    passed("n", Whole(1, 1 << 26), "Number of vertices.", "--vertices -n", excludes=("edge_length",)).on_page(
         "Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default=2000
     ),
     passed(
@@ -47,7 +47,7 @@ MESH = (
 
 SURFACE = (
     replace(common.IMAGES, help="Surfaces of triangles: .stl, .obj, .ply or .off."),
-    Option("number", Whole(4, 1 << 24), "Number of points.", "-n", required=True),
+    Option("number", Whole(4, 1 << 24), "Number of points.", "--points -n", required=True),
     common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
     OUT_DIR,
     Option(
@@ -74,7 +74,7 @@ SPHERE = (
         "number",
         Whole(1, 1 << 28),
         "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
-        "-n",
+        "--points -n",
         required=True,
     ),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),

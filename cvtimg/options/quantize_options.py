@@ -13,6 +13,8 @@ from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 
 #: Colors of `cvtimg palette` for images that have more than it lists.
 DEFAULT_COLORS = 16
+#: Short names of ways to dither, which other programs have, too.
+_SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg", "bayer": "bayer-8"}
 _AIMS = ("number", "psnr", "max_bytes")
 
 
@@ -59,6 +61,18 @@ QUANTIZE = (
         metavar="SIZE",
         excludes=("number=auto",),
     ),
+    common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
+    passed(
+        "dither",
+        Choice(("none", *get_args(DitherName)), aliases=_SHORT),
+        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, bayer-2, -4, -8 or -16; "
+        "or compact, for a small file.",
+        metavar="NAME",
+        default="none",
+    ).on_page("Dither"),
+    passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
+        "Dither strength", step=0.05
+    ),
     file("palette", "Use the colors of a palette file or of an image.", excludes=(*_AIMS, "lock", "weight_map")),
     Option(
         "lock",
@@ -67,18 +81,6 @@ QUANTIZE = (
         "repeated.",
         metavar="COLOR|FILE",
         many=True,
-    ),
-    replace(common.SPACE).on_page("Color space", about="Where distances between colors are measured."),
-    passed(
-        "dither",
-        Choice(("none", *get_args(DitherName))),
-        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, bayer-2, -4, -8 or -16; "
-        "or compact, for a small file.",
-        metavar="NAME",
-        default="none",
-    ).on_page("Dither"),
-    passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
-        "Dither strength", step=0.05
     ),
     file("weight_map", "Gray image of the same size: the weight of each pixel."),
     replace(common.MASK, keyword="mask"),

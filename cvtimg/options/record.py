@@ -71,13 +71,15 @@ class Real:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of a few names; the page shows those in `labels` by their labels."""
+    """One of a few names; the page shows those in `labels` by their labels, and `aliases` stand for names."""
 
     names: Sequence[str]
     labels: Mapping[str, str] = field(default_factory=dict)
+    aliases: Mapping[str, str] = field(default_factory=dict)
 
     def parse(self, text: Any) -> Any:
-        """Check that a text is one of the names."""
+        """Return the name that a text is or stands for."""
+        text = self.aliases.get(text, text)
         if text not in self.names:
             raise ValueError(f"{str(text)!r} must be one of {', '.join(self.names)}")
         return text

@@ -88,7 +88,7 @@ RESTORE = (
         common.EFFORT,
         kind=common.AUTO_EFFORT,
         default="auto",
-        help="How long to search for a better result; auto: with --detail, less for large images.",
+        help=f"{common.EFFORT.help[:-1]}; auto: with --detail, less for large images.",
     ),
     replace(common.SEED, help="With --detail: seed of the sample of patches that large images are learned from."),
     file("labels", "Write the segment of each pixel, from 1: .png, .tif or .npy.", (".png", ".tif", ".tiff", ".npy")),

@@ -27,7 +27,7 @@ CLUSTER = (
         "number",
         Whole(1, 2**31 - 1, auto=True),
         "Number of clusters; auto picks it at the elbow of the energy.",
-        "-k",
+        "--clusters -k",
         required=True,
     ),
     common.output(
@@ -76,8 +76,8 @@ ELBOW = (
 )
 
 DESIGN = (
-    Option("number", Whole(1, 1 << 16), "Number of new points.", "-n", required=True),
-    Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "-d", "D"),
+    Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True),
+    Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D"),
     file("bounds", "Axes: a .csv file with the columns name, low and high.", (".csv",)),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),

@@ -38,7 +38,7 @@ SEGMENT = (
         "number",
         Whole(1, common.MAX_COLORS, auto=True),
         "Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
-        "-k",
+        "--segments -k",
     ).on_page("Segments", slider=(2, 64), log=True, default=4),
     common.output(
         "Write the label of each pixel, .png, .tif, .npy or .zarr; for one input; - for standard output.",

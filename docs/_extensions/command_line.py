@@ -33,7 +33,7 @@ class Command:
     usage: str
     paragraphs: list[str]
     arguments: list[tuple[str, str]]
-    options: list[tuple[str, str]]
+    options: dict[str, list[tuple[str, str]]]
     examples: list[str]
 
     @property
@@ -51,23 +51,25 @@ def commands() -> list[Command]:
 
 def _described(command: Any, name: str) -> Command:
     context = typer.Context(command, info_name=f"cvtimg {name}")
-    records = {kind: [] for kind in ("argument", "option")}
-    for parameter in command.get_params(context):
-        record = parameter.get_help_record(context)
-        if record:
-            names = record[0].removesuffix(" <list[str]>")  # the type of an argument that can be repeated
-            records[parameter.param_type_name].append((names, " ".join(record[1].split())))
+    arguments = [one for one in command.get_params(context) if one.param_type_name == "argument"]
+    options = {title: _records(some, context) for title, some in command.panels(context).items()}
     paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", command.help or "")]
     examples = re.findall(r"^\s+(cvtimg .*|\S.* \| cvtimg .*)$", command.epilog or "", flags=re.MULTILINE)
     usage = " ".join(["cvtimg", name, *command.collect_usage_pieces(context)])
     usage = re.sub(r"\{(\w+)\.*\}\.\.\.", r"\1...", usage)
-    return Command(name, usage, paragraphs, records["argument"], records["option"], examples)
+    return Command(name, usage, paragraphs, _records(arguments, context), options, examples)
+
+
+def _records(parameters: list[Any], context: Any) -> list[tuple[str, str]]:
+    """Return how parameters are written and what they do, without the type of an argument that can be repeated."""
+    found = filter(None, (one.get_help_record(context) for one in parameters))
+    return [(names.removesuffix(" <list[str]>"), " ".join(text.split())) for names, text in found]
 
 
 def as_markdown(command: Command) -> str:
     """Return the page of a command."""
     parts = [f"# cvtimg {command.name}", *map(_escaped, command.paragraphs), f"```text\n{command.usage}\n```"]
-    for heading, records in (("Arguments", command.arguments), ("Options", command.options)):
+    for heading, records in (("Arguments", command.arguments), *command.options.items()):
         if records:
             parts += [f"## {heading}", *(f"`{names}`\n: {_escaped(text) or '-'}" for names, text in records)]
     if command.examples:
@@ -91,7 +93,8 @@ def as_manual(command: Command) -> str:
     ]
     for paragraph in command.paragraphs:
         lines += [".PP", _roff(paragraph)]
-    for heading, records in (("ARGUMENTS", command.arguments), ("OPTIONS", command.options), ("EXIT STATUS", STATUS)):
+    panels = [(title.upper(), records) for title, records in command.options.items()]
+    for heading, records in (("ARGUMENTS", command.arguments), *panels, ("EXIT STATUS", STATUS)):
         lines.append(f".SH {heading}")
         for names, text in records:
             lines += [".TP", f".B {_roff(names)}", _roff(text) or "\\&"]

@@ -27,8 +27,8 @@ from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
 from cvtimg.labels.edges import EDGE_MODES
-from cvtimg.options import options_of
-from cvtimg.options.common import MAX_COLORS, SECTIONS
+from cvtimg.options import PANELS, options_of
+from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io
 from cvtimg.pictures import image_info
@@ -509,7 +509,36 @@ def test_wrong_usage_is_one_line_and_writes_nothing(
 def test_an_unknown_command_is_wrong_usage(run: Run) -> None:
     outcome = run("quantise")
     assert outcome.status == 2
-    assert_one_line(outcome.err, "No such command 'quantise'")
+    assert_one_line(outcome.err, "No such command 'quantise'", "did you mean quantize?")
+
+
+def test_what_other_programs_call_things_is_understood(run: Run, here: Path) -> None:
+    assert run("help") == run("--help")
+    assert run("help", "mosaic") == run("mosaic", "--help")
+    for number, name in enumerate(["fs", "floyd", "floyd-steinberg", "bayer", "bayer-8"]):
+        letter = "-n" if number % 2 else "-k"
+        assert run("quantize", PICTURE, letter, "4", "--dither", name, "-o", f"{name}.png").status == 0
+    for one, other in [("fs", "floyd"), ("fs", "floyd-steinberg"), ("bayer", "bayer-8")]:
+        assert (here / f"{one}.png").read_bytes() == (here / f"{other}.png").read_bytes()
+
+
+def test_each_option_is_in_one_panel_of_the_help_and_its_number_has_a_long_name(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    options = [option for verb in COMMANDS for option in options_of(verb)]
+    named = " ".join(PANELS.values()).split()
+    assert len(named) == len(set(named))
+    assert {*named} <= {option.name for option in options}
+    assert all(len(option.words) == 2 for option in options if {"-k", "-n"} & {*option.words})
+    for verb in ("segment", "sphere"):
+        text = run(verb, "--help").out.split("  Examples:")[0]
+        outputs = text.split("\nOutput:\n")[1].split("\n\n")[0]
+        for option in options_of(verb):
+            if option.words:
+                shown = rf"^  (-\S+, )?{option.words[0]}(?![-\w]).*"
+                assert len(re.findall(shown, text, re.MULTILINE)) == 1
+                assert bool(re.search(shown, outputs, re.MULTILINE)) == (option.name in PANELS["Output"].split())
 
 
 # Help
@@ -548,22 +577,6 @@ def test_choices_are_those_of_the_registries(choices: str, registry: Collection[
     option = next(option for option in options_of(verb) if option.name == name)
     assert isinstance(option.kind, Choice)
     assert sorted(option.kind.names) == sorted(registry)
-
-
-def test_each_option_is_in_one_section_of_the_help(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    every = {option.name: option for verb in COMMANDS for option in options_of(verb)}
-    sections = [name for names in SECTIONS.values() for name in names.split()]
-    assert len(sections) == len(set(sections))
-    assert {*sections} <= every.keys() | {"help"}
-    for verb in ("segment", "sphere"):
-        text = run(verb, "--help").out.split("  Examples:")[0]
-        outputs = text.split("\nOutputs:\n")[1].split("\n\n")[0]
-        for option in options_of(verb):
-            if option.words:
-                shown = rf"^  (-\S+, )?{option.words[0]}(?![-\w]).*"
-                assert len(re.findall(shown, text, re.MULTILINE)) == 1
-                assert bool(re.search(shown, outputs, re.MULTILINE)) == (option.name in SECTIONS["Outputs"].split())
 
 
 def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,7 @@ class MeshTab(Tab):
             when={"of": ["segments"]},
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
-        ("number", {"name": "n", "when": {"by": ["n"]}}),
+        ("n", {"when": {"by": ["n"]}}),
         ("edge_length", {"when": {"by": ["edge"]}}),
         "grade",
         "min_size",
