@@ -385,14 +385,13 @@ def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
     array = array_of(density)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     check_numbers(name, array.dtype)
-    with np.errstate(over="ignore"):
-        array = array.astype(np.float32, copy=False)
     check_that(name, not np.isnan(array).any(), "be finite: it contains NaN")
-    low, high = array.min(), array.max()
+    low, high = float(array.min()), float(array.max())
     if not (low >= 0 and high < np.inf):
         raise ValueError(f"{name} in {low:g}..{high:g} must be finite and >= 0")
     check_that(name, high > 0, "not be 0 everywhere")
-    return array
+    check_in_range(f"the largest {name}", high, 1e-30 <= high <= 1e30, "in 1e-30..1e+30, for single precision")
+    return array.astype(np.float32, copy=False)
 
 
 def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:

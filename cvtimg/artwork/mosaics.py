@@ -296,6 +296,10 @@ def mosaic(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.stipple, cvtimg.superpixels
+
     Notes
     -----
     The error of a tessellation, the sum of the integrals of abs(u - c)**2 over its cells with c their mean colors,

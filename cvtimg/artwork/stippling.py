@@ -68,6 +68,10 @@ def stipple(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.mosaic, cvtimg.placement.place_in_picture
+
     References
     ----------
     A. Secord, Weighted Voronoi stippling, NPAR (2002) 37-43, doi 10.1145/508530.508537.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,28 +196,6 @@ def _border_points(density: NDArray[np.float32], n_points: int) -> Floats:
     return np.stack([x, y], axis=1)
 
 
-class Tiling(Protocol):
-    """Tiles that follow from points."""
-
-    def n_tiles(self) -> int:
-        """Count the tiles."""
-
-    def labels(self, points: Floats) -> NDArray[np.int32]:
-        """Label pixels by their tile."""
-
-    def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
-        """Differentiate the error by the places of the points."""
-
-    def spacing(self, painted: Painted, n_points: int) -> Floats:
-        """Tell the size of tiles at each point, in pixels."""
-
-    def keep_inside(self, points: Floats) -> Floats:
-        """Bring points back to where they may be."""
-
-    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
-        """Move points from where they are missed least to where they are wanted most; tell which moved."""
-
-
 class VoronoiTiling:
     """Voronoi cells: a tile for each point."""
 
@@ -312,6 +290,10 @@ class DelaunayTiling:
     def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
         """Leave all points: several triangles share each corner, so none can move by itself."""
         return points, np.empty(0, np.intp)
+
+
+#: Tiles that follow from points.
+Tiling: TypeAlias = VoronoiTiling | DelaunayTiling
 
 
 def descend_error(

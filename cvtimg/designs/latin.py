@@ -46,6 +46,10 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     TypeError, ValueError
         If an argument is not what is said here.
 
+    See Also
+    --------
+    cvtimg.design
+
     References
     ----------
     Y. Saka, M. Gunzburger, J. Burkardt, Int. J. Numerical Analysis and Modeling 4 (2007) 729-743 (Latinized CVT).

@@ -161,6 +161,10 @@ def design(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.designs.CVTDesign, cvtimg.latinize, cvtimg.point_measures
+
     Notes
     -----
     A plain tessellation (``latin=False``) has the least energy, but its projections on single axes have gaps, which

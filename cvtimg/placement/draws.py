@@ -76,6 +76,10 @@ def place_by_draws(
         Its energies are estimates by the points of each move, which may rise. The last one, and the masses and
         centroids, are of points that are drawn anew.
 
+    See Also
+    --------
+    cvtimg.place_generators
+
     Notes
     -----
     `place_generators` ends lower in less time. This is for regions where only drawing is possible, and for densities

@@ -154,6 +154,10 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
     TypeError, ValueError
         If an argument is not what is said here.
 
+    See Also
+    --------
+    pixel_labels, place_in_picture
+
     Notes
     -----
     Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the picture:

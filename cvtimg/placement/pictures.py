@@ -97,6 +97,10 @@ def place_in_picture(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.place_generators, cvtimg.stipple, pixel_moments, pixel_labels
+
     Notes
     -----
     With density rho there are about rho^(1/2) generators in an area.

@@ -98,6 +98,10 @@ def place_generators(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.placement.place_in_picture, cvtimg.placement.place_by_draws, cvtimg.tessellate, cvtimg.support_radii
+
     Notes
     -----
     Cells are integrated exactly over the pixels of a picture; as polygons in other regions of the plane, exactly for

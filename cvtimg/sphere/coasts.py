@@ -87,6 +87,10 @@ def coastal_grid(
     TypeError, ValueError
         If an argument is not what is said here, or the globe has no coast that cells can follow.
 
+    See Also
+    --------
+    cvtimg.sphere_grid, nested_grid
+
     Examples
     --------
     >>> import numpy as np

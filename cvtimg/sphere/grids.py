@@ -133,6 +133,10 @@ def sphere_grid(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid, cvtimg.sphere.move_in_patches
+
     Notes
     -----
     Points move by limited-memory BFGS. Moments of cells are exact for the density 1; other densities are taken to be

@@ -121,6 +121,10 @@ def nested_grid(
     TypeError, ValueError
         If an argument is not what is said here, or no point of the parent is inside or outside.
 
+    See Also
+    --------
+    cvtimg.sphere_grid, coastal_grid, Cap
+
     Examples
     --------
     >>> from cvtimg import sphere_grid

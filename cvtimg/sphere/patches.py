@@ -74,6 +74,10 @@ def move_in_patches(
         If a number is out of range, triangles are so large that patches are too small for them, or points are so far
         from rest that they move across borders.
 
+    See Also
+    --------
+    cvtimg.sphere_grid
+
     Examples
     --------
     >>> from cvtimg import sphere_grid

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_returned, refuse
 from cvtimg.placement import Region
 from cvtimg.supports import _supports
-from cvtimg.supports.sight import as_rows
+from cvtimg.supports.sight import as_rows, lies_in
 
 _Floats = NDArray[np.float64]
 #: From (m, d) places and (m, d) points to (m,) booleans.
@@ -49,10 +49,14 @@ class Boxes(NamedTuple):
 
 def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool, visible: Visible | None) -> _Floats:
     """Find radii of balls around (n, d) points that cover a region `order` times."""
-    done, left = _first(points, region, order, visible), None
+    # Boxes along each axis at first.
+    n_side = max(2, round(float((_BOXES_PER_POINT * len(points)) ** (1 / points.shape[1]))))
+    sides = (1 / n_side) * np.ptp(region.bounds, axis=0)
+    axes = [low + (np.arange(n_side) + 0.5) * (1 / n_side) * (high - low) for low, high in region.bounds.T]
+    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))
+    done, left = _looked_up(middles, sides, points, region, order, visible), None
     radii = np.zeros(len(points))
     finished: list[Boxes] = []
-    sides = _side(points, region) * np.ptp(region.bounds, axis=0)
     for _ in range(_HALVINGS):
         _reach(radii, done, order, beyond=False, inside=region.contains(done.middles))
         held = _depths(done, (1 + _MARGIN) * radii) >= order
@@ -72,22 +76,6 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool,
     return _tightened(points, radii, boxes, order) if tightened and order > 1 else radii
 
 
-def _side(points: _Floats, region: Region) -> float:
-    """Side of the first boxes, as a share of that of the bounding box."""
-    return 1 / max(2, round(float((_BOXES_PER_POINT * len(points)) ** (1 / points.shape[1]))))
-
-
-def _first(points: _Floats, region: Region, order: int, visible: Visible | None) -> Boxes:
-    share = _side(points, region)
-    low, high = region.bounds
-    axes = [
-        start + (np.arange(round(1 / share)) + 0.5) * share * (end - start)
-        for start, end in zip(low, high, strict=True)
-    ]
-    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
-    return _looked_up(middles, share * (high - low), points, region, order, visible)
-
-
 def _halved(middles: _Floats, sides: _Floats) -> _Floats:
     corners = np.array(list(np.ndindex(*(2,) * len(sides)))) - 0.5
     return (middles[:, None] + corners * sides).reshape(-1, len(sides))
@@ -100,12 +88,7 @@ def _looked_up(
     from scipy.spatial import cKDTree
 
     half = float(np.linalg.norm(sides)) / 2
-    inside = region.contains(middles)
-    outside = np.flatnonzero(~inside)
-    if len(outside):
-        apart = np.linalg.norm(region.project(middles[outside]) - middles[outside], axis=1)
-        inside[outside] = apart <= half * (1 + 1e-9)
-    middles = middles[inside]
+    middles = middles[lies_in(region, middles, half * (1 + 1e-9))]
     n_near = min(len(points), _FEW + _FEW_PER_ORDER * order)
     distances, near = cKDTree(points).query(middles, n_near)
     distances, near = distances.reshape(len(middles), n_near), near.reshape(len(middles), n_near)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg.supports import _supports
 from cvtimg.supports.proof import Gaps, find_gaps
 from cvtimg.supports.sight import Rows, Sight, as_rows, overlaps
@@ -130,15 +131,11 @@ def fill(points: _Floats, radii: _Floats, sight: Sight, gaps: Gaps, beyond: floa
         for at, row in zip(part, distances, strict=True):
             own = gaps.without[at]
             row[own[own >= 0]] = np.inf
-            place = gaps.places[at].tolist()
+            fewer = f"be at most the number of points that see each place; {gaps.places[at].tolist()} is seen by fewer"
             n_more = int(gaps.missing[at]) - np.count_nonzero((row > before) & (row < radii))
             growth = np.where(row < radii, np.inf, row - radii)
             for disk in np.argsort(growth, kind="stable")[: max(n_more, 0)]:
-                seen = growth[disk] < np.inf
-                if not seen:
-                    raise ValueError(
-                        f"cover must be at most the number of points that see each place; {place} is seen by fewer"
-                    )
+                check_that("cover", growth[disk] < np.inf, fewer)
                 radii[disk] = row[disk] + beyond * radii[disk]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.supports import _supports
-from cvtimg.supports.sight import Rows, Sight, overlaps
+from cvtimg.supports.sight import Rows, Sight, lies_in, overlaps
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.intp]
@@ -79,13 +79,7 @@ def _inside(sight: Sight, places: _Floats) -> NDArray[np.bool_]:
     """Tell which places lie in the region; where nothing blocks sight, those on its boundary do."""
     if not len(places):
         return np.zeros(0, bool)
-    inside = sight.region.contains(places)
-    if not sight.blocking:
-        outside = np.flatnonzero(~inside)
-        if len(outside):
-            apart = np.linalg.norm(sight.region.project(places[outside]) - places[outside], axis=1)
-            inside[outside] = apart <= sight.tolerance
-    return inside
+    return sight.region.contains(places) if sight.blocking else lies_in(sight.region, places, sight.tolerance)
 
 
 def _circle_crossings(points: _Floats, radii: _Floats, meets: Rows) -> Places:

@@ -24,7 +24,7 @@ from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import radii_by_boxes
 from cvtimg.supports.plane import radii_in_plane
-from cvtimg.supports.sight import Sight, overlaps, sight_in
+from cvtimg.supports.sight import Sight, lies_in, overlaps, sight_in
 
 _Floats = NDArray[np.float64]
 
@@ -169,6 +169,10 @@ def support_radii(
     TypeError, ValueError
         If an argument is not what is said here; the message names it.
 
+    See Also
+    --------
+    cvtimg.place_generators
+
     Notes
     -----
     In the plane, for boxes, polygons and masks, radii are exact: the greatest distance at which a point is among the
@@ -211,10 +215,8 @@ def support_radii(
 def _check_points(points: _Floats, region: Region) -> None:
     periodic = isinstance(region, Box) and any(region.periodic)
     check_in_range("region", region, not periodic, "not periodic")
-    outside = np.flatnonzero(~region.contains(points))
-    if len(outside):
-        apart = np.linalg.norm(region.project(points[outside]) - points[outside], axis=1)
-        outside = outside[apart > _OUTSIDE * np.linalg.norm(np.ptp(region.bounds, axis=0))]
+    size = float(np.linalg.norm(np.ptp(region.bounds, axis=0)))
+    outside = np.flatnonzero(~lies_in(region, points, _OUTSIDE * size))
     if len(outside):
         number = outside[0]
         raise ValueError(f"points must lie in the region: number {number}, {points[number].tolist()}, does not")

@@ -51,6 +51,15 @@ def empty_rows(n_rows: int) -> Rows:
     return Rows(np.zeros(n_rows + 1, np.int32), np.zeros(0, np.int32))
 
 
+def lies_in(region: Region, places: _Floats, tolerance: float) -> NDArray[np.bool_]:
+    """Tell which places lie in a region, or no farther than a tolerance from it."""
+    inside = region.contains(places)
+    outside = np.flatnonzero(~inside)
+    if len(outside):
+        inside[outside] = np.linalg.norm(region.project(places[outside]) - places[outside], axis=1) <= tolerance
+    return inside
+
+
 def overlaps(points: NDArray[np.float64], radii: NDArray[np.float64]) -> Rows:
     """Balls that each ball meets, itself among them."""
     from scipy.spatial import cKDTree

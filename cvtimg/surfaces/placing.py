@@ -111,6 +111,10 @@ def surface_points(
     TypeError, ValueError
         If an argument is invalid, or the surface needs more triangles than `n` points make.
 
+    See Also
+    --------
+    cvtimg.mesh_region, cvtimg.sphere_grid, cvtimg.surfaces.read_surface
+
     Notes
     -----
     Distances are those of space, not along the surface, and centers of mass are projected to it. Triangles are those of

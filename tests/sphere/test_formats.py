@@ -131,6 +131,15 @@ def test_numbers_have_the_types_that_other_programs_read(folder: Path, tmp_path:
                 assert file.sphere_radius == 6371220.123
 
 
+def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+    with netcdf_file(folder / "grid.scrip.nc", mmap=False) as file:
+        lon, lat = (file.variables[f"grid_corner_{name}"][:] for name in ("lon", "lat"))
+    same = (np.diff(lon, axis=1) == 0) & (np.diff(lat, axis=1) == 0)
+    n_corners = lon.shape[1] - same.sum(axis=1)
+    assert (n_corners == mpas["nEdgesOnCell"]).all()
+    assert (same == (np.arange(1, lon.shape[1]) >= n_corners[:, None])).all()
+
+
 def test_the_greatest_mesh_density_is_1(mpas: dict[str, NDArray[Any]]) -> None:
     assert mpas["meshDensity"].max() == 1
     assert np.allclose(mpas["meshDensity"], np.linspace(0.5, 1, N))
