@@ -1,5 +1,5 @@
 # docker build -t cvtimg .
-# docker run --rm -v "$PWD:/work" cvtimg quantize photo.jpg -k 16
+# docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/work" cvtimg quantize photo.jpg -k 16
 FROM python:3.13-slim AS build
 RUN apt-get update && apt-get install --yes --no-install-recommends gcc libc6-dev
 COPY . /source
@@ -7,6 +7,9 @@ RUN pip wheel --no-deps --wheel-dir /wheels /source
 
 FROM python:3.13-slim
 RUN --mount=type=bind,from=build,source=/wheels,target=/wheels \
-    pip install --no-cache-dir "$(ls /wheels/*.whl)[codecs,fits,mesh,oxipng,plot,regions]"
+    pip install --no-cache-dir "$(ls /wheels/*.whl)[all]"
+# Without --user, nothing runs as root.
+RUN useradd --create-home cvtimg
+USER cvtimg
 WORKDIR /work
 ENTRYPOINT ["cvtimg"]

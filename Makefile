@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # An editable install rebuilds compiled code when cvtimg is imported; only these need a new install.
 RECIPES := pyproject.toml meson.build meson.options cvtimg/meson.build
 
-.PHONY: install demo test lint docs man completions notebooks napari dist bench clean
+.PHONY: install demo test oldest lint docs man completions notebooks napari dist bench clean
 
 install: $(VENV)/installed
 
@@ -47,11 +47,20 @@ TESTS ?= quick
 test: $(VENV)/extra-test
 	$(BIN)/pytest -n auto --dist worksteal tests --pyargs cvtimg $(if $(filter all,$(TESTS)),,-m "not slow")
 
+# The quick tests with the oldest versions that pyproject.toml allows. What these depend on is new, and deprecates them.
+oldest:
+	$(PYTHON) -m venv build/oldest
+	build/oldest/bin/pip install --quiet uv
+	build/oldest/bin/uv pip install --quiet --python build/oldest/bin/python --resolution lowest-direct ".[test]" httpx "pyparsing<3.2"
+	build/oldest/bin/pytest -n auto --dist worksteal tests -m "not slow" -W ignore::DeprecationWarning
+
 lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy sample_images
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/zizmor --offline --quiet .github
 
 # The site, build/site/index.html. Nothing is fetched, and a warning is an error.
 docs: $(VENV)/extra-docs

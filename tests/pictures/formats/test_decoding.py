@@ -108,8 +108,8 @@ def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Pat
 def test_other_color_spaces_become_rgb(
     tmp_path: Path, mode: str, pixel: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
-    image = read_image(save(tmp_path / "a.tif", Image.new(mode, (3, 2), pixel)))
-    assert image.shape == (2, 3, 3)
+    image = read_image(save(tmp_path / "a.tif", Image.new(mode, (4, 2), pixel)))
+    assert image.shape == (2, 4, 3)
     assert np.abs(image.astype(int) - expected).max() <= 6
 
 
