@@ -14,7 +14,6 @@ import importlib
 import importlib.util
 import json
 import os
-import shutil
 import statistics
 import subprocess
 import sys
@@ -86,7 +85,7 @@ def options() -> argparse.Namespace:
     """Read the command line."""
     read = parser(__doc__)
     read.add_argument("--full", action="store_true", help="up to 5e7 samples, and all pictures: an hour or more")
-    read.add_argument("--docs", action="store_true", help="copy the plot to docs/time_energy.png")
+    read.add_argument("--docs", action="store_true", help="write the plot to docs/time_energy.webp")
     read.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="only these (default: all)")
     read.add_argument("--pictures", type=int, default=4, metavar="N", help="pictures for the curves (4)")
     read.add_argument("--k", type=int, nargs="+", default=[16, 64, 256], metavar="K", help="colors (16 64 256)")
@@ -597,7 +596,7 @@ def run_curves(pictures: Sequence[Picture], given: argparse.Namespace, about: Ro
     if has("matplotlib"):
         draw_curves(points, len(pictures))
         if given.docs:
-            shutil.copy(OUT / "time_energy.png", ROOT / "docs" / "time_energy.png")
+            Image.open(OUT / "time_energy.png").convert("RGB").save(ROOT / "docs" / "time_energy.webp", lossless=True)
     named = {"points": [asdict(point) for point in points], "pictures": [picture.name for picture in pictures]}
     write_results("engine_curves", {**about, **named}, rows)
 

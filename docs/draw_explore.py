@@ -14,10 +14,9 @@ import sys
 from io import BytesIO
 from pathlib import Path
 
+import figures
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
-
-import cvtimg
 
 DOCS = Path(__file__).parent
 SAMPLES = DOCS.parent / "sample_images"
@@ -69,11 +68,12 @@ def main() -> None:
         assert program.stdout is not None
         address = program.stdout.readline().strip()
         browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        wide, narrow = (1280, 800), (390, 844)
+        wide, middle, narrow = (1280, 800), (1020, 700), (390, 844)
         first = shot(browser, address, "colors", scheme="light", size=wide)
         schemes = ["dark", "light"] * 3
         others = [
-            shot(browser, address, tab, scheme=scheme, size=wide) for tab, scheme in zip(CHOICES, schemes, strict=True)
+            shot(browser, address, tab, scheme=scheme, size=middle)
+            for tab, scheme in zip(CHOICES, schemes, strict=True)
         ]
         small = [
             shot(browser, address, tab, scheme=scheme, size=narrow)
@@ -81,9 +81,9 @@ def main() -> None:
         ]
         browser.close()
         program.terminate()
-    figures = {"explore": first, "explore_tabs": tiles(others, 2, 0.6), "explore_narrow": tiles(small, 4, 0.7)}
-    for name, figure in figures.items():
-        cvtimg.write_image(DOCS / f"{name}.png", figure, overwrite=True)
+    drawn = {"explore": first, "explore_tabs": tiles(others, 2, 0.75), "explore_narrow": tiles(small, 4, 0.7)}
+    for name, figure in drawn.items():
+        figures.write(name, figure)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""Draw docs/hero.png: what cvtimg does, in five panels.
+"""Draw docs/hero.webp: what cvtimg does, in five panels.
 
 python docs/draw_hero.py
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
+import figures
 import numpy as np
 from draw_sphere import SAMPLES, by_land, draw_cells
 from matplotlib.axes import Axes
@@ -88,7 +88,7 @@ def main() -> None:
     figure.subplots_adjust(left=0.005, right=0.995, top=0.985, bottom=0.115, wspace=0.04)
     for draw, axes in zip((reduced, segments, dots, mesh, globe), panels, strict=True):
         draw(axes)
-    figure.savefig(Path(__file__).parent / "hero.png")
+    figures.write("hero", figure)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import figures
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,10 +14,10 @@ ROOT = Path(__file__).parent.parent
 
 
 def main() -> None:
-    """Write docs/hierarchy.png."""
+    """Write docs/hierarchy.webp."""
     names = ("coffee.png", "chelsea.png", "rocket.jpg")
     rows = [panels(cvtimg.read_image(ROOT / "sample_images" / name)) for name in names]
-    cvtimg.write_image(ROOT / "docs" / "hierarchy.png", contact_sheet(rows, panel_width=260), overwrite=True)
+    figures.write("hierarchy", contact_sheet(rows, panel_width=260))
 
 
 def panels(image: NDArray[Any]) -> list[Panel]:

@@ -1,4 +1,4 @@
-"""Draw docs/meshes.png: a graded mesh, a mesh of segments, and an anisotropic mesh.
+"""Draw docs/meshes.webp: a graded mesh, a mesh of segments, and an anisotropic mesh.
 
 python docs/draw_meshes.py
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import figures
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -55,7 +56,7 @@ def main() -> None:
         hessian = RecoveredHessian(layered.points, layered.triangles, wave(layered.points))
         layered = cvtimg.mesh_region(SQUARE, n=700, metric=HuangMetric(hessian, SQUARE))
     draw_mesh(panels[2], layered, "longer along a layer")
-    figure.savefig(DOCS / "meshes.png", dpi=100)
+    figures.write("meshes", figure)
 
 
 if __name__ == "__main__":

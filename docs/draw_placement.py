@@ -5,9 +5,9 @@ python docs/draw_placement.py
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
+import figures
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -86,7 +86,7 @@ def main() -> None:
         else:
             for x, y, radius in placement.figures:
                 axes.add_patch(Circle((x, y), radius, fill=False, edgecolor="#c1121f", linewidth=1.4))
-    figure.savefig(Path(__file__).parent / "placement.png", dpi=100)
+    figures.write("placement", figure)
 
 
 if __name__ == "__main__":

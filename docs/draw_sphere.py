@@ -1,4 +1,4 @@
-"""Draw docs/sphere.png: four grids of the globe, their cells in the colors of land and sea.
+"""Draw docs/sphere.webp: four grids of the globe, their cells in the colors of land and sea.
 
 python docs/draw_sphere.py
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import figures
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ def main() -> None:
     )
     named = [Patch(color=color) for color in (LAND_GREEN, SEA_BLUE, COAST_RED)]
     panels[2].legend(handles=named, labels=["land", "sea", "coast"], loc="lower right")
-    figure.savefig(DOCS / "sphere.png", dpi=100)
+    figures.write("sphere", figure)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Draw docs/surfaces.png: points on a torus and on a body, by density and evenly.
+"""Draw docs/surfaces.webp: points on a torus and on a body, by density and evenly.
 
 python docs/draw_surfaces.py
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import figures
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -55,7 +56,7 @@ def main() -> None:
     draw_triangles(panels[1], surface_points(animal, 2500), seen_from(-55, 20), "2,500 points, evenly")
     finer = surface_points(animal, 2500, density=lambda p: 1 + 250 * (p[:, 2] > 0.45))
     draw_triangles(panels[2], finer, seen_from(-55, 20), "four times as fine on the head")
-    figure.savefig(DOCS / "surfaces.png", dpi=100)
+    figures.write("surfaces", figure)
 
 
 if __name__ == "__main__":

@@ -247,6 +247,6 @@ if __name__ == "__main__":
     read = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     read.add_argument("problems", nargs="*", default=list(PROBLEMS), metavar="PROBLEM", help="peaks, interfaces, ...")
     read.add_argument("--most", type=int, default=4920, help="vertices at most")
-    read.add_argument("--folder", type=Path, default=Path(), help="for the pictures of meshes")
+    read.add_argument("--folder", type=Path, default=Path(), help="for the drawings of meshes")
     given = read.parse_args()
     main(given.problems, given.most, given.folder)

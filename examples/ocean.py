@@ -1,4 +1,4 @@
-"""Seas from a picture: refined along a complicated coast, and by a measured field.
+"""Seas from an image: refined along a complicated coast, and by a measured field.
 
 By default the seas are those of Europe in a composite of satellite images by NASA, in which they are shaded by their
 measured depth: edges are as long as the sea is dark, that is, deep, and short on the shelf. It is a measured field, but
@@ -7,7 +7,7 @@ such a field, or the thickness of ice, give a mask of the sea and a gray image o
 grow with the distance, and none is below a tenth of the largest. Prints vertices, triangles, seconds and qualities, and
 draws the coarser mesh, whole and a part of it.
 
-    python examples/ocean.py [PICTURE | --sea SEA.png --energy ENERGY.png] [-n 47305,183907] [--folder FOLDER]
+    python examples/ocean.py [IMAGE | --sea SEA.png --energy ENERGY.png] [-n 47305,183907] [--folder FOLDER]
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COUNTS = (47_305, 183_907)
 EUROPE = Path(__file__).parent.parent / "sample_images" / "europe_day.png"
 #: How sizes grow from the coast, by the distance; the size there, and the least, by the median and the largest.
 GROWTH, AT_COAST, LEAST = 0.02, 0.25, 0.1
-#: A picture is enlarged and blurred by so many pixels, so that its coasts get smooth.
+#: An image is enlarged and blurred by so many pixels, so that its coasts get smooth.
 ENLARGED, BLUR = 4, 2.0
 #: The corners of the part that is drawn alone, by the width and the height: the Adriatic and the Aegean Sea.
 WINDOW = np.array([[0.44, 0.56], [0.72, 0.95]])
@@ -39,7 +39,7 @@ BY_BRIGHTNESS, BY_ENERGY = -1.0, -0.25
 
 
 def sea_of(picture: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Return where a colored picture is blue, and how bright it is there, both enlarged."""
+    """Return where a colored image is blue, and how bright it is there, both enlarged."""
     large = ndimage.zoom(picture[..., :3].astype(np.float64), (ENLARGED, ENLARGED, 1), order=1)
     red, green, blue = np.moveaxis(ndimage.gaussian_filter(large, (BLUR, BLUR, 0)), 2, 0)
     parts, n_parts = ndimage.label(blue > np.maximum(red, green) + BLUE)
@@ -90,7 +90,7 @@ def drawn(mesh: Mesh, low: NDArray[np.float64], high: NDArray[np.float64]) -> by
 
 if __name__ == "__main__":
     read = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    read.add_argument("picture", nargs="?", type=Path, default=EUROPE, help="colored picture in which the sea is blue")
+    read.add_argument("picture", nargs="?", type=Path, default=EUROPE, help="colored image in which the sea is blue")
     read.add_argument("--sea", type=Path, help="mask of the sea")
     read.add_argument("--energy", type=Path, help="gray image of the same size")
     read.add_argument("-n", default=",".join(map(str, COUNTS)), help="numbers of vertices")

@@ -49,7 +49,7 @@ def test_every_figure_of_the_pages_has_a_script() -> None:
     drawn = {path.stem.removeprefix("plot_") for path in GALLERY.glob("plot_*.py")}
     drawn |= {path.stem.removeprefix("draw_") for path in (ROOT / "docs").glob("draw_*.py")}
     drawn |= {path.stem for path in (ROOT / "examples").glob("*.py")}
-    for path in (ROOT / "docs").glob("*.png"):
+    for path in (ROOT / "docs").glob("*.webp"):
         assert path.stem in drawn | measured or path.stem.split("_")[0] in drawn, path.name
 
 

@@ -228,7 +228,7 @@ def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float
 
 
 def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> NDArray[np.float64]:
-    """Return weights, one for each pixel of a picture of this shape: finite, >= 0 and not all 0."""
+    """Return weights, one for each pixel of an image of this shape: finite, >= 0 and not all 0."""
     array = np.asarray(weights, dtype=np.float64)
     check_shape(name, array.shape, array.shape == shape, f"{shape}, one weight for each {of}")
     holds = np.isfinite(array).all() and array.min() >= 0 and array.any()
@@ -381,7 +381,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
 
 
 def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
-    """Return the density of a picture as an (H, W) float32 array: finite, >= 0 and not all 0."""
+    """Return the density of an image as an (H, W) float32 array: finite, >= 0 and not all 0."""
     array = array_of(density)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     check_numbers(name, array.dtype)
@@ -395,7 +395,7 @@ def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
 
 
 def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return `colors` as a (K, C) array of the type of a picture, in whose units they are."""
+    """Return `colors` as a (K, C) array of the type of an image, in whose units they are."""
     array = np.asarray(colors)
     array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
@@ -406,7 +406,7 @@ def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[
         fits = array.min() >= low and array.max() <= high and (array == np.rint(array)).all()
     if not fits:
         allowed = f"whole numbers in {np.iinfo(dtype).min}..{np.iinfo(dtype).max}" if whole else "finite"
-        raise ValueError(f"{name} must be {allowed}, as the picture is of {dtype}")
+        raise ValueError(f"{name} must be {allowed}, as the image is of {dtype}")
     return np.ascontiguousarray(array, dtype)
 
 

@@ -190,7 +190,7 @@ def draw_dots(
 ) -> NDArray[np.float32]:
     """Compute the share of each pixel that dots cover, in steps of 1/64; where they overlap they cover once.
 
-    Points (N, 2) and radii are in pixels of a picture of a shape (H, W), drawn at `scale` as many.
+    Points (N, 2) and radii are in pixels of an image of a shape (H, W), drawn at `scale` as many.
 
     Examples
     --------

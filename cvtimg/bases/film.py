@@ -1,4 +1,4 @@
-"""Key frames: the frames of a film that represent the others."""
+"""Key frames: the frames of an animation that represent the others."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ class KeyFrames(ReadOnly):
 
 @hints_at_keywords
 def key_frames(
-    film: Any, n_frames: int | Literal["auto"], *, passes: int = 4, rng: int | np.random.Generator = 0
+    animation: Any, n_frames: int | Literal["auto"], *, passes: int = 4, rng: int | np.random.Generator = 0
 ) -> KeyFrames:
-    """Choose the frames that represent a film with the least error: the medoids of a tessellation of its frames.
+    """Choose the frames that represent an animation with the least error: the medoids of a tessellation of its frames.
 
     Parameters
     ----------
-    film : array-like, Frames, path, or sequence of paths
+    animation : array-like, Frames, path, or sequence of paths
         (N, ...) frames, as `as_snapshots` takes them.
     n_frames : int or "auto"
         How many, at most the number of distinct frames. "auto" takes the elbow of the energy, at most 32.
@@ -80,7 +80,7 @@ def key_frames(
     >>> key_frames(film, 3).labels.tolist() == [0] * 10 + [1] * 10 + [2] * 10
     True
     """
-    given = as_snapshots(film)
+    given = as_snapshots(animation)
     if n_frames != "auto":
         check_count("n_frames", n_frames, given.n_snapshots, "the number of frames")
     most = _MOST_AUTO_FRAMES if n_frames == "auto" else n_frames

@@ -1,4 +1,4 @@
-"""Snapshots, wherever they are: arrays in memory, on disk or on a cluster, films, and folders of images.
+"""Snapshots, wherever they are: arrays in memory, on disk or on a cluster, animations, and folders of images.
 
 They are worked on block by block: by this process, or, if they are Dask arrays, by the Dask cluster that is current.
 """
@@ -103,8 +103,8 @@ def as_snapshots(snapshots: Any) -> Snapshots:
     snapshots : array-like, Frames, path, or sequence of paths
         An (N, ...) array of numbers, N >= 1: NumPy, memory-mapped, zarr or HDF5, of which some rows are loaded at a
         time. A Dask array, or what `cvtimg.blocks.open_blocks` opens, is worked on by the Dask scheduler or cluster
-        that is current. A path names a folder of images of one size, a film (GIF, APNG, WebP), a .npy file, which is
-        memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
+        that is current. A path names a folder of images of one size, an animation (GIF, APNG, WebP), a .npy file, which
+        is memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
 
     Returns
     -------

@@ -69,7 +69,7 @@ def _panels(found: Basis) -> list[list[Panel]]:
     from cvtimg.plotting.sheets import Panel
 
     if len(found.shape) not in (2, 3) or found.shape[2:] not in ((), (1,), (3,)):
-        raise ValueError(f"--sheet needs frames that are grey or RGB images, not snapshots of shape {found.shape}")
+        raise ValueError(f"--sheet needs frames that are gray or RGB images, not snapshots of shape {found.shape}")
     panels = []
     for cell, (center, modes) in enumerate(zip(found.centers, found.modes, strict=True)):
         name = "mean" if found.n_cells == 1 else f"cell {cell}: {np.count_nonzero(found.labels == cell)} frames"

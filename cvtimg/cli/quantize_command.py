@@ -123,7 +123,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
         raise ValueError(error.reason.format(flag)) from error
-    is_one = result.kind in ("picture", "tiles")
+    is_one = result.kind in ("image", "tiles")
     return {
         "width": result.shape[1],
         "height": result.shape[0],

@@ -128,7 +128,7 @@ def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.segmentation import segment_file
 
     for option in _needing_memory(given):
-        raise ValueError(f"is read in tiles, and {option} needs the whole picture in memory")
+        raise ValueError(f"is read in tiles, and {option} needs the whole image in memory")
     if given.max_pixels is not None and open_bands(task.source).form.n_pixels > given.max_pixels:
         raise ValueError(f"has over {given.max_pixels} pixels, the limit that --max-pixels sets")
     options = {name: value for name, value in given.arguments.items() if name in _IN_TILES}

@@ -93,20 +93,20 @@ class ColorSpace:
         slightly outside 0..1.
     white : float
         First coordinate of white.
-    grey : tuple of float
-        The three coordinates of a grey are its first coordinate times these.
+    gray : tuple of float
+        The three coordinates of a gray are its first coordinate times these.
     """
 
     forward: Callable[[_Floats], _Floats]
     backward: Callable[[_Floats], _Floats]
     white: float = 1.0
-    grey: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    gray: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
 
 #: The registry of color spaces: the values of `space` and ``--space``.
 SPACES: dict[str, ColorSpace] = {
-    "rgb": ColorSpace(_unchanged, _unchanged, grey=(1.0, 1.0, 1.0)),
-    "linear": ColorSpace(_decode, _encode, grey=(1.0, 1.0, 1.0)),
+    "rgb": ColorSpace(_unchanged, _unchanged, gray=(1.0, 1.0, 1.0)),
+    "linear": ColorSpace(_decode, _encode, gray=(1.0, 1.0, 1.0)),
     "lab": ColorSpace(_to_lab, _from_lab, white=100.0),
     "oklab": ColorSpace(_to_oklab, _from_oklab),
 }
@@ -118,7 +118,7 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
     Parameters
     ----------
     colors : (N, C) array
-        Integers, of which the largest of the type is white, or floating point in 0..1. C is 3 (sRGB) or 1 (grey); any
+        Integers, of which the largest of the type is white, or floating point in 0..1. C is 3 (sRGB) or 1 (gray); any
         other number only for "rgb".
     space : {"rgb", "linear", "lab", "oklab"}
         "rgb" leaves the colors as they are, in type and unit too.
@@ -126,7 +126,7 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
     Returns
     -------
     (N, C) array
-        Grey has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
+        Gray has one coordinate in every space: its light in "linear", its lightness in "lab" and "oklab". Floating
         point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
         and twice its opponent channels.
 
@@ -175,7 +175,7 @@ def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[An
         colors = places
     else:
         _check_channels(n_channels, space)
-        full = places if n_channels == 3 else places * chosen.grey
+        full = places if n_channels == 3 else places * chosen.gray
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
     return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
 

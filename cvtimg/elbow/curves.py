@@ -126,8 +126,8 @@ class EnergyCurve(ReadOnly):
         --------
         >>> import numpy as np
         >>> from cvtimg import energy_curve
-        >>> picture = np.array([[0, 1, 90, 91, 200, 201]] * 4, np.uint8)
-        >>> curve = energy_curve(picture, 5)
+        >>> image = np.array([[0, 1, 90, 91, 200, 201]] * 4, np.uint8)
+        >>> curve = energy_curve(image, 5)
         >>> curve.energies.round(1).tolist()
         [160539.3, 32406.0, 6.0, 4.0, 2.0]
         >>> curve.elbow(), curve.elbow("variance", 0.75)
@@ -171,7 +171,7 @@ def energy_curve(
     ----------
     samples : image, ColorSamples or (N, D) array
         An image (H, W, C) or a Pillow image, colors with their density, or the rows of a table. An array (H, W) is
-        taken for a grey image if it is uint8 or uint16, and for the rows of a table otherwise.
+        taken for a gray image if it is uint8 or uint16, and for the rows of a table otherwise.
     n_max : int
         Largest number of generators; the curve ends at the number of distinct samples if that is smaller.
     density : (N,) array, optional

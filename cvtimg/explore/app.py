@@ -107,12 +107,12 @@ class Server:
             content += part
             if len(content) > MOST_BYTES:
                 return too_large
-        return await _answered(lambda: use(request.query_params.get("name", "picture"), bytes(content)))
+        return await _answered(lambda: use(request.query_params.get("name", "image"), bytes(content)))
 
     async def _open_given(self, request: Request) -> Response:
         number = request.path_params["number"]
         if number >= len(self._paths):
-            return PlainTextResponse("there is no such picture", 404)
+            return PlainTextResponse("there is no such image", 404)
         return await _answered(lambda: self.store.open_file(self._paths[number]).described())
 
     async def _curve(self, request: Request) -> Response:

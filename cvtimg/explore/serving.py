@@ -35,7 +35,7 @@ def serve(
     Parameters
     ----------
     paths : sequence of Path
-        Pictures to open.
+        Images to open.
     port : int
         Port of the server; 0 takes a free one.
     browser : bool

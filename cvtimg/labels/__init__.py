@@ -1,4 +1,4 @@
-"""Pictures of labels: edges, contours, connected components, figures and files of segments."""
+"""Label images: edges, contours, connected components, figures and files of segments."""
 
 import lazy_loader
 

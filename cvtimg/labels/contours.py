@@ -113,7 +113,7 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
 
     Notes
     -----
-    For two segments of a grey picture the lines are those of ``skimage.measure.find_contours`` at the level half way
+    For two segments of a gray image the lines are those of ``skimage.measure.find_contours`` at the level half way
     between their means, but for pixels that touch across a corner.
 
     References

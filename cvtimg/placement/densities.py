@@ -31,7 +31,7 @@ class ConstantDensity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureDensity:
-    """The values of a picture, interpolated from the centers of its pixels; beyond the outermost they stay the same.
+    """The values of an image, interpolated from the centers of its pixels; beyond the outermost they stay the same.
 
     Attributes
     ----------
@@ -65,12 +65,12 @@ class FunctionDensity:
 
 
 def as_density(density: DensityLike) -> Density:
-    """Make a density of a number, a picture or a function.
+    """Make a density of a number, an image or a function.
 
     Parameters
     ----------
     density : None, float, (H, W) array or callable
-        None for 1 everywhere; a number > 0; a picture, interpolated bilinearly, at places (x, y) in pixels; or a
+        None for 1 everywhere; a number > 0; an image, interpolated bilinearly, at places (x, y) in pixels; or a
         function from (N, D) points to (N,) values >= 0.
 
     Returns

@@ -1,4 +1,4 @@
-"""Exact moments of Voronoi and power cells over the pixels of a picture.
+"""Exact moments of Voronoi and power cells over the pixels of an image.
 
 A cell meets the middle line of a row of pixels in one interval, whose ends are found exactly; the density is constant
 over each pixel. A pass costs as the boundaries of all cells are long, in pixels, and no triangulation is needed.
@@ -52,14 +52,14 @@ class CellMoments(Protocol):
 
 
 class PixelMoments:
-    """Moments of cells over one picture, for any number of generators.
+    """Moments of cells over one image, for any number of generators.
 
     Parameters
     ----------
     density : (H, W) array
         Mass of each pixel, finite, >= 0 and not all 0. It is kept as float32.
     scale : float
-        Pixels per unit of length, in which generators, centroids and energy are counted: 2 for a picture that was
+        Pixels per unit of length, in which generators, centroids and energy are counted: 2 for an image that was
         enlarged to double size, if places are counted in its original pixels.
 
     Attributes
@@ -106,7 +106,7 @@ class PixelMoments:
         return _labels(self.density.shape, self._buckets(generators, weights))
 
     def halved(self) -> PixelMoments:
-        """Take four pixels together, for a coarser level of the same picture."""
+        """Take four pixels together, for a coarser level of the same image."""
         height, width = self.density.shape
         padded = np.pad(self.density, ((0, height % 2), (0, width % 2)))
         halves = padded[::2] + padded[1::2]
@@ -133,7 +133,7 @@ class PixelMoments:
 
 
 def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike | None = None) -> Moments:
-    """Compute the masses, centroids and energy of Voronoi or power cells over a picture.
+    """Compute the masses, centroids and energy of Voronoi or power cells over an image.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
 
     Notes
     -----
-    Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the picture:
+    Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the image:
     with 20 pixels in each cell centroids are right to 1 or 2 percent of the distance between generators.
 
     Examples
@@ -175,7 +175,7 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
 
 
 def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLike | None = None) -> NDArray[np.int32]:
-    """Label the pixels of a picture of a shape by the nearest of (K, 2) points, or by their power cell.
+    """Label the pixels of an image of a shape by the nearest of (K, 2) points, or by their power cell.
 
     Examples
     --------
@@ -209,7 +209,7 @@ def _labels(shape: tuple[int, ...], buckets: _placement.Buckets) -> NDArray[np.i
 def _sorted(
     shape: tuple[int, ...], generators: NDArray[np.float64], weights: NDArray[np.float64] | None
 ) -> _placement.Buckets:
-    """Sort generators by square buckets of a picture."""
+    """Sort generators by square buckets of an image."""
     height, width = shape
     side = int(np.clip(round((_IN_A_BUCKET * height * width / len(generators)) ** 0.5), *_SIDES))
     return _placement.Buckets(np.ascontiguousarray(generators), weights, height, width, side)

@@ -1,4 +1,4 @@
-"""Placement in a picture: from a start along a curve, over coarser levels, to the picture itself."""
+"""Placement in an image: from a start along a curve, over coarser levels, to the image itself."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def place_in_picture(
     rng: int | np.random.Generator = 0,
     callback: Callback | None = None,
 ) -> Placement:
-    """Place generators in a picture, each at the center of mass of its own Voronoi cell.
+    """Place generators in an image, each at the center of mass of its own Voronoi cell.
 
     Parameters
     ----------
@@ -140,14 +140,14 @@ def check_apart(name: str, points: Points, bounds: NDArray[Any]) -> None:
 
 
 def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMoments:
-    """Prepare the moments over a picture, enlarged as `n_generators` ask for it, in its own pixels."""
+    """Prepare the moments over an image, enlarged as `n_generators` ask for it, in its own pixels."""
     n_pixels = int(np.count_nonzero(density))
     factor = next(factor for factor, pixels in _ENLARGEMENTS if n_pixels >= pixels * n_generators)
     return PixelMoments(enlarge(density, factor), factor)
 
 
 def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    """Enlarge a picture by bilinear interpolation, of which masses of pixels are left, and 0 where it is 0."""
+    """Enlarge an image by bilinear interpolation, of which masses of pixels are left, and 0 where it is 0."""
     if factor == 1:
         return density
     large = density

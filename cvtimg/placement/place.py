@@ -68,7 +68,7 @@ def place_generators(
     n_generators : int
         Number of generators K, those that are fixed or on the boundary among them.
     density : None, float, (H, W) array or callable
-        What `cvtimg.placement.as_density` takes: 1 everywhere, a number, a picture, or a function of (N, D) points.
+        What `cvtimg.placement.as_density` takes: 1 everywhere, a number, an image, or a function of (N, D) points.
     fixed : (L, D) array, optional
         Generators that stay in place: the first L of the K.
     on_boundary : (B, D) array, int or "auto", optional
@@ -83,7 +83,7 @@ def place_generators(
     method : {"l-bfgs", "over-relaxed", "lloyd"}, optional
         How generators move: "lloyd" by default with ``on_boundary="auto"``, else "l-bfgs".
     effort : {"fast", "balanced", "best"}
-        How long. "best" takes the lowest of 8 starts where the region is no picture.
+        How long. "best" takes the lowest of 8 starts unless the region is an image.
     rng : int or numpy.random.Generator
         Seed. The same seed gives the same bits, whatever the number of threads.
     callback : callable, optional
@@ -104,7 +104,7 @@ def place_generators(
 
     Notes
     -----
-    Cells are integrated exactly over the pixels of a picture; as polygons in other regions of the plane, exactly for
+    Cells are integrated exactly over the pixels of an image; as polygons in other regions of the plane, exactly for
     a constant density; and over samples for other dimensions, metrics and figures.
 
     References

@@ -64,7 +64,7 @@ class PolygonRegion(Region):
         Parameters
         ----------
         labels : (H, W) array
-            A mask, or segments of a picture.
+            A mask, or segments of an image.
         label : int, optional
             The segment; by default all that are not 0.
         tolerance : float
@@ -243,7 +243,7 @@ class PictureRegion(Region):
 
     @property
     def bounds(self) -> Points:
-        """The least and the greatest coordinates of the picture, (2, D)."""
+        """The least and the greatest coordinates of the image, (2, D)."""
         size = np.array(self.mask.shape[::-1], np.float64)
         return np.stack([np.zeros_like(size), size])
 
@@ -254,7 +254,7 @@ class PictureRegion(Region):
 
     @property
     def corners(self) -> Points:
-        """The corners of the picture that it holds: those along pixels are none."""
+        """The corners of the image that it holds: those along pixels are none."""
         ends = np.array(list(np.ndindex(*(2,) * self.n_dims)))
         own = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
         return self.bounds[ends, np.arange(self.n_dims)][own]

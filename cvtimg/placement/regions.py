@@ -93,7 +93,7 @@ class Region(ABC):
         ----------
         n : int
             Number of samples.
-        density : None, float, picture or callable
+        density : None, float, image or callable
             What `as_density` takes.
         rng : int or numpy.random.Generator
             Seed.

@@ -1,4 +1,4 @@
-"""Drawings of results, which compute nothing: sheets of pictures, palettes, edges and energy curves."""
+"""Drawings of results, which compute nothing: sheets of images, palettes, edges and energy curves."""
 
 import lazy_loader
 

@@ -48,7 +48,7 @@ def draw_globe(
     suffix : {".png", ".svg"}
         Format of the file.
     center : (lon, lat)
-        Place in the middle of the picture, in degrees.
+        Place in the middle of the image, in degrees.
     image : (H, W) or (H, W, 3) uint8 array, optional
         Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
     label : str

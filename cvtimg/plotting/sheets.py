@@ -51,7 +51,7 @@ class Panel:
     Attributes
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        Of any integer or floating point type. One or two channels show the first as grey, three are RGB, four are
+        Of any integer or floating point type. One or two channels show the first as gray, three are RGB, four are
         RGB and alpha, of more the first three are shown.
     caption : sequence of str
         Lines below the image; those too long for the panel end in an ellipsis.
@@ -81,8 +81,8 @@ def palette_strip(
     Parameters
     ----------
     palette : (K, D) array
-        uint8: grey (D = 1), RGB or RGBA. Other types are stretched from the least to the greatest value. RGBA is
-        shown over a grey checkerboard.
+        uint8: gray (D = 1), RGB or RGBA. Other types are stretched from the least to the greatest value. RGBA is
+        shown over a gray checkerboard.
     width, height : int
         Size of the strip in pixels.
     shares : (K,) array, optional
@@ -118,7 +118,7 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     """Lay out panels as a grid: images, a palette strip below each that has a palette, and captions.
 
     Images wider than a panel are reduced to its width, or to one and a half times that in height. Smaller ones are
-    enlarged by whole factors, so that each pixel can be seen. Transparency is shown over a grey checkerboard.
+    enlarged by whole factors, so that each pixel can be seen. Transparency is shown over a gray checkerboard.
 
     Parameters
     ----------

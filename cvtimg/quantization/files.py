@@ -59,7 +59,7 @@ class QuantizedFile(Fidelity):
 
     Attributes
     ----------
-    kind : {"picture", "frames", "pages", "tiles"}
+    kind : {"image", "frames", "pages", "tiles"}
         What the file holds, or that it was read in tiles.
     n_images : int
         Number of frames or pages, or 1.
@@ -170,7 +170,7 @@ def quantize_file(
     on_stage: Callable[[str], None] | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFile:
-    """Quantize an image file: a picture, an animation, pages, or an image of any size.
+    """Quantize an image file: a single image, an animation, pages, or an image of any size.
 
     Animations stay animations in .gif, .png and .webp, and pages of TIFF stay pages, with one palette for all. Large
     images get the palette of the whole image, so there are no seams; memory does not grow with them: a few strips of
@@ -330,7 +330,7 @@ def _at_depth(colors: ArrayLike, dtype: np.dtype[Any]) -> ArrayLike:
 
 def _in_tiles(job: _Job) -> QuantizedFile:
     check_choice(f"{job.target}: suffix", job.target.suffix.lower(), TILED_SUFFIXES)
-    job.refuse(_IN_MEMORY, "is read in tiles, and {} needs the whole picture in memory")
+    job.refuse(_IN_MEMORY, "is read in tiles, and {} needs the whole image in memory")
     strips = Strips(job.source, job.target, job.mask, job.nodata, job.max_pixels, job.overwrite)
     result = quantized(strips, job.at_depth(strips.bands.form.dtype))
     job.write_palette(result.palette, [])
@@ -375,7 +375,7 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     job.write_palette(result.palette, [result])
     job.lap("write")
     n_left_out = 0 if mask is None else int((~mask).sum())
-    return QuantizedFile.of("picture", [result], shape=image.shape, n_left_out=n_left_out)
+    return QuantizedFile.of("image", [result], shape=image.shape, n_left_out=n_left_out)
 
 
 def _small_enough(

@@ -77,7 +77,7 @@ def quantize(
     nodata : float, optional
         Pixels with this value in all bands do not count either; by default what the attributes of a `DataArray` say.
     space : {"rgb", "linear", "lab", "oklab"}
-        Color space in which distances are measured and means taken. All but "rgb" need grey or RGB, with or without
+        Color space in which distances are measured and means taken. All but "rgb" need gray or RGB, with or without
         alpha.
     palette : (K, C) array, optional
         Colors to map the image to, in its units, instead of finding a palette.
@@ -136,11 +136,11 @@ def quantize(
     --------
     >>> import numpy as np
     >>> from cvtimg import quantize
-    >>> picture = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
-    >>> result = quantize(picture, 2)
+    >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> result = quantize(image, 2)
     >>> result.image.tolist(), result.energy
     ([[11, 11, 201], [11, 201, 201]], 4.0)
-    >>> len(quantize(picture, psnr=40).palette)
+    >>> len(quantize(image, psnr=40).palette)
     2
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
@@ -223,8 +223,8 @@ def quantize_to_size(
     --------
     >>> import numpy as np
     >>> from cvtimg.quantization import quantize_to_size
-    >>> picture = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    >>> result = quantize_to_size(picture, 400, lambda result: result.indices.nbytes + 3 * len(result.palette))
+    >>> image = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    >>> result = quantize_to_size(image, 400, lambda result: result.indices.nbytes + 3 * len(result.palette))
     >>> len(result.palette)
     48
     """

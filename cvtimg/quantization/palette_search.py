@@ -126,8 +126,8 @@ def find_palette(
     >>> import numpy as np
     >>> from cvtimg import find_palette
     >>> from cvtimg.colors import color_samples
-    >>> picture = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
-    >>> find_palette(color_samples(picture), 2).colors.ravel().tolist()
+    >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> find_palette(color_samples(image), 2).colors.ravel().tolist()
     [11, 201]
     """
     check_keywords(find_palette, engine, EngineOptions.__annotations__)
@@ -164,7 +164,7 @@ def find_palette(
 
 
 def shared_palette(
-    pictures: Iterable[StrPath | ArrayLike],
+    images: Iterable[StrPath | ArrayLike],
     n_colors: int,
     *,
     space: SpaceName = "rgb",
@@ -178,8 +178,8 @@ def shared_palette(
 
     Parameters
     ----------
-    pictures : iterable of paths or (H, W) or (H, W, C) arrays
-        Read one after the other: memory holds only the distinct colors of all, at most 2^24 of 8-bit RGB. Grey becomes
+    images : iterable of paths or (H, W) or (H, W, C) arrays
+        Read one after the other: memory holds only the distinct colors of all, at most 2^24 of 8-bit RGB. Gray becomes
         RGB if there is color, opaque images get alpha if some have transparency, and 8 bits become 16 if some have
         16; floating point, and bands that are not colors, cannot be combined with other images.
     n_colors : int
@@ -206,9 +206,9 @@ def shared_palette(
     [[11], [201]]
     """
     check_keywords(shared_palette, engine, EngineOptions.__annotations__)
-    samples = pairwise_sum((count_picture(picture) for picture in pictures), add_samples)
+    samples = pairwise_sum((count_picture(image) for image in images), add_samples)
     if samples is None:
-        refuse("pictures", [], "at least one")
+        refuse("images", [], "at least one")
     return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
 
 

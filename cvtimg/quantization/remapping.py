@@ -138,7 +138,7 @@ class Quantized(ReadOnly, Fidelity):
 
 
 def map_to_palette(
-    picture: Any,
+    image: Any,
     palette: ArrayLike,
     *,
     alpha: bool | None = None,
@@ -155,10 +155,10 @@ def map_to_palette(
 
     Parameters
     ----------
-    picture : (H, W) or (H, W, C) array, Pillow image, or ColorSamples of one
+    image : (H, W) or (H, W, C) array, Pillow image, or ColorSamples of one
         Of any integer or floating point type; see `color_samples`.
     palette : (K, C) array
-        Colors in the units of the image, K <= 65536. Grey images can take RGB colors, opaque images colors with alpha,
+        Colors in the units of the image, K <= 65536. Gray images can take RGB colors, opaque images colors with alpha,
         and vice versa.
     alpha : bool, optional
         Whether the last channel is alpha; by default if the image says so. See `quantize`.
@@ -195,14 +195,14 @@ def map_to_palette(
     --------
     >>> import numpy as np
     >>> from cvtimg.quantization import map_to_palette
-    >>> picture = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
-    >>> map_to_palette(picture, [0, 128, 255]).image.tolist()
+    >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> map_to_palette(image, [0, 128, 255]).image.tolist()
     [[0, 0, 255], [0, 255, 255]]
     """
-    given = isinstance(picture, ColorSamples)
-    samples = picture if given else color_samples(picture, alpha=alpha, mask=mask)
+    given = isinstance(image, ColorSamples)
+    samples = image if given else color_samples(image, alpha=alpha, mask=mask)
     result = map_samples(samples, palette, space, dither, dither_strength)
-    return result if given else keep_outside(result, picture)
+    return result if given else keep_outside(result, image)
 
 
 def keep_outside(result: Quantized, image: Any) -> Quantized:

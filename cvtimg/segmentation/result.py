@@ -80,7 +80,7 @@ class Segmentation(ReadOnly):
         Returns
         -------
         (H, W) or (H, W, 3) uint8 array
-            In color if there are three bands or more, of which the first three are shown; otherwise in grey. Pixels
+            In color if there are three bands or more, of which the first three are shown; otherwise in gray. Pixels
             of label 0 are black.
         """
         means = self.generators[:, : 3 if self.generators.shape[1] >= 3 else 1]

@@ -73,7 +73,7 @@ def coastal_grid(
     n : int
         Number of points.
     land : (H, 2 H) array
-        Mask of the globe, as `cvtimg.sphere_grid` takes pictures: True, or the largest value, for land, 0 for sea.
+        Mask of the globe, as `cvtimg.sphere_grid` takes images: True, or the largest value, for land, 0 for sea.
         Coasts are smoothed to what cells can follow.
     density, effort, rng, callback
         As in `cvtimg.sphere_grid`.
@@ -245,7 +245,7 @@ class Coast:
 
 
 def _smoothed(land: NDArray[Any], size: float) -> NDArray[np.float32]:
-    """Smooth a picture of land by a length on the ground, and leave out islands and lakes that are too small."""
+    """Smooth an image of land by a length on the ground, and leave out islands and lakes that are too small."""
     from scipy.ndimage import gaussian_filter1d, label
 
     height, width = land.shape

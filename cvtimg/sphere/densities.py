@@ -1,4 +1,4 @@
-"""Densities on the sphere: functions, pictures of the globe, and caps of finer cells."""
+"""Densities on the sphere: functions, images of the globe, and caps of finer cells."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Refined:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobePicture:
-    """A picture of the globe as a function on the sphere, interpolated between the centers of its pixels.
+    """An image of the globe as a function on the sphere, interpolated between the centers of its pixels.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class GlobePicture:
 
     @classmethod
     def of(cls, name: str, picture: ArrayLike) -> GlobePicture:
-        """Check a picture of densities: finite, >= 0 and not all 0."""
+        """Check an image of densities: finite, >= 0 and not all 0."""
         return cls.padded(check_globe(name, check_picture_density(name, picture)))
 
     @classmethod
@@ -129,7 +129,7 @@ class GlobePicture:
         return self._padded(np.stack([(lon / (2 * np.pi) + 0.5) * width + 1, (0.5 - lat / np.pi) * height], axis=1))
 
     def for_cells(self, n: int) -> GlobePicture:
-        """Return a density by which n cells can follow the picture: no finer in detail, and not growing too fast."""
+        """Return a density by which n cells can follow the image: no finer in detail, and not growing too fast."""
         roots = np.sqrt(np.maximum(self.picture / self.picture.max(), _LEAST_IN_PICTURES), dtype=np.float64)
         weights = _row_weights(len(roots))
         spacing = np.sqrt(4 * np.pi * (roots.mean(axis=1) @ weights) / n)
@@ -155,9 +155,9 @@ class GlobePicture:
 
 
 def check_globe(name: str, picture: NDArray[Any]) -> NDArray[Any]:
-    """Return a picture if it can be one of the globe."""
+    """Return an image if it can be one of the globe."""
     height, width = picture.shape[:2]
-    check_shape(name, picture.shape, width == 2 * height, "twice as wide as high: a picture of the globe")
+    check_shape(name, picture.shape, width == 2 * height, "twice as wide as high: an image of the globe")
     return picture
 
 
@@ -170,18 +170,18 @@ def as_sphere_density(density: SphereDensityLike) -> SphereDensity | None:
     if isinstance(density, (list, tuple)) and density and all(map(callable, density)):
         return Refined(tuple(density))
     if np.ndim(density) == 0:  # type: ignore[arg-type]
-        check_positive("density", float(np.asarray(density)), "a picture or a function")
+        check_positive("density", float(np.asarray(density)), "an image or a function")
         return None
     return GlobePicture.of("density", density)  # type: ignore[arg-type]
 
 
 def by_spacing(brightness: ArrayLike, ratio: float) -> NDArray[np.float32]:
-    """Return the density of cells that are `ratio` times smaller where a picture is brightest than where it is black.
+    """Return the density of cells that are `ratio` times smaller where an image is brightest than where it is black.
 
     Parameters
     ----------
     brightness : (H, 2 H) array
-        A picture of the globe: finite, >= 0 and not all 0.
+        An image of the globe: finite, >= 0 and not all 0.
     ratio : float
         > 0. Sizes of cells are geometric between the ends.
 
@@ -215,7 +215,7 @@ class Scaled:
         return np.maximum(self._density(points) / self.unit, self._least)
 
     def for_cells(self, n: int) -> Scaled:
-        """Return the density with pictures that n cells can follow."""
+        """Return the density with images that n cells can follow."""
         density = self._density
         if isinstance(density, Refined):
             parts = [part.for_cells(n) if isinstance(part, GlobePicture) else part for part in density.parts]
@@ -224,7 +224,7 @@ class Scaled:
 
 
 def _row_weights(height: int) -> NDArray[np.float64]:
-    """Return the share of the sphere that each row of a picture of the globe covers."""
+    """Return the share of the sphere that each row of an image of the globe covers."""
     edges = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
     return -np.diff(edges) / 2
 

@@ -104,9 +104,9 @@ def sphere_grid(
     n : int
         Number of points, >= 4. With 12, 42, 162, ... 10 * 4^k + 2 and no density, all cells but twelve are hexagons.
     density : callable, (H, 2 H) array, Refinement or sequence of these, optional
-        A function from (N, 3) unit vectors to (N,) values >= 0; an equirectangular picture, longitudes -180..180 from
+        A function from (N, 3) unit vectors to (N,) values >= 0; an equirectangular image, longitudes -180..180 from
         left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
-        size of cells goes as density^(-1/4); by a picture, it grows by at most 15 % through a cell and is at most 10
+        size of cells goes as density^(-1/4); by an image, it grows by at most 15 % through a cell and is at most 10
         times that of the finest. 1 everywhere by default.
     fixed : (L, 3) array, optional
         Unit vectors that become the first L of the n points, with the same bits.

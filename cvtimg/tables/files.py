@@ -294,7 +294,7 @@ def write_generators(
 
 
 def find_tables(path: StrPath) -> list[Path]:
-    """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for pictures.
+    """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for images.
 
     Parameters
     ----------

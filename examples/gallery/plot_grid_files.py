@@ -2,7 +2,7 @@
 Grids of the globe on charts
 ============================
 
-A grid of 5,000 cells, four times as fine around Europe, seen from there and on a map.
+A grid of 5,000 cells, four times as fine around Europe, with the coasts, seen from there and on a map.
 """
 
 from io import BytesIO
@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from cvtimg import read_image, sphere_grid
+from cvtimg import find_edges, read_image, sphere_grid
 from cvtimg.plotting import draw_globe, draw_map
 from cvtimg.sphere import Refinement, cell_polygons
 
 land = read_image(Path("../../sample_images") / "land.png")
-shade = np.where(land > 127, 165, 255).astype(np.uint8)
+coasts = np.where(find_edges(land > 127, mode="thick"), 0, 255).astype(np.uint8)
 
 grid = sphere_grid(5000, density=Refinement(10, 50, radius=20, ratio=4))
 cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
-globe = draw_globe(list(cells), sizes, ".png", center=(10, 50), image=shade)
+globe = draw_globe(list(cells), sizes, ".png", center=(10, 50), image=coasts)
 rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
-on_map = draw_map(rings, sizes, ".png", image=shade)
+on_map = draw_map(rings, sizes, ".png", image=coasts)
 
 # %%
-# Both charts color cells by size, over a map of the land; the flat one is cut at 180 degrees.
+# Both charts color cells by size, over the coasts; the flat one is cut at 180 degrees.
 
 charts = [Image.open(BytesIO(content)).convert("RGB") for content in (globe, on_map)]
 height = 540

@@ -64,12 +64,12 @@ second_row = [
 coffee = cvtimg.read_image(SAMPLES / "coffee.png")
 result = cvtimg.segment(coffee, 6, space="oklab", edge_weight="auto", min_size=40)
 means = np.rint(region_means(result.labels, coffee)[1:]).astype(np.uint8)
-cells = cvtimg.superpixels(coffee, 400).labels
+cells = cvtimg.superpixels(coffee, 200, space="lab", compactness=60).labels
 third_row = [
     Panel(coffee, ("a cup of coffee",)),
     Panel(means[result.labels - 1], ("6 segments in Oklab,", "pieces under 40 pixels merged")),
     Panel(~cvtimg.find_edges(result.labels), ("their edges",)),
-    Panel(draw_edges(coffee, cells), (f"{cells.max()} superpixels",)),
+    Panel(draw_edges(coffee, cells, color=(255, 255, 255)), (f"{cells.max()} superpixels",)),
 ]
 
 # %%

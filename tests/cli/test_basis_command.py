@@ -44,7 +44,7 @@ def test_arrays_that_are_no_images_have_no_sheet(here: Path, capsys: pytest.Capt
     np.save("rows.npy", RNG.normal(size=(12, 30)))
     assert main(["basis", "rows.npy", "-n", "2", "-o", "rows.npz", "--quiet"]) == 0
     assert main(["basis", "rows.npy", "-n", "2", "-o", "b.npz", "--sheet", "s.png", "--quiet"]) == 1
-    assert "--sheet needs frames that are grey or RGB images, not snapshots of shape (30,)" in capsys.readouterr().err
+    assert "--sheet needs frames that are gray or RGB images, not snapshots of shape (30,)" in capsys.readouterr().err
 
 
 def test_key_frames_are_those_of_the_function_and_come_as_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -90,7 +90,7 @@ def test_bad_spaces_and_colors_are_refused() -> None:
 
 
 def test_a_color_space_is_one_line_in_the_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    twice = ColorSpace(lambda rgb: 2 * rgb, lambda places: places / 2, white=2.0, grey=(1.0, 1.0, 1.0))
+    twice = ColorSpace(lambda rgb: 2 * rgb, lambda places: places / 2, white=2.0, gray=(1.0, 1.0, 1.0))
     monkeypatch.setitem(SPACES, "twice", twice)
     rng = np.random.default_rng(2)
     for shape in [(12, 9, 3), (12, 9)]:

@@ -87,7 +87,7 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
 def test_images_in_tiles_are_not_for_eyes(options: dict[str, Any], tmp_path: Path) -> None:
     source = tmp_path / "a.tif"
     cvtimg.write_image(source, CHELSEA)
-    with pytest.raises(UnfitOptionError, match="needs the whole picture in memory"):
+    with pytest.raises(UnfitOptionError, match="needs the whole image in memory"):
         quantize_file(source, tmp_path / "b.tif", **options, tiles=True)
 
 

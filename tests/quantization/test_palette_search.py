@@ -67,7 +67,7 @@ def test_grey_stays_grey_unless_a_locked_color_is_none(photograph: NDArray[Any])
 @pytest.mark.parametrize(
     ("locked", "message"),
     [
-        ([[1, 2, 300]], r"locked must be whole numbers in 0\.\.255, as the picture is of uint8"),
+        ([[1, 2, 300]], r"locked must be whole numbers in 0\.\.255, as the image is of uint8"),
         ([[1, 2, -3]], "locked must be whole numbers"),
         ([[1, 2, 3.5]], "locked must be whole numbers"),
         ([[1, 2, np.nan]], "locked must be whole numbers"),

@@ -155,7 +155,7 @@ def test_what_needs_the_whole_picture_is_refused(
     given = ["-k", "12", *options] if options == ["--optimize"] else " ".join(options).split()
     assert cli.main(["quantize", "a.tif", "-o", "b.tif", *given]) == 1
     shown = options[0] if len(options) == 1 else options[2]
-    assert f"is read in tiles, and {shown} needs the whole picture" in capsys.readouterr().err
+    assert f"is read in tiles, and {shown} needs the whole image" in capsys.readouterr().err
     assert not Path("b.tif").exists()
 
 

@@ -263,6 +263,6 @@ def test_what_needs_the_whole_picture_is_refused(
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options.split()]) == 1
     option = options if options == "-k auto" else options.split()[0]
-    assert f"is read in tiles, and {option} needs the whole picture" in capsys.readouterr().err
+    assert f"is read in tiles, and {option} needs the whole image" in capsys.readouterr().err
     assert not Path("b.tif").exists()
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.png", *options.split(), "--quiet"]) == 0

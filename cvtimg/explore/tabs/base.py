@@ -28,7 +28,7 @@ class OpenFiles:
     def picture(self, key: str) -> Picture:
         """Return an open picture."""
         if key not in self.pictures:
-            raise UnfitRequestError("this picture is no longer open; open it again")
+            raise UnfitRequestError("this image is no longer open; open it again")
         return self.pictures[key]
 
     def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:

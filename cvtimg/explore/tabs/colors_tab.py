@@ -51,7 +51,7 @@ class ColorsTab(Tab):
 
     name = "colors"
     title = "Colors"
-    about = "Reduce the picture to few colors, with the least error."
+    about = "Reduce the image to few colors, with the least error."
     verb = "quantize"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "quantize",
@@ -98,7 +98,7 @@ class ColorsTab(Tab):
             label="Locked colors",
             flag="--lock",
             when={"aim": list(_SEARCHED)},
-            about="Kept in the palette as they are. Pick them in the picture, or lock colors of the palette.",
+            about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
     )

@@ -27,7 +27,7 @@ class MeshTab(Tab):
 
     name = "mesh"
     title = "Mesh"
-    about = "Divide the segments of the picture, or a mask, into triangles for computations."
+    about = "Divide the segments of the image, or a mask, into triangles for computations."
     verb = "mesh"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mesh",

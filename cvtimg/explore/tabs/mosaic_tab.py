@@ -23,7 +23,7 @@ class MosaicTab(Tab):
 
     name = "mosaic"
     title = "Mosaic"
-    about = "Compose the picture of tiles of one color each, whose borders follow its edges."
+    about = "Turn the image into tiles of one color each, whose borders follow its edges."
     verb = "mosaic"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mosaic",

@@ -26,7 +26,7 @@ class RestoreTab(Tab):
 
     name = "restore"
     title = "Restore"
-    about = "Restore one picture from several noisy or incomplete versions of it. Open or drop all versions."
+    about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "restore",
@@ -54,7 +54,7 @@ class RestoreTab(Tab):
             name="seen",
             label="Show",
             default="result",
-            choices={"result": "restored picture", "coverage": "versions known", "left_out": "versions left out"},
+            choices={"result": "restored image", "coverage": "versions known", "left_out": "versions left out"},
         ),
     )
 
@@ -62,7 +62,7 @@ class RestoreTab(Tab):
         """Return the restored picture and its segments."""
         kind = '"uint8" if len(result.colors) < 256 else "uint16"'
         labels = f"cvtimg.write_image({{}}, result.labels.astype({kind}))"
-        files = [Output("Restored picture, PNG", "-o", _RESTORED, saved, SAVED)]
+        files = [Output("Restored image, PNG", "-o", _RESTORED, saved, SAVED)]
         if request.settings["detail"]:
             return files
         return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", _save_labels, labels)]

@@ -40,7 +40,7 @@ class SegmentsTab(Tab):
 
     name = "segments"
     title = "Segments"
-    about = "Divide the picture into segments of similar color, connected regions, or superpixels."
+    about = "Divide the image into segments of similar color, connected regions, or superpixels."
     verb = "segment"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
@@ -203,7 +203,7 @@ def _outputs(ignore: int | None) -> tuple[Output, ...]:
     return (
         Output("Labels, PNG", "-o", "{}-labels.png", _write_labels, "cvtimg.labels.write_labels({}, labels)"),
         Output(
-            "Outlines over the picture, PNG",
+            "Outlines over the image, PNG",
             "--overlay",
             "{}-overlay.png",
             partial(_write_overlay, ignore=ignore),

@@ -38,7 +38,7 @@ class StippleTab(Tab):
 
     name = "stipple"
     title = "Stipple"
-    about = "Reproduce the tones of the picture by dots, for pen plotters and print."
+    about = "Reproduce the tones of the image with dots, for pen plotters and print."
     verb = "stipple"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
@@ -53,7 +53,7 @@ class StippleTab(Tab):
             name="layers",
             label="Pens",
             default="one",
-            choices={"one": "one", "cmyk": "CMYK", "colors": "picture's colors"},
+            choices={"one": "one", "cmyk": "CMYK", "colors": "image's colors"},
         ),
         Number(
             name="pens", label="Pens in all", default=4, low=1, high=64, slider=(2, 16), when={"layers": ["colors"]}
