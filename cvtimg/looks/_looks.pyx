@@ -1,13 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled loops of looks: one pass each. Scratch is allocated here."""
 
-from libc.stdint cimport int32_t, uint8_t
+from libc.stdint cimport int32_t, uint8_t, uint16_t
 
 import numpy as np
 
 N_ERRORS = 6
 LONGEST = RATE_LONGEST
 FARTHEST = RATE_FARTHEST
+MOST_MATCHES = RATE_MOST_MATCHES
 
 cdef extern from "similarity.h" nogil:
     enum: BLUR_RADIUS
@@ -21,9 +22,10 @@ cdef extern from "similarity.h" nogil:
     )
 
 cdef extern from "rate.h" nogil:
-    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH
+    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES
     ctypedef struct rate_band:
-        Py_ssize_t width, n_entries, per_byte
+        Py_ssize_t width, n_entries
+        int shift, n_matches
         const float *targets
         const float *visibility
         const float *entries
@@ -34,14 +36,19 @@ cdef extern from "rate.h" nogil:
         uint8_t *indices
     ctypedef struct rate_node:
         pass
+    ctypedef struct rate_near:
+        pass
     ctypedef struct rate_scratch:
         rate_node *nodes
+        rate_near *near
         float *above
         float *below
         float *floor
         float *squares
+        uint16_t *stream
         int32_t *newest
         int32_t *older
+        Py_ssize_t stride, run
     void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row)
 
 
@@ -83,7 +90,7 @@ def errors(
 
 def map_band(
     const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
-    const float[::1] lengths, const float[::1] distances, Py_ssize_t per_byte, float price, float literal,
+    const float[::1] lengths, const float[::1] distances, int shift, int n_matches, float price, float literal,
     float strength, float longest, uint8_t[:, ::1] indices,
 ):
     """Map a band of rows by rate, into `indices`.
@@ -94,12 +101,14 @@ def map_band(
         Places of the pixels.
     visibility : (H, W) float32 array
         How much their squared errors count.
-    entries : (K, 4) float32 array
-        Places of the palette.
+    entries : (K + 1, 4) float32 array
+        Places of the palette, and one far from all pixels.
     lengths, distances : (LONGEST + 1,) and (FARTHEST + 1,) float32 array
         Prices of matches, in squared errors, by their length and distance in bytes.
-    per_byte : int
-        Indices in a byte.
+    shift : int
+        Logarithm to base 2 of the number of indices in a byte.
+    n_matches : int
+        Most matches that are followed from a pixel, in 1..MOST_MATCHES.
     price, literal : float
         Of a bit, and of an index by itself, in squared errors.
     strength, longest : float
@@ -107,25 +116,30 @@ def map_band(
     indices : (H, W) uint8 array
         OUT.
     """
-    cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries), row
-    columns = np.ascontiguousarray(np.asarray(entries).T)
+    cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1, row
+    # A row begins with the byte of its filter, which no match goes across, and with a new byte.
+    cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = height * stride
+    columns = np.ascontiguousarray(np.asarray(entries)[:-1].T)
     cdef const float[:, ::1] by_column = columns
     cdef rate_band band = rate_band(
-        width, n_entries, per_byte, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &by_column[0, 0],
+        width, n_entries, shift, n_matches, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &by_column[0, 0],
         &lengths[0], &distances[0], price, literal, strength, longest, &indices[0, 0],
     )
-    nodes = np.empty(64 * (width + 1), np.uint8)
+    nodes = np.empty((width + 1) * sizeof(rate_node), np.uint8)
+    near = np.empty(width * sizeof(rate_near), np.uint8)
     rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)
     floor, squares = np.empty(width, np.float32), np.empty(n_entries, np.float32)
-    newest, older = np.full(1 << 16, -1, np.int32), np.empty(height * width, np.int32)
-    cdef uint8_t[::1] node_bytes = nodes
+    stream = np.full(run + (RATE_LONGEST << shift), n_entries, np.uint16)
+    newest, older = np.full(1 << 16, -1, np.int32), np.empty(run, np.int32)
+    cdef uint8_t[::1] node_bytes = nodes, near_bytes = near
     cdef float[:, :, ::1] handed = rows
     cdef float[::1] of_row = floor, of_entries = squares
+    cdef uint16_t[::1] of_stream = stream
     cdef int32_t[::1] heads = newest, chains = older
     cdef rate_scratch scratch = rate_scratch(
-        <rate_node *>&node_bytes[0], &handed[0, 0, 0], &handed[1, 0, 0], &of_row[0], &of_entries[0], &heads[0], &chains[0]
+        <rate_node *>&node_bytes[0], <rate_near *>&near_bytes[0], &handed[0, 0, 0], &handed[1, 0, 0], &of_row[0],
+        &of_entries[0], &of_stream[0], &heads[0], &chains[0], stride, run,
     )
-    assert sizeof(rate_node) <= 64
     with nogil:
         for row in range(height):
             rate_map_row(&band, &scratch, row)

@@ -13,25 +13,36 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768 };
-// How many of the nearest entries of a pixel and of the next one begin matches; how many earlier places of each pair are
-// tried; how many pixels are compared for each pixel.
-enum { RATE_NEAR = 8, RATE_TRIES = 6, RATE_STEPS = 100 };
-// A match may begin with an index that costs so many bits more than the best literal, and goes on while it costs at most so
-// many more than literals do.
-static const float RATE_NEAR_BITS = 10, RATE_NEXT_BITS = 6, RATE_WORSE_BITS = 4;
+// Loops over entries and over matches take half the time with AVX2, which the loader then chooses; without multiply-add,
+// which would round differently.
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
+#define RATE_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define RATE_CLONES
+#endif
+
+// Coordinates; the longest and the farthest match of deflate in bytes; the most matches followed from a pixel; how many of
+// the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
+enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 16, RATE_TRIES = 6 };
+// Entries are compared in blocks, of which most have none that is near.
+enum { RATE_BLOCK = 16 };
+// A match may begin with an index that costs so many bits more than the best literal; its first two indices, and all that
+// follow, cost at most so many more than literals; and it is given up when another is so many bits ahead.
+static const float RATE_NEAR_BITS = 10, RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
 
 typedef struct {
-  Py_ssize_t width, n_entries, per_byte;
-  const float *targets;      // (rows, width, 4) places of the pixels
-  const float *visibility;   // (rows, width) how much a squared error counts
-  const float *entries;      // (n_entries, 4) places of the palette
-  const float *columns;      // (4, n_entries) the same
-  const float *lengths;      // (RATE_LONGEST + 1) price of the length of a match, in bytes
-  const float *distances;    // (RATE_FARTHEST + 1) price of its distance, in bytes
-  float price, literal;      // price of a bit, and of an index by itself
-  float strength, longest;   // share of the error that is handed on, and the greatest length of the error before that
-  uint8_t *indices;          // (rows, width) OUT
+  Py_ssize_t width, n_entries;
+  int shift;                // of numbers of pixels to numbers of bytes
+  int n_matches;            // at most so many are followed from a pixel
+  const float *targets;     // (rows, width, 4) places of the pixels
+  const float *visibility;  // (rows, width) how much a squared error counts
+  const float *entries;     // (n_entries + 1, 4) places of the palette; the last is far from all pixels
+  const float *columns;     // (4, n_entries) the same without the last
+  const float *lengths;     // (RATE_LONGEST + 1) price of the length of a match, in bytes
+  const float *distances;   // (RATE_FARTHEST + 1) price of its distance, in bytes
+  float price, literal;     // price of a bit, and of an index by itself
+  float strength, longest;  // share of the error that is handed on, and the greatest length of the error before that
+  uint8_t *indices;         // (rows, width) OUT
 } rate_band;
 
 typedef struct {
@@ -39,12 +50,29 @@ typedef struct {
   int32_t from, distance, last;   // where the last edge begins; distance of the match, in pixels, 0 for a literal
 } rate_node;
 
+// The entries near a pixel, nearest first.
 typedef struct {
-  rate_node *nodes;              // width + 1
-  float *above, *below;          // (width + 2, 4) errors handed on from the row above, and to the row below
-  float *floor;                  // width: what the best literal costs without the row's own errors
-  float *squares;                // n_entries
-  int32_t *newest, *older;       // 65536 and rows * width: the chains of equal pairs of indices
+  int32_t n, entry[RATE_NEAR];
+  float square[RATE_NEAR];
+} rate_near;
+
+// Matches from a pixel, which are followed side by side.
+typedef struct {
+  int n;
+  int32_t at[RATE_MOST_MATCHES];  // where the repeated indices begin in the stream
+  float cost[RATE_MOST_MATCHES], away[RATE_MOST_MATCHES];  // without the bits, and the price of the distance
+  float error[RATE_WIDTH][RATE_MOST_MATCHES], entry[RATE_WIDTH][RATE_MOST_MATCHES];
+} rate_matches;
+
+typedef struct {
+  rate_node *nodes;         // width + 1
+  rate_near *near;          // width: near entries without the row's own errors
+  float *above, *below;     // (width + 2, 4) errors handed on from the row above, and to the row below
+  float *floor;             // width: what the best literal costs without the row's own errors
+  float *squares;           // n_entries
+  uint16_t *stream;         // rows * stride: indices as deflate sees them, n_entries between rows; then a run of one index
+  int32_t *newest, *older;  // 65536 and rows * stride: the chains of equal pairs of indices
+  Py_ssize_t stride, run;   // length of a row in the stream, and where the run begins
 } rate_scratch;
 
 static inline void rate_hand_on(const float *wanted, const float *given, const rate_band *band, float *error) {
@@ -58,136 +86,191 @@ static inline void rate_hand_on(const float *wanted, const float *given, const r
   for (int c = 0; c < RATE_WIDTH; c++) error[c] *= part;
 }
 
-static inline void rate_measure(const rate_band *band, const float *place, float weight, float *squares) {
-  const Py_ssize_t k = band->n_entries;
-  const float *x = band->columns, *y = x + k, *z = y + k, *t = z + k;
-  for (Py_ssize_t i = 0; i < k; i++) {
-    const float a = place[0] - x[i], b = place[1] - y[i], c = place[2] - z[i], d = place[3] - t[i];
-    squares[i] = weight * ((a * a + b * b) + (c * c + d * d));
-  }
-}
-
-// Keep the few entries with the least squares below a bound, nearest first; return how many.
-static inline int rate_nearest(const float *squares, Py_ssize_t n_entries, float bound, int32_t *near) {
-  int n = 0;
-  for (Py_ssize_t i = 0; i < n_entries; i++) {
-    if (squares[i] >= bound) continue;
-    if (n < RATE_NEAR) n++;
-    else if (squares[near[n - 1]] <= squares[i]) continue;
-    int at = n - 1;
-    for (; at > 0 && squares[near[at - 1]] > squares[i]; at--) near[at] = near[at - 1];
-    near[at] = (int32_t)i;
-  }
-  return n;
-}
-
 static inline void rate_wanted(const float *target, const float *above, const float *error, float *place) {
   for (int c = 0; c < RATE_WIDTH; c++) place[c] = target[c] + above[c] + (error ? error[c] : 0);
 }
 
-static inline void rate_carry(rate_node *node, const float *error) {
-  for (int c = 0; c < RATE_WIDTH; c++) node->error[c] = error[c] * (7 / 16.f);
+// Find the entries near a place, with squares at most `room` above the least, which is returned.
+RATE_CLONES static float rate_look(const rate_band *band, const float *place, float weight, float room, float *squares,
+                                   rate_near *near) {
+  const Py_ssize_t k = band->n_entries;
+  const float *x = band->columns, *y = x + k, *z = y + k, *t = z + k;
+  float least = FLT_MAX;
+  for (Py_ssize_t i = 0; i < k; i++) {
+    const float a = place[0] - x[i], b = place[1] - y[i], c = place[2] - z[i], d = place[3] - t[i];
+    squares[i] = weight * ((a * a + b * b) + (c * c + d * d));
+  }
+  for (Py_ssize_t i = 0; i < k; i++) least = squares[i] < least ? squares[i] : least;
+  float bound = least + room;
+  int n = 0;
+  for (Py_ssize_t start = 0; start < k; start += RATE_BLOCK) {
+    const Py_ssize_t stop = start + RATE_BLOCK < k ? start + RATE_BLOCK : k;
+    int any = 0;
+    for (Py_ssize_t i = start; i < stop; i++) any |= squares[i] <= bound;
+    for (Py_ssize_t i = start; any && i < stop; i++) {
+      if (squares[i] > bound) continue;
+      int at = n < RATE_NEAR ? n++ : n - 1;
+      for (; at > 0 && near->square[at - 1] > squares[i]; at--) {
+        near->square[at] = near->square[at - 1];
+        near->entry[at] = near->entry[at - 1];
+      }
+      near->square[at] = squares[i];
+      near->entry[at] = (int32_t)i;
+      if (n == RATE_NEAR) bound = near->square[n - 1];
+    }
+  }
+  near->n = n;
+  return least;
 }
 
-// Follow a match from pixel `start` of a row, and shorten the paths to where it can end; return the compared pixels.
-static int rate_follow(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t start,
-                       const uint8_t *source, Py_ssize_t limit, Py_ssize_t distance) {
-  rate_node *nodes = scratch->nodes;
-  const float *targets = band->targets + row * band->width * RATE_WIDTH, *visibility = band->visibility + row * band->width;
-  const float away = band->distances[distance / band->per_byte], worse = RATE_WORSE_BITS * band->price;
-  float cost = nodes[start].cost, floor = cost, error[RATE_WIDTH];
-  memcpy(error, nodes[start].error, sizeof error);
-  for (Py_ssize_t length = 1; length <= limit; length++) {
+// Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
+RATE_CLONES static float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
+                                  float weight, float *least) {
+  const float longest = band->longest, part = band->strength * longest * (7 / 16.f);
+  const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
+  const int n = matches->n;
+  float first = FLT_MAX, ended = FLT_MAX, (*error)[RATE_MOST_MATCHES] = matches->error;
+  float(*entry)[RATE_MOST_MATCHES] = matches->entry;
+  for (int m = 0; m < n; m++) {
+    const float *given = band->entries + RATE_WIDTH * source[matches->at[m]];
+    for (int c = 0; c < RATE_WIDTH; c++) entry[c][m] = given[c];
+  }
+  for (int m = 0; m < n; m++) {
+    const float a = p0 + error[0][m] - entry[0][m], b = p1 + error[1][m] - entry[1][m];
+    const float c = p2 + error[2][m] - entry[2][m], d = p3 + error[3][m] - entry[3][m];
+    const float square = (a * a + b * b) + (c * c + d * d), size = sqrtf(square);
+    const float handed = part / (size > longest ? size : longest);
+    matches->cost[m] += weight * square;
+    error[0][m] = a * handed, error[1][m] = b * handed, error[2][m] = c * handed, error[3][m] = d * handed;
+  }
+  for (int m = 0; m < n; m++) {
+    const float cost = matches->cost[m], all = cost + matches->away[m];
+    first = cost < first ? cost : first;
+    ended = all < ended ? all : ended;
+  }
+  *least = ended;
+  return first;
+}
+
+// Drop the matches that cost more than a bound, once they are many.
+static void rate_drop(rate_matches *matches, float bound) {
+  int n = 0;
+  for (int m = 0; m < matches->n; m++) n += matches->cost[m] <= bound;
+  if (n && 4 * n > 3 * matches->n) return;
+  n = 0;
+  for (int m = 0; m < matches->n; m++) {
+    if (matches->cost[m] > bound) continue;
+    matches->cost[n] = matches->cost[m];
+    matches->away[n] = matches->away[m];
+    for (int c = 0; c < RATE_WIDTH; c++) matches->error[c][n] = matches->error[c][m];
+    matches->at[n++] = matches->at[m];
+  }
+  matches->n = n;
+}
+
+// Follow matches from pixel `start` of a row, and shorten the paths to where they can end.
+static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_matches *matches, Py_ssize_t row,
+                        Py_ssize_t start, Py_ssize_t limit) {
+  const float *targets = band->targets + row * band->width * RATE_WIDTH;
+  const float worse = RATE_WORSE_BITS * band->price, behind = RATE_BEHIND_BITS * band->price;
+  float floor = scratch->nodes[start].cost;
+  for (Py_ssize_t length = 1; matches->n && length <= limit; length++) {
     const Py_ssize_t i = start + length - 1;
-    const int32_t index = source ? source[length - 1] : nodes[start].last;
-    const float *entry = band->entries + RATE_WIDTH * index;
-    float place[RATE_WIDTH], square = 0;
-    rate_wanted(targets + RATE_WIDTH * i, scratch->above + RATE_WIDTH * (i + 1), error, place);
-    for (int c = 0; c < RATE_WIDTH; c++) square += (place[c] - entry[c]) * (place[c] - entry[c]);
-    cost += visibility[i] * square;
+    const uint16_t *source = scratch->stream + length - 1;
+    float place[RATE_WIDTH], least;
+    rate_wanted(targets + RATE_WIDTH * i, scratch->above + RATE_WIDTH * (i + 1), NULL, place);
+    const float first = rate_add(band, matches, source, place, band->visibility[row * band->width + i], &least);
+    rate_node *end = scratch->nodes + i + 1;
+    least += band->lengths[length >> band->shift];
+    if (length >= 3 << band->shift && least < end->cost) {
+      const float bits = band->lengths[length >> band->shift];
+      int m = 0;
+      while (m < matches->n - 1 && matches->cost[m] + matches->away[m] + bits > least) m++;
+      const int32_t at = matches->at[m];
+      end->cost = least;
+      end->from = (int32_t)start;
+      end->distance = at == scratch->run ? 1 << band->shift : (int32_t)(row * scratch->stride + start) - at;
+      end->last = source[at];
+      for (int c = 0; c < RATE_WIDTH; c++) end->error[c] = matches->error[c][m];
+    }
     floor += scratch->floor[i];
-    if (cost > floor + worse) return (int)length;
-    rate_hand_on(place, entry, band, error);
-    for (int c = 0; c < RATE_WIDTH; c++) error[c] *= 7 / 16.f;
-    if (length >= 3 * band->per_byte) {
-      rate_node *end = nodes + i + 1;
-      const float all = cost + away + band->lengths[length / band->per_byte];
-      if (all < end->cost) {
-        *end = (rate_node){.cost = all, .from = (int32_t)start, .distance = (int32_t)distance, .last = index};
-        memcpy(end->error, error, sizeof error);
+    rate_drop(matches, floor + worse < first + behind ? floor + worse : first + behind);
+  }
+}
+
+// Begin matches with pairs of indices near a pixel and the next one.
+static void rate_begin(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
+                       const rate_near *near, float room, rate_matches *matches) {
+  const rate_near *next = scratch->near + i + 1;
+  const int32_t here = (int32_t)(row * scratch->stride + i), farthest = RATE_FARTHEST << band->shift;
+  const int32_t within = (1 << band->shift) - 1;
+  int n = matches->n;
+  for (int a = 0; a < near->n; a++) {
+    for (int b = 0; b < next->n && near->square[a] + next->square[b] < room; b++) {
+      int32_t at = scratch->newest[near->entry[a] << 8 | next->entry[b]];
+      for (int tries = 0; at >= 0 && here - at <= farthest && tries < RATE_TRIES; tries++, at = scratch->older[at]) {
+        if ((here - at) & within) continue;
+        if (n == band->n_matches) goto full;
+        matches->away[n] = band->distances[(here - at) >> band->shift];
+        matches->at[n++] = at;
       }
     }
   }
-  return (int)limit;
+full:
+  for (int m = 0; m < n; m++) matches->cost[m] = scratch->nodes[i].cost;
+  for (int c = 0; c < RATE_WIDTH; c++) {
+    for (int m = 0; m < n; m++) matches->error[c][m] = scratch->nodes[i].error[c];
+  }
+  matches->n = n;
 }
 
 // Go on from a pixel by a literal and by matches.
 static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
-  const Py_ssize_t width = band->width, stride = (width + 2 * band->per_byte - 1) / band->per_byte * band->per_byte;
+  const float *target = band->targets + (row * band->width + i) * RATE_WIDTH;
   rate_node *node = scratch->nodes + i;
-  const float *target = band->targets + (row * width + i) * RATE_WIDTH, *above = scratch->above + (i + 1) * RATE_WIDTH;
-  const float *visibility = band->visibility + row * width + i;
-  float place[RATE_WIDTH], error[RATE_WIDTH], least = FLT_MAX;
-  int32_t best = 0, near[RATE_NEAR], next[RATE_NEAR];
-  rate_wanted(target, above, node->error, place);
-  rate_measure(band, place, visibility[0], scratch->squares);
-  for (Py_ssize_t k = 0; k < band->n_entries; k++) {
-    if (scratch->squares[k] < least) least = scratch->squares[k], best = (int32_t)k;
+  rate_near near;
+  rate_matches matches;
+  float place[RATE_WIDTH], error[RATE_WIDTH];
+  rate_wanted(target, scratch->above + (i + 1) * RATE_WIDTH, node->error, place);
+  const float room = band->literal + RATE_NEAR_BITS * band->price, weight = band->visibility[row * band->width + i];
+  const float literal = node->cost + band->literal + rate_look(band, place, weight, room, scratch->squares, &near);
+  if (literal < node[1].cost) {
+    rate_hand_on(place, band->entries + RATE_WIDTH * near.entry[0], band, error);
+    node[1] = (rate_node){.cost = literal, .from = (int32_t)i, .distance = 0, .last = near.entry[0]};
+    for (int c = 0; c < RATE_WIDTH; c++) node[1].error[c] = error[c] * (7 / 16.f);
   }
-  least += band->literal;
-  if (node->cost + least < node[1].cost) {
-    node[1] = (rate_node){.cost = node->cost + least, .from = (int32_t)i, .distance = 0, .last = best};
-    rate_hand_on(place, band->entries + RATE_WIDTH * best, band, error);
-    rate_carry(node + 1, error);
+  const Py_ssize_t rest = band->width - i, longest = RATE_LONGEST << band->shift, limit = rest < longest ? rest : longest;
+  if (limit < 3 << band->shift) return;
+  matches.n = 0;
+  if (node->last >= 0) {
+    for (Py_ssize_t x = 0; x < limit; x++) scratch->stream[scratch->run + x] = (uint16_t)node->last;
+    matches.away[0] = band->distances[1];
+    matches.at[matches.n++] = (int32_t)scratch->run;
   }
-  Py_ssize_t rest = width - i, most = RATE_LONGEST * band->per_byte;
-  if (rest < 3 * band->per_byte) return;
-  if (rest < most) most = rest;
-  int steps = RATE_STEPS;
-  if (node->last >= 0) steps -= rate_follow(band, scratch, row, i, NULL, most, band->per_byte);
-  const int n_near = rate_nearest(scratch->squares, band->n_entries, least + RATE_NEAR_BITS * band->price, near);
-  rate_wanted(target + RATE_WIDTH, above + RATE_WIDTH, NULL, place);
-  rate_measure(band, place, visibility[1], scratch->squares);
-  const float bound = scratch->floor[i + 1] + RATE_NEXT_BITS * band->price;
-  const int n_next = rate_nearest(scratch->squares, band->n_entries, bound, next);
-  for (int a = 0; a < n_near; a++) {
-    for (int b = 0; b < n_next; b++) {
-      int32_t at = scratch->newest[near[a] << 8 | next[b]];
-      for (int tries = 0; at >= 0 && tries < RATE_TRIES && steps > 0; tries++, at = scratch->older[at]) {
-        const Py_ssize_t column = at % width, distance = (row - at / width) * stride + i - column;
-        if (distance > RATE_FARTHEST * band->per_byte) break;
-        if (distance % band->per_byte) continue;
-        const Py_ssize_t limit = width - column < most ? width - column : most;
-        steps -= rate_follow(band, scratch, row, i, band->indices + at, limit, distance);
-      }
-    }
-  }
+  const float pair = scratch->floor[i] + scratch->floor[i + 1] + RATE_PAIR_BITS * band->price;
+  rate_begin(band, scratch, row, i, &near, pair, &matches);
+  rate_follow(band, scratch, &matches, row, i, limit);
 }
 
 // Write the indices of the shortest path.
 static void rate_trace(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
-  const Py_ssize_t width = band->width, stride = (width + 2 * band->per_byte - 1) / band->per_byte * band->per_byte;
-  rate_node *nodes = scratch->nodes;
-  uint8_t *indices = band->indices + row * width;
+  const rate_node *nodes = scratch->nodes;
+  uint16_t *stream = scratch->stream + row * scratch->stride;
   // The path is known from its end: mark where its edges end. The floor is not needed any more.
   uint8_t *ends = (uint8_t *)scratch->floor;
-  memset(ends, 0, (size_t)width);
-  for (int32_t end = (int32_t)width; end > 0; end = nodes[end].from) ends[end - 1] = 1;
-  for (Py_ssize_t i = 0, start = 0; i < width; i++) {
+  memset(ends, 0, (size_t)band->width);
+  for (int32_t end = (int32_t)band->width; end > 0; end = nodes[end].from) ends[end - 1] = 1;
+  for (Py_ssize_t i = 0, start = 0; i < band->width; i++) {
     if (!ends[i]) continue;
-    const rate_node *node = nodes + i + 1;
-    if (!node->distance) {
-      indices[i] = (uint8_t)node->last;
-    } else {
-      for (Py_ssize_t x = start; x <= i; x++) {
-        // A run repeats what is beside it; other matches lie in rows above, each row followed by what begins the next.
-        const Py_ssize_t above = node->distance == band->per_byte ? -1 : (node->distance + stride - 1 - x) / stride;
-        const Py_ssize_t column = above < 0 ? x - 1 : x + above * stride - node->distance;
-        indices[x] = band->indices[(row - (above < 0 ? 0 : above)) * width + column];
-      }
+    const int32_t distance = nodes[i + 1].distance;
+    for (Py_ssize_t x = start; x <= i; x++) {
+      // A run of bytes repeats what is beside it, whatever the number of pixels in a byte.
+      const Py_ssize_t back = distance == 1 << band->shift ? 1 : distance;
+      stream[x] = distance ? stream[x - back] : (uint16_t)nodes[i + 1].last;
     }
     start = i + 1;
   }
+  for (Py_ssize_t i = 0; i < band->width; i++) band->indices[row * band->width + i] = (uint8_t)stream[i];
 }
 
 // Hand the errors of a finished row on to the next, and put its pairs into their chains.
@@ -210,8 +293,9 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
     }
     if (i + 1 < width) {
       const int pair = indices[i] << 8 | indices[i + 1];
-      scratch->older[row * width + i] = scratch->newest[pair];
-      scratch->newest[pair] = (int32_t)(row * width + i);
+      const int32_t here = (int32_t)(row * scratch->stride + i);
+      scratch->older[here] = scratch->newest[pair];
+      scratch->newest[pair] = here;
     }
   }
   float *done = scratch->above;
@@ -221,16 +305,14 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
 
 static void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
   const Py_ssize_t width = band->width;
+  const float room = band->literal + RATE_PAIR_BITS * band->price;
   for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = (rate_node){.cost = i ? FLT_MAX : 0, .last = -1};
   for (Py_ssize_t i = 0; i < width; i++) {
     const Py_ssize_t at = row * width + i;
-    float place[RATE_WIDTH], least = FLT_MAX;
+    float place[RATE_WIDTH];
     rate_wanted(band->targets + at * RATE_WIDTH, scratch->above + (i + 1) * RATE_WIDTH, NULL, place);
-    rate_measure(band, place, band->visibility[at], scratch->squares);
-    for (Py_ssize_t k = 0; k < band->n_entries; k++) {
-      if (scratch->squares[k] < least) least = scratch->squares[k];
-    }
-    scratch->floor[i] = least + band->literal;
+    scratch->floor[i] =
+        band->literal + rate_look(band, place, band->visibility[at], room, scratch->squares, scratch->near + i);
   }
   for (Py_ssize_t i = 0; i < width; i++) rate_extend(band, scratch, row, i);
   rate_trace(band, scratch, row);

@@ -179,7 +179,7 @@ class Film:
         frames, results = self._frames, []
         of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
         for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
-            result = map_samples(samples, found.colors, how.space, how.dither, how.strength, how.price)
+            result = map_samples(samples, found.colors, how.space, how.dither, how.strength, how.rate)
             results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
         n_distinct = max(samples.n_colors for samples in self.counted)
         return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_alone, check_choice, check_given, check_in_range, check_non_negative, refuse
 from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
 from cvtimg.colors.samples import ColorSamples
-from cvtimg.looks import rate
+from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
+from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.looks import MAX_ENTRIES, PRICE
+from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, check_room, find_palette, fixed_colors
 from cvtimg.quantization.remapping import MAX_COLORS
 
@@ -50,7 +51,7 @@ class QuantizeOptions:
     engine: EngineOptions = field(default_factory=EngineOptions)
     goal: GoalName = "error"
     quality: float | None = None
-    price: float = PRICE
+    price: float = USUAL.price
 
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""
@@ -80,12 +81,17 @@ class QuantizeOptions:
                 refuse("n_colors", self.n_colors, "a number with psnr")
 
     @property
+    def rate(self) -> Rate:
+        """What small files are worth to `dither="compact"`."""
+        return Rate(self.price, MATCHES[self.engine.get("effort", "balanced")])
+
+    @property
     def strength(self) -> float:
         """Strength of dithering: in full with a given palette, which may need strong mixtures."""
         if self.dither_strength is not None:
             return self.dither_strength
         if self.dither == "compact":
-            return rate.STRENGTH
+            return COMPACT_STRENGTH
         return STRENGTH if self.palette is None else 1.0
 
 

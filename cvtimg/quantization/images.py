@@ -300,7 +300,7 @@ class PictureSource:
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""
         found = palettes[0]
-        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength, how.price)
+        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength, how.rate)
         colors, alpha = result.palette, result.alpha
         if self._has_idle_alpha and not alpha:
             colors, alpha = with_alpha(colors), True

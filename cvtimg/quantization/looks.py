@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors.places import allowed_for, kinds_of, to_places
 from cvtimg.colors.samples import ColorSamples
-from cvtimg.looks.rate import map_by_rate, visibility
+from cvtimg.looks.rate import Rate, map_by_rate, visibility
 
 #: Standard deviation of brightness, in levels, that halves what an error counts, and the sigma of its window.
 _MASKING, _WINDOW = 3.0, 3.0
@@ -19,14 +20,15 @@ _MASKING, _WINDOW = 3.0, 3.0
 _LIGHTNESS, _HUE = 255.0, 127.5
 #: Largest palette: an index is a byte of the file.
 MAX_ENTRIES = 256
-#: Price of a bit, in squared levels, at which photographs keep what is seen.
-PRICE = 0.4
-#: Prices between which a quality is sought: with higher ones, smooth areas show streaks that the measure does not see.
+#: Matches followed from a pixel, by effort.
+MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}
+#: Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
+#: that the measure does not see.
 PRICES = 0.02, 1.8
 
 
 def map_for_eyes(
-    samples: ColorSamples, palette: NDArray[Any], nearest: NDArray[np.int32], price: float, strength: float
+    samples: ColorSamples, palette: NDArray[Any], nearest: NDArray[np.int32], rate: Rate, strength: float
 ) -> NDArray[np.int32]:
     """Return the (H, W) index of the color of each pixel, chosen by visible error and the price of bits.
 
@@ -41,7 +43,7 @@ def map_for_eyes(
     seen = visibility(_brightness(samples), _MASKING, _WINDOW)
     if samples.inside is not None:
         seen[~samples.inside] = 0
-    indices = map_by_rate(places[samples.inverse], entries, seen, price, strength)
+    indices = map_by_rate(places[samples.inverse], entries, seen, rate, strength)
     allowed = allowed_for(kinds_of_entries)[kinds[samples.inverse], indices]
     return np.where(allowed, indices, nearest[samples.inverse])
 

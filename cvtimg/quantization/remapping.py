@@ -20,8 +20,9 @@ from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
+from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization import dithering
-from cvtimg.quantization.looks import PRICE, map_for_eyes
+from cvtimg.quantization.looks import map_for_eyes
 
 #: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
@@ -222,7 +223,7 @@ def map_samples(
     space: SpaceName,
     dither: DitherName | None,
     dither_strength: float,
-    price: float = PRICE,
+    rate: Rate = USUAL,
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`."""
     if dither is not None:
@@ -238,7 +239,7 @@ def map_samples(
     if dither is None:
         labels, energy = _map(samples, colors, space)
     else:
-        labels, energy = _dither(samples, colors, space, dither, dither_strength, price)
+        labels, energy = _dither(samples, colors, space, dither, dither_strength, rate)
     if lacks_clear:
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
@@ -285,11 +286,11 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tupl
 
 
 def _dither(
-    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float, price: float
+    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float, rate: Rate
 ) -> tuple[NDArray[np.int32], float]:
     """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
     if method == "compact":
-        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], price, strength)
+        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], rate, strength)
     else:
         labels = dithering.dither(
             to_places(samples.colors, space, samples.alpha),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import cvtimg
 from cvtimg._shared.threads import one_thread
 from cvtimg.colors.spaces import to_space
-from cvtimg.looks.rate import map_by_rate, visibility
+from cvtimg.looks.rate import Rate, map_by_rate, visibility
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:300, 200:420]
 PALETTE = np.asarray(cvtimg.quantize(COFFEE, 64, effort="fast").palette)
@@ -23,7 +23,7 @@ def placed(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def mapped(price: float, image: NDArray[np.uint8] = COFFEE, palette: NDArray[np.uint8] = PALETTE) -> NDArray[np.uint8]:
-    return map_by_rate(placed(image), placed(palette), visibility(image.mean(axis=2), 3, 3), price)
+    return map_by_rate(placed(image), placed(palette), visibility(image.mean(axis=2), 3, 3), Rate(price))
 
 
 def diffused(places: NDArray[np.float32], entries: NDArray[np.float32]) -> NDArray[np.intp]:
