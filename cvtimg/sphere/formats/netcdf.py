@@ -173,7 +173,7 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
 def write_scrip(file: BinaryIO, grid: GridContent) -> None:
     """Write the format of SCRIP and ESMF's tools: cells by their corners, areas in steradians.
 
-    SCRIP has no fill value: cells with fewer corners than others repeat their last one, which readers take out.
+    SCRIP has no fill value: cells with fewer corners than others repeat their last one, as MPAS-Tools writes it.
     """
     around, geometry = grid.around, grid.geometry
     last = around.vertices_on_cell[np.arange(len(grid.points)), around.degrees - 1]
