@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
 
+#: Numbers of regions on a sheet of cuts.
+_SHOWN_CUTS = (5, 10, 20, 50)
+
 
 class Style(NamedTuple):
     """How edges and contours are drawn."""
@@ -100,14 +103,8 @@ class Subject:
 
     def write(self, outputs: Mapping[str, Path]) -> None:
         """Write what was asked for, by option."""
-        from cvtimg.cli import hierarchies
-
         for option, path in outputs.items():
-            if self.hierarchy and kind_of(option) in HIERARCHY_KINDS:
-                write = hierarchies.WRITERS[kind_of(option)]
-                write(self.hierarchy, self.image, path, self.place(), self.overwrite)
-            else:
-                _WRITERS[kind_of(option)](self, path)
+            _WRITERS[kind_of(option)](self, path)
 
 
 def _write_labels(subject: Subject, path: Path) -> None:
@@ -174,6 +171,44 @@ def _write_coco(subject: Subject, path: Path) -> None:
     write_coco(path, subject.labels, subject.source.name, overwrite=subject.overwrite)
 
 
+def _tree_of(subject: Subject) -> RegionHierarchy:
+    assert subject.hierarchy is not None  # the kinds of output that need a tree are refused without one
+    return subject.hierarchy
+
+
+def _write_tree(subject: Subject, path: Path) -> None:
+    _tree_of(subject).save(path, overwrite=subject.overwrite)
+
+
+def _write_strengths(subject: Subject, path: Path) -> None:
+    """Write the strengths of borders: as they are, or as a picture in 8 bits with 1 and more in white."""
+    import numpy as np
+
+    from cvtimg import write_image
+
+    strengths = _tree_of(subject).contour_map()
+    if path.suffix.lower() == ".png":
+        strengths = np.rint(255 * np.minimum(strengths, 1)).astype(np.uint8)
+    write_image(path, strengths, metadata=subject.place(), overwrite=subject.overwrite)
+
+
+def _write_cuts(subject: Subject, path: Path) -> None:
+    """Write a sheet of cuts: their borders over the image, and the regions in their mean colors."""
+    import numpy as np
+
+    from cvtimg import write_image
+    from cvtimg.labels import region_means
+    from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges, shown_colors
+
+    tree, image, drawn, flat = _tree_of(subject), subject.image, [], []
+    for number in sorted({min(max(n, tree.n_parts), tree.n_leaves) for n in _SHOWN_CUTS}):
+        labels = tree.cut(number)
+        colors = shown_colors(np.nan_to_num(region_means(labels, image)), image, labels, ignore=0)
+        drawn.append(Panel(draw_edges(image, labels, ignore=0), (f"{number} regions",)))
+        flat.append(Panel(colors[labels]))
+    write_image(path, contact_sheet([drawn, flat]), overwrite=subject.overwrite)
+
+
 _WRITERS: dict[str, Callable[[Subject, Path], None]] = {
     "labels": _write_labels,
     "mean": _write_mean,
@@ -182,4 +217,7 @@ _WRITERS: dict[str, Callable[[Subject, Path], None]] = {
     "contours": _write_contours,
     "table": _write_table,
     "coco": _write_coco,
+    "tree": _write_tree,
+    "strengths": _write_strengths,
+    "cuts": _write_cuts,
 }

@@ -16,7 +16,6 @@ from cvtimg import tessellate
 from cvtimg.colors import color_samples
 from cvtimg.engine import METHODS, SEEDINGS
 from cvtimg.engine.methods import Conditions, Iteration, Method, Probabilistic, Stopping, Watch
-from cvtimg.engine.methods.optimal1d import optimal_energies
 from cvtimg.engine.methods.probabilistic import draw
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 
@@ -334,17 +333,6 @@ def test_a_far_origin_and_heavy_weights_leave_the_optimum_where_it_is() -> None:
         far, other = optimum(values + origin, 20, density * weight)
         np.testing.assert_allclose(far - origin, near, atol=1e-4)
         assert other == pytest.approx(least * weight, rel=1e-5)
-
-
-@given(st.lists(st.integers(0, 60), min_size=1, max_size=40), st.integers(1, 45))
-def test_one_curve_holds_the_energies_of_all_numbers_of_generators(values: list[int], n_max: int) -> None:
-    points = pack(np.array(values, float)[:, None], np.ones(len(values)))
-    curve = optimal_energies(points, n_max) / points.frame.scale**2
-    n_distinct = len(set(values))
-    expected = [optimum(values, k)[1] for k in range(1, min(n_max, n_distinct) + 1)]
-    np.testing.assert_allclose(curve[:n_distinct], expected, rtol=1e-6, atol=1e-6)
-    assert (curve[n_distinct:] == 0).all()
-    assert (np.diff(curve, 2) >= -1e-6).all()
 
 
 @pytest.mark.parametrize(

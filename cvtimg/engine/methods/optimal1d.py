@@ -43,23 +43,6 @@ def optimal1d(points: Points, generators: NDArray[np.float64], conditions: Condi
     return Iteration(means, [end], converged=True, labels=labels)
 
 
-def optimal_energies(points: Points, n_max: int) -> NDArray[np.float64]:
-    """Return the (n_max,) lowest energies of 1, 2, .. n_max generators, in at most two passes for each."""
-    levels = _levels(points)
-    energies = np.zeros(n_max)  # from as many cells as levels on
-    n_cells = np.arange(1, n_max + 1)
-    brackets = [(levels.whole, _cheapest(levels, min(n_max, len(levels.values))))]
-    while brackets:
-        few, many = brackets.pop()
-        between = slice(few.n_cells - 1, many.n_cells)
-        energies[between] = np.interp(n_cells[between], [few.n_cells, many.n_cells], [few.energy, many.energy])
-        if many.n_cells - few.n_cells > 1:
-            found = levels.cut(_price_between(few, many))
-            if few.n_cells < found.n_cells < many.n_cells:
-                brackets += [(few, found), (found, many)]
-    return energies
-
-
 class _Cut(NamedTuple):
     """Bounds of k cells, (k + 1,): where each begins, then the number of levels. And their energy."""
 
