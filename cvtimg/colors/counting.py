@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg.blocks.images import PixelBlocks
-from cvtimg.colors.count_table import TABLE_BYTES, CountTable
 from cvtimg.colors.places import widen_samples, without_idle_alpha
-from cvtimg.colors.samples import NO_PIXELS, ColorSamples, color_samples, merge_samples
+from cvtimg.colors.samples import NO_PIXELS, TABLE_BYTES, ColorSamples, CountTable, color_samples, merge_samples
 from cvtimg.colors.spaces import to_depth
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.files.whole import StrPath

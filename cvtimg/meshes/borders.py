@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
-from cvtimg.labels.cracks import OUTSIDE
+from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, turns_of
 from cvtimg.meshes.sliding import Tracks

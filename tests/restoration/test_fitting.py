@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skimage.transform import EuclideanTransform, warp
 
 from cvtimg import restore
-from cvtimg.restoration.fitting import MOST_MISFIT, misfits
+from cvtimg.restoration.evidence import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.versions import stack_versions
 

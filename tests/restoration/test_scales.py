@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import restore
 from cvtimg.restoration import detail
+from cvtimg.restoration.detail import halved, with_low_frequencies
 from cvtimg.restoration.filters import Noisy
 from cvtimg.restoration.patches import with_border
-from cvtimg.restoration.scales import halved, with_low_frequencies
 
 
 def as_noisy(values: NDArray[Any], precision: NDArray[Any]) -> Noisy:

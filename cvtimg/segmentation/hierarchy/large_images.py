@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg.labels.borders import find_borders
-from cvtimg.labels.components import absorb_small, connected_pieces
+from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.hierarchy.leaves import COMPACTNESS, Leaves, without_gaps
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg.labels.borders import Borders, find_borders
-from cvtimg.labels.components import absorb_small
+from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg.labels.borders import find_borders
+from cvtimg.labels.components import find_borders
 
 
 def cheapest_cut(

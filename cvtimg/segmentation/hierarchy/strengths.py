@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg.labels.borders import Borders
+from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
 from cvtimg.segmentation.hierarchy.channels import Channels

@@ -15,7 +15,7 @@ from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
-from cvtimg.labels.borders import find_borders
+from cvtimg.labels.components import find_borders
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation._segments import label_pixels
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
