@@ -24,8 +24,8 @@ def color(text: str) -> str:
         return f"{digits:f<8}"
     from PIL import ImageColor
 
-    if isinstance(known := ImageColor.colormap.get(text.lower()), str):
-        return f"{known.removeprefix('#'):f<8}"
+    if (name := text.lower()) in ImageColor.colormap:
+        return f"{bytes(ImageColor.getrgb(name)).hex()}ff"
     raise ValueError(f"{text!r} must be a color as '#rgb', '#rrggbb', '#rrggbbaa', or a name as 'white'")
 
 

@@ -51,8 +51,8 @@ def css_color(text: str) -> tuple[int, ...]:
     """Parse a CSS color: hexadecimal digits, or a name such as ``rebeccapurple``."""
     from PIL import ImageColor
 
-    name = ImageColor.colormap.get(text.strip().lower())
-    return hex_color(name if isinstance(name, str) else text)
+    name = text.strip().lower()
+    return ImageColor.getrgb(name) if name in ImageColor.colormap else hex_color(text)
 
 
 def lines_of(content: bytes) -> list[str]:

@@ -433,4 +433,6 @@ def test_formats_of_other_programs_are_read(tmp_path: Path) -> None:
         assert read_palette(tmp_path / name).tolist() == entries, name
     (tmp_path / "named.css").write_text(":root { --a: White; --b: rebeccapurple; --c: #0f08 }")
     expected = [[255, 255, 255, 255], [102, 51, 153, 255], [0, 255, 0, 136]]
-    assert read_palette(tmp_path / "named.css").tolist() == expected
+    for _ in range(2):
+        assert read_palette(tmp_path / "named.css").tolist() == expected
+        Image.new("RGB", (1, 1), "white")  # Pillow then keeps the color in its table of names in another form
