@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +13,26 @@ from numpy.typing import NDArray
 
 from cvtimg import read_image
 
-# Machines that run tests are busy: a slow example is not a failure.
-settings.register_profile("cvtimg", deadline=None)
+# What imports and collection make stays until the end: the garbage collector need not walk it again and again, which
+# takes a fifth of the time of all tests.
+gc.disable()
+
+# What a shell starts in the background ignores Ctrl-C, which tests send to themselves and to programs they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Machines that run tests are busy: a slow example is not a failure. Examples are the same in each run, so that none
+# fails by chance; `pytest --hypothesis-profile=explore` looks for others.
+settings.register_profile("explore", deadline=None)
+settings.register_profile("cvtimg", deadline=None, derandomize=True, database=None)
 settings.load_profile("cvtimg")
 
 SAMPLES = Path(__file__).parent.parent / "sample_images"
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage among what the tests make."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

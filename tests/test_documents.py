@@ -31,8 +31,10 @@ PAGES = [*EXAMPLES, ROOT / "CONTRIBUTING.md", ROOT / "benchmarks" / "README.md",
 #: Pages whose commands, and whose lines of Python, take over a second.
 SLOW = {
     "README.md",
+    "artwork.md",
     "batch.md",
     "elbow.md",
+    "globe.md",
     "mesh_from_mask.md",
     "meshes.md",
     "number_of_colors.md",
@@ -42,7 +44,7 @@ SLOW = {
     "segment_outputs.md",
     "web_images.md",
 }
-SLOW_IN_PYTHON = {"meshes.md", "plotter.md", "sphere.md"}
+SLOW_IN_PYTHON = {"grid_files.md", "mesh_from_mask.md", "meshes.md", "plotter.md", "sphere.md"}
 
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -127,6 +127,7 @@ def test_quantize_needs_no_extra() -> None:
     assert [len(list(Path("out", name).iterdir())) for name in names] == [1] * len(names)
 
 
+@pytest.mark.slow
 def test_commands_need_no_extra_for_their_own_job() -> None:
     Path("folder").mkdir()
     write_image("a.png", RGB)

@@ -117,6 +117,7 @@ def test_no_scheduler_is_wrong_usage(
     assert "no scheduler answers at 'tcp://127.0.0.1:9'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_local_cluster_needs_no_scheduler(folder: Path) -> None:
     assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", "local", "--jobs", "1", "--quiet"]) == 0
     assert len(list(Path("out").iterdir())) == len(PICTURES)

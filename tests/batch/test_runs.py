@@ -335,7 +335,12 @@ def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [["quantize", "-k", "3"], ["segment", "-k", "2"], ["palette"], ["info"]], ids=lambda command: command[0]
+    "command",
+    [
+        ["quantize", "-k", "3"],
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (["segment", "-k", "2"], ["palette"], ["info"])),
+    ],
+    ids=lambda command: command[0],
 )
 def test_every_command_works_in_processes(here: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
     for number in range(3):

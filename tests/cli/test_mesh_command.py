@@ -75,7 +75,7 @@ def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
     assert many > 300
 
 
-@pytest.mark.parametrize("name", ["ball.tif", "ball.npy"])
+@pytest.mark.parametrize("name", ["ball.tif", pytest.param("ball.npy", marks=pytest.mark.slow)])
 def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     z, y, x = np.mgrid[:20, :24, :28]
     ball = (x - 14) ** 2 + (y - 12) ** 2 + (z - 10) ** 2 < 64

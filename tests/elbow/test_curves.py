@@ -65,12 +65,12 @@ def test_the_energies_of_a_photograph_are_about_those_of_single_tessellations(ph
 
 
 def test_with_effort_no_energy_is_above_that_of_a_single_tessellation(photograph: NDArray[Any]) -> None:
-    curve = energy_curve(photograph, 24, effort="balanced")
+    curve = energy_curve(photograph, 12, effort="balanced")
     samples = color_samples(photograph)
-    alone = np.array([tessellate(samples, k).energy for k in range(1, 25)])
+    alone = np.array([tessellate(samples, k).energy for k in range(1, 13)])
     assert (curve.energies <= alone * (1 + 1e-9)).all()
     assert (np.diff(curve.energies) <= 0).all()
-    assert (curve.energies <= energy_curve(photograph, 24).energies).all()
+    assert (curve.energies <= energy_curve(photograph, 12).energies).all()
 
 
 def test_a_grey_curve_is_the_optimum_at_every_k() -> None:
@@ -105,9 +105,9 @@ def test_an_exact_number_of_colors_is_found(n_colors: int) -> None:
 
 
 def test_the_default_rule_finds_the_colors_under_noise() -> None:
-    cases = [(n_colors, sigma, seed) for seed, n_colors in enumerate(range(2, 13)) for sigma in (2, 8)]
+    cases = [(n_colors, sigma, seed) for seed, n_colors in enumerate((2, 3, 5, 8, 12)) for sigma in (2, 8)]
     found = [auto_count(flat_picture(*case))[0] == case[0] for case in cases]
-    assert np.mean(found) >= 0.95
+    assert all(found)
 
 
 def test_the_elbow_does_not_depend_on_how_far_the_curve_goes_beyond_32() -> None:

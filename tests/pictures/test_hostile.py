@@ -82,7 +82,7 @@ def test_any_damage_ends_in_a_result_or_in_one_line(
     assert hostile.judge(path) in ("right", "error")
 
 
-@pytest.mark.parametrize(("name", "jobs"), [("a.png", "1"), ("a.tif", "1"), ("a.npy", "2")])
+@pytest.mark.parametrize(("name", "jobs"), [("a.png", "1"), ("a.npy", "2")])
 def test_max_pixels_guards_and_can_be_raised(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, jobs: str
 ) -> None:

@@ -37,7 +37,7 @@ def n_outlines(content: bytes) -> int:
     return drawn[: drawn.index("</g>")].count("<path ")
 
 
-@pytest.mark.parametrize("center", [(0, 0), (120, -40), (10, 90)])
+@pytest.mark.parametrize("center", [(120, -40), (10, 90)])
 def test_a_globe_shows_the_cells_that_face_the_viewer(grid: SphereGrid, center: tuple[float, float]) -> None:
     lon, lat = np.radians(center)
     viewer = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])

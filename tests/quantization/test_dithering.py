@@ -273,7 +273,7 @@ def test_edge_aware_dithering_leaves_text_and_flat_areas_clean() -> None:
     assert error(aware) < 1.1 * error(diffused) < 0.1 * error(plain)
 
 
-@pytest.mark.parametrize("side", [2, 4, 8, 16])
+@pytest.mark.parametrize("side", [2, 4, 8, pytest.param(16, marks=pytest.mark.slow)])
 def test_a_bayer_mask_turns_on_one_pixel_of_a_square_after_the_other(side: int) -> None:
     greys = np.arange(side**2 + 1) / side**2
     squares = np.repeat(greys, side) * np.ones((2 * side, 1))
@@ -318,7 +318,7 @@ def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
         assert power[radius < 0.15].mean() < 0.05 * power.mean()
 
 
-@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer-16"])
+@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer-8"])
 def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     image = read_image(SAMPLES / "coffee.png")[:200, :300]
     samples = color_samples(image)

@@ -90,7 +90,13 @@ KINDS = {
 
 @pytest.mark.parametrize(
     ("name", "target"),
-    [("grey", "b.tif"), ("rgba", "b.zarr"), ("deep", "b.tif"), ("bands", "b.zarr"), ("float", "b.tif")],
+    [
+        ("grey", "b.tif"),
+        ("deep", "b.tif"),
+        ("bands", "b.zarr"),
+        pytest.param("rgba", "b.zarr", marks=pytest.mark.slow),
+        pytest.param("float", "b.tif", marks=pytest.mark.slow),
+    ],
 )
 def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
     image = KINDS[name]

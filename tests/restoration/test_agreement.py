@@ -110,7 +110,7 @@ def test_bands_of_rows_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> No
         assert (whole != stack.known).any()
 
 
-@pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.999), (0.1, 0.999), (0.2, 0.999), (0.3, 0.998)])
+@pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.999), (0.3, 0.998)])
 def test_with_background_hidden_parts_that_only_one_version_shows_come_back(sigma: float, least: float) -> None:
     truth = two_phases(128)
     down, right = np.mgrid[:128, :128] / 128

@@ -19,7 +19,7 @@ def scene(photograph: NDArray[np.uint8], shift: tuple[float, float]) -> NDArray[
     return np.clip(moved[16:-16, 16:-16], 0, 1)
 
 
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (3.0, -5.0), (2.3, -4.6), (-0.5, 7.25)])
+@pytest.mark.parametrize("shift", [(3.0, -5.0), (-0.5, 7.25)])
 @pytest.mark.parametrize(
     ("suffered", "most"),
     [(Damage(), 0.05), (Damage(noise=0.1), 0.1), (Damage(noise=0.1, holes=0.3, blocks=1, occlusions=1), 0.25)],

@@ -30,11 +30,11 @@ def as_bytes(image: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
-    image = restore(images, detail=True, **options).image
+    image = restore(images, detail=True, **{"effort": "fast"} | options).image
     return image / (255 if image.dtype == np.uint8 else 1)
 
 
-@pytest.mark.parametrize("n_bands", [1, 5])
+@pytest.mark.parametrize("n_bands", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_denoised(
     clean: NDArray[np.float64], n_bands: int
 ) -> None:
@@ -71,6 +71,7 @@ def test_parts_painted_over_in_one_of_three_versions_come_back(clean: NDArray[np
     assert psnr(restored(versions, masks=known, hidden="none"), clean) < psnr(found, clean) - 3
 
 
+@pytest.mark.slow
 def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any]) -> None:
     from scipy.ndimage import shift as moved_by
 
@@ -87,7 +88,7 @@ def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any
     assert abs(error) < 0.5 * abs((as_if_not_clipped[inner] - looks[0][inner])[shade].mean())
 
 
-@pytest.mark.parametrize("n_bands", [1, 5])
+@pytest.mark.parametrize("n_bands", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: int) -> None:
     bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
     image = noisy(bands, 0.1)
@@ -155,7 +156,7 @@ def test_the_automatic_effort_is_less_for_larger_images(
         (((n_pixels - 2, "best"), (n_pixels - 1, "balanced")), "fast"),
     ):
         monkeypatch.setattr(detail, "_AFFORDABLE", limits)
-        np.testing.assert_array_equal(restored([image]), restored([image], effort=effort))
+        np.testing.assert_array_equal(restored([image], effort="auto"), restored([image], effort=effort))
 
 
 def test_spikes_cost_little_and_nothing_is_left_out_without_them(clean: NDArray[np.float64]) -> None:

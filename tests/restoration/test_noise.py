@@ -18,7 +18,7 @@ def noisy(clean: NDArray[Any], sigma: float, seed: int) -> NDArray[np.uint8]:
     return np.rint(np.clip(clean + noise, 0, 255)).astype(np.uint8)
 
 
-@pytest.mark.parametrize("sigmas", [(3, 3), (2, 6), (3, 3, 3), (2, 5, 20), (2, 2, 4, 4, 8)], ids=str)
+@pytest.mark.parametrize("sigmas", [(3, 3), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
 def test_several_versions_tell_noise_from_texture(
     photograph: NDArray[Any], sigmas: tuple[float, ...], holes: float

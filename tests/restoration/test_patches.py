@@ -106,12 +106,12 @@ def test_groups_hold_what_is_alike() -> None:
 
 
 def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
-    noisy = noisy_image((40, 50, 3))
-    features = np.random.default_rng(0).standard_normal((2000, 6)).astype(np.float32)
+    noisy = noisy_image((16, 20, 3))
+    features = np.random.default_rng(0).standard_normal((320, 6)).astype(np.float32)
     monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
     found: list[NDArray[Any]] = []
     for n in (1, 3):
         monkeypatch.setattr(threads, "n_threads", lambda n=n: n)
-        groups = group_patches(features, np.zeros(2000, np.int32), 40)
-        found.append(filtered(noisy, whole(40, 50, groups), from_estimate=False))
+        groups = group_patches(features, np.zeros(320, np.int32), 40)
+        found.append(filtered(noisy, whole(16, 20, groups), from_estimate=False))
     assert found[0].tobytes() == found[1].tobytes()

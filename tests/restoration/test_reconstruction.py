@@ -163,6 +163,7 @@ def test_channels_share_segments_and_no_colors() -> None:
     np.testing.assert_array_equal(swapped.image, night)
 
 
+@pytest.mark.slow
 def test_detail_brings_a_photograph_back_better_than_blur_or_flat_segments(photograph: NDArray[Any]) -> None:
     from scipy.ndimage import gaussian_filter
 

@@ -54,7 +54,7 @@ def test_an_icosahedral_grid_has_twelve_pentagons_and_rests_at_centers_of_mass(n
 
 
 def test_the_energy_is_the_mean_squared_distance_times_the_area() -> None:
-    grid, places = sphere_grid(100, density=lambda x: 1 + x[:, 2] ** 2), fibonacci(400_000)
+    grid, places = sphere_grid(100, density=lambda x: 1 + x[:, 2] ** 2), fibonacci(100_000)
     squares = 2 - 2 * (places @ grid.points.T).max(axis=1)
     assert grid.energy == pytest.approx(4 * np.pi * (squares * (1 + places[:, 2] ** 2)).mean(), rel=0.02)
     uniform = sphere_grid(100)

@@ -31,7 +31,13 @@ def triangles_of(grid: SphereGrid, numbers: NDArray[np.intp]) -> set[tuple[int, 
 
 @pytest.mark.parametrize(
     ("within", "factor"),
-    [(Cap(10, 50, 25), 0.3), (Cap(10, 50, 25), 4.0), (Cap(-120, -85, 60), 1.0), (band, 0.3), (band, 1.0)],
+    [
+        (Cap(10, 50, 25), 4.0),
+        (Cap(-120, -85, 60), 1.0),
+        (band, 0.3),
+        pytest.param(Cap(10, 50, 25), 0.3, marks=pytest.mark.slow),
+        pytest.param(band, 1.0, marks=pytest.mark.slow),
+    ],
 )
 def test_every_point_and_triangle_outside_is_kept(within: Callable[..., Any], factor: float) -> None:
     inside = within(PARENT.points)

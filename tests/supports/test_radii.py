@@ -153,7 +153,7 @@ def test_distances_are_shares_of_the_radii_where_supports_hold_a_place() -> None
     assert found.toarray() == pytest.approx(np.where(shares < 1, shares, 0))
 
 
-@pytest.mark.parametrize("n_dims", [1, 3, 5])
+@pytest.mark.parametrize("n_dims", [1, 3, pytest.param(5, marks=pytest.mark.slow)])
 def test_boxes_prove_covers_in_any_number_of_dimensions(n_dims: int) -> None:
     region = Box([0] * n_dims, [1] * n_dims)
     points, places = region.draw(40, 5), region.draw(4000, 2)

@@ -100,7 +100,7 @@ def test_long_triangles_are_split_first() -> None:
 
 
 def test_dense_triangles_are_merged() -> None:
-    fine = surface_points(torus(), 4000)
+    fine = surface_points(torus(), 2000)
     found = surface_points((fine.points, fine.triangles), 150)
     assert found.measures().euler_characteristic == 0
     assert found.measures().least_angle > 25
