@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cvtimg.batch import Row, Stopwatch, Task, plan_one
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.cli.running import run_plan
-from cvtimg.cli.snapshots import as_given
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from cvtimg.bases import Basis
+    from cvtimg.bases import Basis, Snapshots
     from cvtimg.plotting.sheets import Panel
 
 EXAMPLES = """\
@@ -30,6 +31,17 @@ def basis(given: Given) -> int:
     """
     plan = plan_one(given.inputs, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
     return run_plan(plan, _basis, COLUMNS, given)
+
+
+def as_given(sources: Sequence[Path]) -> Snapshots:
+    """Read one file as a film or an array, and several files as single frames."""
+    from cvtimg.bases import as_snapshots
+
+    if len(sources) > 1:
+        return as_snapshots(list(sources))
+    if not sources:
+        raise WrongUsageError("there are no frames")
+    return as_snapshots(sources[0])
 
 
 def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

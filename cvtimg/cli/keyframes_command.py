@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
+from cvtimg.cli.basis_command import as_given
 from cvtimg.cli.running import run_plan
-from cvtimg.cli.snapshots import as_given
 from cvtimg.options.record import Given
 
 EXAMPLES = """\

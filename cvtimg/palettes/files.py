@@ -75,6 +75,10 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
         If the file cannot be read or does not match its suffix, or if an image without a palette has more than 65536
         colors.
 
+    See Also
+    --------
+    write_palette, cvtimg.pictures.read_indices
+
     Notes
     -----
     CMYK colors in an .ase file are converted without a profile, so they only approximate the printed colors.
@@ -120,6 +124,10 @@ def write_palette(
         If the file exists and `overwrite` is false.
     OSError
         If the file cannot be written. No partial file remains, and an existing file is unchanged.
+
+    See Also
+    --------
+    read_palette
 
     Notes
     -----

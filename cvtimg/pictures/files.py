@@ -70,6 +70,10 @@ def read_image(
         If the file cannot be read, or has several pages and `page` chooses none; `FileNotFoundError`,
         `IsADirectoryError` or `PermissionError` where they apply.
 
+    See Also
+    --------
+    read_indices, read_frames, read_pages, image_info, read_metadata, write_image
+
     Notes
     -----
     The EXIF orientation is applied. Colors are converted to sRGB with the embedded ICC profile, if any; 16-bit RGB is
@@ -114,6 +118,10 @@ def read_indices(source: Source) -> NDArray[Any]:
     OSError
         As `read_image` does.
 
+    See Also
+    --------
+    read_image, cvtimg.read_palette
+
     Examples
     --------
     >>> palette = np.array([[255, 0, 0], [0, 0, 255]], np.uint8)
@@ -140,6 +148,10 @@ def image_info(source: Source) -> ImageInfo:
     ------
     OSError
         As `read_image` does, for errors that the header reveals.
+
+    See Also
+    --------
+    read_image, read_metadata
 
     Examples
     --------
@@ -174,6 +186,10 @@ def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
     ------
     OSError
         As `read_image` does, for errors that the header reveals.
+
+    See Also
+    --------
+    image_info, write_image
 
     Examples
     --------
@@ -233,6 +249,10 @@ def write_image(
         If the file exists and `overwrite` is false.
     OSError
         If the file cannot be written. No partial file remains, and an existing file is unchanged.
+
+    See Also
+    --------
+    read_image, encode_image, write_frames, write_pages
 
     Examples
     --------

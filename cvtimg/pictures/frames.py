@@ -81,6 +81,10 @@ def read_frames(path: StrPath) -> Frames:
     OSError
         As `read_image` does.
 
+    See Also
+    --------
+    write_frames, is_animated, read_pages
+
     Examples
     --------
     >>> import tempfile
@@ -144,6 +148,10 @@ def write_frames(
         If the file exists and `overwrite` is false.
     OSError
         If the file cannot be written. No partial file remains, and an existing file is unchanged.
+
+    See Also
+    --------
+    read_frames
 
     Notes
     -----

@@ -132,6 +132,10 @@ def read_pages(path: Source) -> Pages:
     OSError
         As `read_image` does; also if the pages differ in size or type.
 
+    See Also
+    --------
+    write_pages, count_pages, read_frames
+
     Examples
     --------
     >>> import tempfile
@@ -169,6 +173,10 @@ def write_pages(
         If the file exists and `overwrite` is false.
     OSError
         If the file cannot be written. No partial file remains, and an existing file is unchanged.
+
+    See Also
+    --------
+    read_pages
     """
     check_choice(f"{path}: suffix", Path(path).suffix.lower(), PAGE_SUFFIXES)
     given = pages if isinstance(pages, Pages) else Pages(tuple(np.array(page) for page in np.asarray(pages)))

@@ -8,9 +8,9 @@ from .globes import draw_globe as draw_globe
 from .globes import draw_map as draw_map
 from .globes import draw_surface as draw_surface
 from .meshes import draw_mesh as draw_mesh
-from .outlines import contour_drawing as contour_drawing
 from .sheets import Panel as Panel
 from .sheets import contact_sheet as contact_sheet
+from .sheets import contour_drawing as contour_drawing
 from .sheets import draw_edges as draw_edges
 from .sheets import palette_strip as palette_strip
 from .sheets import shown_colors as shown_colors

@@ -53,6 +53,10 @@ def draw_globe(
         Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
     label : str
         What the sizes are.
+
+    See Also
+    --------
+    draw_map, draw_surface
     """
     ends = np.cumsum([len(cell) for cell in cells])
     turned = np.concatenate(list(cells)) @ _axes_of_view(*center).T

@@ -16,7 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from cvtimg._shared.checks import check_count, check_density, check_image, check_labeled_image, check_labels, check_rows
+from cvtimg.labels.contours import Contours
 from cvtimg.labels.edges import find_edges
+from cvtimg.labels.figures import region_means
+from cvtimg.labels.formats import Drawing
 from cvtimg.pictures.showing import limits_to_show, shown
 
 BACKGROUND = (255, 255, 255)
@@ -100,6 +103,10 @@ def palette_strip(
     TypeError, ValueError
         If an argument is invalid, or the strip has fewer pixels than colors.
 
+    See Also
+    --------
+    contact_sheet
+
     Examples
     --------
     >>> red_blue = np.array([[255, 0, 0], [0, 0, 255]], dtype=np.uint8)
@@ -137,6 +144,10 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     ------
     TypeError, ValueError
         If an image or palette has another shape or type, or a palette has more colors than fit in a strip.
+
+    See Also
+    --------
+    palette_strip, draw_edges
 
     Notes
     -----
@@ -223,6 +234,48 @@ def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: in
     if values.dtype == np.uint8:
         rows = np.rint(rows).astype(np.uint8)
     return shown(rows, limits_to_show([values[segments != ignore]]))[:, :3]
+
+
+def contour_drawing(contours: Contours, labels: ArrayLike, image: Any) -> Drawing:
+    """Draw the contours of segments, each filled with its mean color.
+
+    Parameters
+    ----------
+    contours : Contours
+        From `cvtimg.find_contours`.
+    labels : (H, W) integer array
+        The segments; 0 is left out.
+    image : (H, W) or (H, W, C) array
+        The segmented image.
+
+    Returns
+    -------
+    Drawing
+        For `cvtimg.labels.write_contours`; each polygon with the area and the mean of its segment.
+
+    Examples
+    --------
+    >>> from cvtimg import find_contours
+    >>> from cvtimg.plotting import contour_drawing
+    >>> labels = np.array([[1, 1, 2]])
+    >>> drawing = contour_drawing(find_contours(labels), labels, np.array([[10, 20, 200]], np.uint8))
+    >>> len(drawing.polygons), drawing.properties[1]["area"]
+    (2, 2)
+    """
+    segments = np.asarray(labels)
+    means = np.nan_to_num(region_means(segments, image))
+    areas = np.bincount(segments.ravel()).tolist()
+    bands = np.asarray(image)
+    seen = bands[..., :3] if bands.shape[2:] == (4,) else bands
+    return Drawing(
+        polygons=contours.polygons,
+        size=(segments.shape[0], segments.shape[1]),
+        colors=shown_colors(means[:, :3], seen, segments, ignore=0),
+        properties={
+            label: {"area": area, "mean": mean}
+            for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
+        },
+    )
 
 
 def _draw_title(title: str, width: int) -> Image.Image:
