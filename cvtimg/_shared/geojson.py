@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 _Place = list[float]
@@ -15,10 +16,13 @@ def feature(polygons: list[list[list[_Place]]], properties: Mapping[str, Any], *
     return {"type": "Feature", **members, "properties": properties, "geometry": {"type": kind, "coordinates": places}}
 
 
-def collection(features: Iterable[Mapping[str, Any]], epsg: int | None = None) -> Iterator[str]:
+def collection(
+    features: Iterable[Mapping[str, Any]], epsg: int | None = None, members: Mapping[str, Any] = MappingProxyType({})
+) -> Iterator[str]:
     """Yield the text of features, a line each; `epsg` names coordinates other than longitude and latitude."""
-    system = f'"crs":{{"type":"name","properties":{{"name":"urn:ogc:def:crs:EPSG::{epsg}"}}}},' if epsg else ""
-    yield f'{{"type":"FeatureCollection",{system}"features":[\n'
+    system = {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{epsg}"}}} if epsg else {}
+    head = json.dumps({"type": "FeatureCollection", **system, **members}, separators=(",", ":"))
+    yield f'{head[:-1]},"features":[\n'
     for number, content in enumerate(features):
         text = json.dumps(content, separators=(",", ":"), allow_nan=False)
         yield f",\n{text}" if number else text

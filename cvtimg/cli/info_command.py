@@ -10,11 +10,17 @@ from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
 EXAMPLES = "  cvtimg info photos/ --json"
-COLUMNS = ("input", "width", "height", "mode", "bands", "bits", "alpha", "distinct_colors", "icc")
+COLUMNS = (
+    *("input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "distinct_colors"),
+    *("pixel_size", "icc"),
+)
 
 
 def info(given: Given) -> int:
-    """Show the size, format, bands, bit depth and number of distinct colors of images."""
+    """Show the size, format, bands, bit depth and number of distinct colors of images.
+
+    Of stacks and micrographs also the axes, and the size of a pixel; --json adds the names of the channels.
+    """
     return run_plan(plan_each(given.inputs), _info, COLUMNS, given)
 
 
@@ -25,7 +31,9 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.pictures import image_info
     from cvtimg.pictures.known import read_whole
 
-    header = asdict(image_info(task.source))
+    found = image_info(task.source)
+    header = asdict(found)
+    header["pixel_size"] = found.pixel_size and str(found.pixel_size)
     header["alpha"] = header.pop("has_alpha")
     if header["nodata"] is not None and not math.isfinite(header["nodata"]):
         header["nodata"] = str(header["nodata"])  # JSON has no such numbers

@@ -17,6 +17,8 @@ from cvtimg.options.record import Given
 __all__ = ["plan_alone", "read_beside", "run_plan", "running_of", "selected"]
 
 _Read = TypeVar("_Read")
+#: Options that choose within files.
+CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
 
 
 def run_plan(
@@ -69,14 +71,14 @@ def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
 
 
 def selected(given: Given) -> ExitStack:
-    """Return a context in which images are read as --page, --channel-axis and --max-pixels say."""
+    """Return a context in which images are read as --page, --axes, --channel and their kin, and --max-pixels say."""
     stack = ExitStack()
-    page, axis, most = (getattr(given, name, None) for name in ("page", "channel_axis", "max_pixels"))
-    if page is not None or axis is not None:
+    chosen = {name: getattr(given, name, None) for name in CHOICES}
+    if any(value is not None for value in chosen.values()):
         from cvtimg.pictures.formats.opening import Selection, selecting
 
-        stack.enter_context(selecting(Selection(page, axis)))
-    if most is not None:
+        stack.enter_context(selecting(Selection(**chosen)))
+    if (most := getattr(given, "max_pixels", None)) is not None:
         from cvtimg.pictures.formats.opening import pixels_limited
 
         stack.enter_context(pixels_limited(most))

@@ -95,11 +95,15 @@ class Subject:
         return find_contours(self.labels, image, tolerance=self.style.simplify)
 
     def place(self, nodata: float | None = None) -> Metadata | None:
-        """Return the georeference of a GeoTIFF, with a value for no data; None for other images."""
+        """Return where and how large pixels are: the georeference of a GeoTIFF, with a value for no data, or a size."""
         from cvtimg.pictures import Metadata, read_metadata
+        from cvtimg.pictures.formats.metadata import dpi_of
 
-        geo = read_metadata(self.source).geo if self.header.geo_transform else None
-        return Metadata(geo=geo, nodata=nodata) if geo else None
+        if self.header.geo_transform:
+            geo = read_metadata(self.source).geo
+            return Metadata(geo=geo, nodata=nodata) if geo else None
+        scale = self.header.pixel_size.scale() if self.header.pixel_size else {}
+        return Metadata(dpi=dpi_of(scale), scale=scale) if scale else None
 
     def write(self, outputs: Mapping[str, Path]) -> None:
         """Write what was asked for, by option."""
@@ -154,6 +158,8 @@ def _write_contours(subject: Subject, path: Path) -> None:
     if subject.header.geo_transform:
         place = subject.header.geo_transform
         drawing = replace(drawing, transform=[place[:3], place[3:]], epsg=subject.header.epsg)
+    elif size := subject.header.pixel_size:
+        drawing = replace(drawing, transform=[[size.x, 0, 0], [0, size.y, 0]], unit=size.unit)
     write_contours(path, drawing, overwrite=subject.overwrite)
 
 
@@ -161,7 +167,13 @@ def _write_table(subject: Subject, path: Path) -> None:
     from cvtimg.labels import region_table
     from cvtimg.labels.files import write_table
 
-    table = region_table(subject.labels, subject.image, subject.style.properties)
+    table = region_table(
+        subject.labels,
+        subject.image,
+        subject.style.properties,
+        pixel_size=subject.header.pixel_size,
+        channels=subject.header.channels,
+    )
     write_table(path, table, overwrite=subject.overwrite)
 
 

@@ -5,14 +5,17 @@ A region is all pixels of one label, in one piece or several. Label 0 marks mask
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 from cvtimg._shared.sums import per_mass, sum_by_label
+
+if TYPE_CHECKING:
+    from cvtimg.pictures.formats.axes import PixelSize
 
 
 def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
@@ -82,7 +85,14 @@ def painted(labels: NDArray[np.integer], colors: NDArray[Any]) -> NDArray[Any]:
     return pixels if colors.shape[1] > 1 else pixels[..., 0]
 
 
-def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()) -> dict[str, NDArray[Any]]:
+def region_table(
+    labels: ArrayLike,
+    image: Any,
+    properties: Collection[str] = (),
+    *,
+    pixel_size: PixelSize | None = None,
+    channels: Sequence[str] = (),
+) -> dict[str, NDArray[Any]]:
     """Measure every region.
 
     Parameters
@@ -92,6 +102,10 @@ def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()
     properties : collection of str
         More properties of ``skimage.measure.regionprops`` that are numbers, such as "eccentricity", "solidity" or
         "orientation". Their columns are named as there, and their coordinates are those of scikit-image.
+    pixel_size : PixelSize, optional
+        Size of a pixel, to measure in its unit, too; as in `cvtimg.pictures.image_info`.
+    channels : sequence of str
+        Names of the C bands; 1, 2, ... by default.
 
     Returns
     -------
@@ -99,7 +113,9 @@ def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()
         Columns by name, with one row per label that occurs, except 0, in order: ``label``; ``area`` and ``perimeter``
         in pixels; ``x`` and ``y`` of the centroid; ``left``, ``top``, ``right`` and ``bottom`` of the bounding box;
         ``mean_1``, ``mean_2``, ... and ``std_1``, ``std_2``, ... of each band. Coordinates are in pixels, x to the
-        right and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`.
+        right and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`. With a pixel size in um:
+        ``area_um2``, ``equivalent_diameter_um``, ``axis_major_um``, ``axis_minor_um``, ``x_um``, ``y_um`` and, where
+        pixels are square, ``perimeter_um``.
 
     Raises
     ------
@@ -132,12 +148,35 @@ def region_table(labels: ArrayLike, image: Any, properties: Collection[str] = ()
     table |= {"x": columns["centroid-1"] + 0.5, "y": columns["centroid-0"] + 0.5}
     for name, number in (("left", 1), ("top", 0), ("right", 3), ("bottom", 2)):
         table[name] = columns[f"bbox-{number}"]
+    bands = list(channels) if len(channels) == values.shape[2] else list(range(1, values.shape[2] + 1))
     for name in ("mean", "std"):
-        for band in range(values.shape[2]):
-            table[f"{name}_{band + 1}"] = columns[f"intensity_{name}-{band}"]
+        for number, band in enumerate(bands):
+            table[f"{name}_{band}"] = columns[f"intensity_{name}-{number}"]
+    if pixel_size is not None:
+        table |= _in_units(segments, table, pixel_size)
     for name in properties:
-        table |= _property(segments, values, name)
+        for column, numbers in _property(segments, values, name).items():
+            stem, dash, band = column.rpartition("-")
+            named = dash and stem == name and name.startswith("intensity_") and len(bands) > int(band)
+            table[f"{stem}_{bands[int(band)]}" if named else column] = numbers
     return table
+
+
+def _in_units(
+    segments: NDArray[np.int32], table: Mapping[str, NDArray[Any]], size: PixelSize
+) -> dict[str, NDArray[Any]]:
+    """Measure regions in the unit of the size of a pixel."""
+    from skimage.measure import regionprops_table
+
+    measured = ("equivalent_diameter_area", "axis_major_length", "axis_minor_length")
+    spacing = {"spacing": (size.y, size.x), "properties": measured}
+    diameters, longest, shortest = regionprops_table(segments, **spacing).values()  # type: ignore[no-untyped-call]
+    found = {f"area_{size.unit}2": table["area"] * size.x * size.y}
+    if size.x == size.y:
+        found[f"perimeter_{size.unit}"] = table["perimeter"] * size.x
+    lengths = {"equivalent_diameter": diameters, "axis_major": longest, "axis_minor": shortest}
+    lengths |= {"x": table["x"] * size.x, "y": table["y"] * size.y}
+    return found | {f"{name}_{size.unit}": values for name, values in lengths.items()}
 
 
 def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:

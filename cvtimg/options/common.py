@@ -49,6 +49,12 @@ def n_bytes(text: str | int) -> int:
     raise ValueError(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60K or 1.5M")
 
 
+def _pixel_size(text: str) -> Any:
+    from cvtimg.pictures.formats.axes import PixelSize
+
+    return PixelSize.parse(text)
+
+
 # What files may end in, known to modules that import NumPy.
 
 
@@ -124,6 +130,18 @@ READING = (
     Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages."),
     Option(
         "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
+    ),
+    Option(
+        "axes", Text(), "Axes of a stack, where its file does not name them: letters of T, C, Z, Y, X.", metavar="TCZYX"
+    ),
+    Option("channel", Text(), "Read only this channel, by its name or number.", metavar="NAME|N"),
+    Option("t", Whole(1, 1 << 31), "Read only this frame of a time series."),
+    Option("z", Whole(1, 1 << 31), "Read only this plane of a stack."),
+    Option(
+        "pixel_size",
+        Text(_pixel_size),
+        "Size of a pixel in place of what the file says, such as 0.325um, or 0.3x0.3x2um with the distance of planes.",
+        metavar="SIZE",
     ),
 )
 MASK = file("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.")

@@ -97,8 +97,9 @@ def read_image(
     if channel_axis is not None:
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
     with selecting(chosen), reading(source) as file:
-        page = chosen.page
-        return decode(file, keep_profile=keep_profile) if page is None else decode_page(file, page)
+        if chosen.page is None and not chosen.in_stack:
+            return decode(file, keep_profile=keep_profile)
+        return decode_page(file, chosen.page)
 
 
 def read_indices(source: Source) -> NDArray[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -18,13 +18,13 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.formats.arrays import FITS_MAGIC, decode_planes
+from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_planes, named_planes
+from cvtimg.pictures.formats.axes import PixelSize, Stack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import dpi_of
-from cvtimg.pictures.formats.opening import Source, UnfitContentError, check_size, open_picture, reading
+from cvtimg.pictures.formats.opening import Source, UnfitContentError, check_size, open_picture, reading, selected
 from cvtimg.pictures.formats.tiff import (
-    OF_IMAGEJ,
     Layout,
     colormap_of,
     finished,
@@ -32,8 +32,9 @@ from cvtimg.pictures.formats.tiff import (
     is_plain,
     is_subordinate,
     main_pages,
-    ome_scale,
     sample_options,
+    scale_of,
+    stack_of,
     tiff_tags,
 )
 from cvtimg.pictures.formats.tiff import count_pages as _count
@@ -43,10 +44,11 @@ if TYPE_CHECKING:
 
 #: Suffixes of files that can hold several pages.
 PAGE_SUFFIXES = (".tif", ".tiff")
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 #: Sample types that ImageJ supports, by the number of channels.
 _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
 _ORDEROF_IMAGEJ = "TZC"
+#: Names of the bands of color images, by which one can be chosen.
+_BANDS = {3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +71,8 @@ class Pages:
         ``{"PhysicalSizeX": 0.1}``; "resolution" and "resolutionunit" are the TIFF tags.
     has_alpha : bool
         Whether the last channel is transparency.
+    channels : tuple of str
+        Names of the channels along the axis C, or of the bands of each page, where the file names them.
     """
 
     images: tuple[NDArray[Any], ...]
@@ -77,6 +81,7 @@ class Pages:
     kind: str = ""
     scale: Mapping[str, Any] = field(default_factory=dict)
     has_alpha: bool = False
+    channels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_that("images", len(self.images) > 0, "contain at least one page")
@@ -89,6 +94,21 @@ class Pages:
         check_that(f"axes={self.axes!r} of shape {self.shape}", fits, f"hold {len(self.images)} images")
         for image in self.images:
             image.flags.writeable = False
+
+    @property
+    def pixel_size(self) -> PixelSize | None:
+        """Physical size of a pixel, if it is known."""
+        return PixelSize.of(self.scale)
+
+    def joined(self) -> Pages:
+        """Return pages of all channels: the axis C becomes the last axis of each page."""
+        if "C" not in self.axes or self.images[0].ndim == 3:
+            return self
+        at = self.axes.index("C")
+        values = np.moveaxis(np.stack(self.images).reshape(*self.shape, *self.images[0].shape), at, -1)
+        images = tuple(np.ascontiguousarray(page) for page in values.reshape(-1, *values.shape[-3:]))
+        axes, shape = self.axes[:at] + self.axes[at + 1 :], self.shape[:at] + self.shape[at + 1 :]
+        return replace(self, images=images, axes=axes or "Q", shape=shape or (1,))
 
     def __repr__(self) -> str:
         first = self.images[0]
@@ -191,11 +211,41 @@ def write_pages(
 
 
 def _decode(file: BinaryIO) -> Pages:
-    """Read all pages; files of other formats are read as one page."""
+    """Read the pages that are chosen; files of other formats are read as one page."""
+    pages, chosen = _decode_all(file), selected()
+    known = Stack(pages.axes if len(pages.images) > 1 else "", pages.shape if len(pages.images) > 1 else ())
+    stack, numbers = replace(known, channels=pages.channels).chosen(chosen)
+    images = [pages.images[number] for number in numbers.tolist()]
+    if chosen.channel is not None and "C" not in (chosen.axes or known.axes):
+        n_bands = images[0].shape[2] if images[0].ndim == 3 else 1
+        band = place_of(chosen.channel, n_bands, _BANDS.get(n_bands, ()), "channel")
+        images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
+    if chosen.pixel_size is not None:
+        kind = pages.kind or "imagej"
+        pages = replace(pages, kind=kind, scale=chosen.pixel_size.scale(kind))
+    return replace(
+        pages,
+        images=tuple(images),
+        axes=stack.axes or "Q",
+        shape=stack.shape or (1,),
+        channels=stack.channels,
+        has_alpha=pages.has_alpha and chosen.channel is None,
+    )
+
+
+def _decode_all(file: BinaryIO) -> Pages:
+    """Read all pages."""
     file.seek(0)
-    if file.read(len(FITS_MAGIC)) == FITS_MAGIC:
+    magic = file.read(len(FITS_MAGIC))
+    if magic == FITS_MAGIC:
         planes = decode_planes(file)
         return Pages(tuple(np.ascontiguousarray(plane) for plane in planes))
+    if magic.startswith(NPY_MAGIC) and (axes := selected().axes):
+        file.seek(0)
+        values = as_samples(named_planes(np.load(file, allow_pickle=False), axes))
+        letters = axes.upper().replace("Y", "").replace("X", "")
+        shape = values.shape[:-2]
+        return Pages(tuple(values.reshape(-1, *values.shape[-2:])), letters or "Q", shape or (1,))
     size = _count(file)
     if size == 1:
         file.seek(0)
@@ -207,54 +257,54 @@ def _decode(file: BinaryIO) -> Pages:
         tags = tiff_tags(tiff)
         layout = Layout.of(tags)
         kind = "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
-        scale = _scale(tiff)
+        scale, stack = scale_of(tiff), stack_of(tiff, size)
         numbers = main_pages(file)
         check_size(size * tiff.pages.first.imagelength * tiff.pages.first.imagewidth)
         known = tiff.pages.first.compression in tifffile.TIFF.DECOMPRESSORS
         if not is_plain(tags) or (layout.for_pillow and not known):
-            axes, shape, images = "Q", (size,), None
+            images = None
         else:
-            axes, values = _series(tiff)
-            shape = values.shape[: len(axes)]
-            flat = values.reshape(-1, *values.shape[len(axes) :])
             icc = icc_profile(tags)
-            images = [_in_srgb(finished(page, tags), icc) for page in flat]
+            images = [_in_srgb(finished(page, tags), icc) for page in _values_of_pages(tiff)]
     if images is None:
         images = _by_pillow(file, numbers)
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
     whole = tuple(np.ascontiguousarray(image) for image in images)
-    return Pages(whole, axes, shape, kind, scale, layout.alpha and images[0].ndim == 3)
+    if math.prod(stack.shape) != len(whole):
+        stack = Stack("Q", (len(whole),))
+    alpha = layout.alpha and images[0].ndim == 3
+    return Pages(whole, stack.axes, stack.shape, kind, scale, alpha, stack.channels)
 
 
-def decode_page(file: BinaryIO, page: int) -> NDArray[Any]:
-    """Decode one page, from 1, of a file that may have several."""
+def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:
+    """Decode one page, from 1, of a file that may have several; None for the only one that is chosen."""
     pages = _decode(file)
     n_pages = len(pages.images)
-    if page > n_pages:
+    if page is None and n_pages > 1:
+        lengths = " x ".join(map(str, pages.shape))
+        raise UnfitContentError(f"has {lengths} pages along {pages.axes}, where one image is expected")
+    if (page or 1) > n_pages:
         raise UnfitContentError(f"has {n_pages} page{'s' * (n_pages > 1)}, and no page {page}")
-    image = pages.images[page - 1].copy()
+    image = pages.images[(page or 1) - 1].copy()
     return with_mark(image, pages.has_alpha and image.shape[2:] == (4,))
 
 
-def _series(tiff: tifffile.TiffFile) -> tuple[str, NDArray[Any]]:
-    """Return the axes of the pages, and all pages as one array (..., H, W) or (..., H, W, C)."""
-    series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
-    arrays = []
-    for one in series:
+def _values_of_pages(tiff: tifffile.TiffFile) -> NDArray[Any]:
+    """Return all pages as one array (P, H, W) or (P, H, W, C)."""
+    flat = []
+    for one in tiff.series:
+        if is_subordinate(one.keyframe):
+            continue
         values, axes = one.asarray(maxworkers=n_threads()), one.axes
         if "S" in axes:
             values, axes = np.moveaxis(values, axes.index("S"), -1), axes.replace("S", "") + "S"
         if not axes.removesuffix("S").endswith("YX"):
             raise UnfitContentError(f"has the axes {axes}, which do not end in YX")
-        arrays.append((axes.removesuffix("S").removesuffix("YX"), values))
-    if len(arrays) == 1 and arrays[0][0]:
-        return arrays[0]
-    sides = [len(axes) for axes, _ in arrays]
-    flat = [values.reshape(-1, *values.shape[n:]) for n, (_, values) in zip(sides, arrays, strict=True)]
-    if len({(one.shape[1:], one.dtype) for one in flat}) > 1:
+        flat.append(values.reshape(-1, *values.shape[len(axes.removesuffix("S")) - 2 :]))
+    if len({(values.shape[1:], values.dtype) for values in flat}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
-    return "Q", np.concatenate(flat)
+    return flat[0] if len(flat) == 1 else np.concatenate(flat)
 
 
 def _in_srgb(values: NDArray[Any], icc: bytes | None) -> NDArray[Any]:
@@ -275,22 +325,6 @@ def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
             image.seek(number)
             images.append(decode_opened(image))
     return images
-
-
-def _scale(tiff: tifffile.TiffFile) -> dict[str, Any]:
-    """Collect the physical sizes that the file states."""
-    tags = tiff.pages.first.aspage().tags
-    scale: dict[str, Any] = {}
-    across, down = tags.valueof(_X_RESOLUTION), tags.valueof(_Y_RESOLUTION)
-    if across and down and across[1] and down[1]:
-        scale["resolution"] = (across[0] / across[1], down[0] / down[1])
-        scale["resolutionunit"] = int(tags.valueof(_RESOLUTION_UNIT, 1))
-    if tiff.is_imagej:
-        given = tiff.imagej_metadata or {}
-        scale |= {name: given[name] for name in OF_IMAGEJ if name in given}
-    elif tiff.is_ome:
-        scale |= ome_scale(tiff.ome_metadata or "")
-    return scale
 
 
 def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> None:

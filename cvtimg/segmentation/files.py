@@ -63,8 +63,9 @@ def divide_file(
     # Pixels without data, black in the image `mask`, or transparent have label 0. Of several pages only labels can be
     # written, to the `target`. `on_stage` is called with the name of each stage that is done.
     header = image_info(source)
-    if not header.has_pages:
-        image = read_image(source)
+    pages = read_pages(source).joined() if header.has_pages else None
+    if pages is None or len(pages.images) == 1:
+        image = read_image(source) if pages is None else pages.images[0]
         known = known_pixels(image, header, mask, nodata)
         on_stage("read")
         image, known = _without_alpha(image, known, header)
@@ -76,7 +77,6 @@ def divide_file(
     if Path(target).suffix.lower() not in PAGE_SUFFIXES:
         name = Path(target).name
         raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {name}")
-    pages = read_pages(source)
     images, inside = list(pages.images), known_in_all(pages.images, header, mask, nodata, "page")
     on_stage("read")
     if volume:

@@ -47,6 +47,8 @@ class Drawing:
         Maps (x, y, 1) in pixels to coordinates on a map.
     epsg : int, optional
         Code of the coordinate system of that map.
+    unit : str
+        Unit of the coordinates after `transform`, such as "um"; "" for one that the map has, or pixels.
     """
 
     polygons: tuple[Polygon, ...]
@@ -55,6 +57,7 @@ class Drawing:
     properties: Mapping[int, Mapping[str, Any]]
     transform: ArrayLike | None = None
     epsg: int | None = None
+    unit: str = ""
 
 
 def write_contours(path: StrPath, drawing: Drawing, *, overwrite: bool = False) -> None:

@@ -18,7 +18,7 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
     """Write the polygons of a drawing with their properties, in the coordinates of its map if it has one."""
-    place: dict[str, Any] = {"transform": drawing.transform, "epsg": drawing.epsg}
+    place: dict[str, Any] = {"transform": drawing.transform, "epsg": drawing.epsg, "unit": drawing.unit}
     write_geojson(path, drawing.polygons, drawing.properties, **place, overwrite=overwrite)
 
 
@@ -29,6 +29,7 @@ def write_geojson(
     *,
     transform: ArrayLike | None = None,
     epsg: int | None = None,
+    unit: str = "",
     overwrite: bool = False,
 ) -> None:
     """Write polygons as a GeoJSON FeatureCollection with one feature per label.
@@ -45,6 +46,8 @@ def write_geojson(
         Maps (x, y, 1) in pixels to the coordinates of the file; by default these are pixels, with y down.
     epsg : int, optional
         Code of the coordinate system of these coordinates, if it is known.
+    unit : str
+        Unit of these coordinates, such as "um"; it stands as a member "unit" of the collection.
     overwrite : bool
         Replace an existing file.
 
@@ -72,7 +75,7 @@ def write_geojson(
         feature(_placed(pieces, matrix), {"label": label, **properties[label]})
         for label, pieces in groupby(polygons, key=lambda polygon: polygon.label)
     )
-    write_text(path, collection(features, epsg), overwrite=overwrite)
+    write_text(path, collection(features, epsg, {"unit": unit} if unit else {}), overwrite=overwrite)
 
 
 def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64]) -> list[list[list[list[float]]]]:

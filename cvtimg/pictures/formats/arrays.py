@@ -48,6 +48,15 @@ def decode_npy(file: BinaryIO) -> NDArray[Any]:
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
 
+def named_planes(values: NDArray[Any], axes: str) -> NDArray[Any]:
+    """Return an array whose axes have these letters as (..., Y, X)."""
+    letters = axes.upper()
+    if len(letters) != values.ndim or len(set(letters)) < len(letters) or not {"Y", "X"} <= {*letters}:
+        raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
+    check_size(values.size)
+    return np.moveaxis(values, [letters.index("Y"), letters.index("X")], [-2, -1])
+
+
 def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Return the shape and type of an array; a file on disk is only memory-mapped."""
     name = getattr(file, "name", None)

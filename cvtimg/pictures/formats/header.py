@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
-from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, npy_header
+from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, named_planes, npy_header
+from cvtimg.pictures.formats.axes import PixelSize, Stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
@@ -19,9 +22,13 @@ from cvtimg.pictures.formats.tiff import (
     first_page,
     icc_profile,
     is_turned,
+    scale_of,
+    stack_of,
     tags_of,
     tiff_tags,
 )
+
+_DESCRIPTION = 270
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +59,14 @@ class ImageInfo:
         EPSG code of the coordinate reference system.
     nodata : float or None
         Value that marks missing pixels in a GeoTIFF.
+    axes : str
+        Letters of the axes: T for time, C for channels, Z for depth, others for unknown ones, and YX.
+    shape : tuple of int
+        Number of pages along each of the axes before YX.
+    channels : tuple of str
+        Names of the channels along the axis C, where the file has them.
+    pixel_size : PixelSize or None
+        Physical size of a pixel, where the file states it as ImageJ or OME do.
     """
 
     width: int
@@ -66,28 +81,52 @@ class ImageInfo:
     geo_transform: tuple[float, float, float, float, float, float] | None = None
     epsg: int | None = None
     nodata: float | None = None
+    axes: str = "YX"
+    shape: tuple[int, ...] = ()
+    channels: tuple[str, ...] = ()
+    pixel_size: PixelSize | None = None
 
     @property
     def has_pages(self) -> bool:
         """Whether the file has several pages; frames of an animation are none."""
-        return self.format in ("TIFF", "FITS") and self.frames > 1
+        return self.format in ("TIFF", "FITS", "NPY") and self.frames > 1
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
     """Read the header of an open file, as `image_info` does; a page that is chosen is alone."""
-    header = _read(file)
-    return header if selected().page is None else replace(header, frames=1)
+    header, chosen = _read(file), selected()
+    if chosen.channel is not None and "C" not in (chosen.axes or header.axes):
+        band = header.bands[place_of(chosen.channel, len(header.bands), header.bands, "channel")]
+        header = replace(header, bands=(band,), has_alpha=False)
+    stack, numbers = Stack(header.axes[:-2], header.shape, header.channels).chosen(chosen)
+    return replace(
+        header,
+        axes=f"{stack.axes}YX",
+        shape=stack.shape,
+        channels=stack.channels,
+        frames=1 if chosen.page is not None else len(numbers) if header.shape else header.frames,
+        pixel_size=chosen.pixel_size or header.pixel_size,
+    )
 
 
 def _read(file: BinaryIO) -> ImageInfo:
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
+        if axes := selected().axes:
+            planes = named_planes(np.load(file, mmap_mode=None, allow_pickle=False), axes)
+            letters = axes.upper().replace("Y", "").replace("X", "")
+            stack: dict[str, Any] = {
+                "axes": f"{letters}YX",
+                "shape": planes.shape[:-2],
+                "frames": math.prod(planes.shape[:-2]),
+            }
+            return replace(_of_array(planes.shape[-2:], 1, planes.dtype), **stack)
         shape, dtype = npy_header(file)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
     if magic.startswith(FITS_MAGIC):
         planes = decode_planes(file)
-        return replace(_of_array(planes.shape[1:], 1, planes.dtype), format="FITS", frames=len(planes))
+        return replace(_of_array(planes.shape[1:], 1, planes.dtype), format="FITS", **_as_stack(len(planes)))
     try:
         image = open_picture(file)
     except UnidentifiedImageError:
@@ -99,6 +138,24 @@ def _read(file: BinaryIO) -> ImageInfo:
         if image.format == "TIFF" and layout.n_samples > layout.n_colors + layout.alpha and not layout.for_pillow:
             return _of_tiff(file)
         return _of_picture(image, file)
+
+
+def _as_stack(n_pages: int) -> dict[str, Any]:
+    """Describe pages of which nothing is said."""
+    return {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
+
+
+def _measured(file: BinaryIO, n_pages: int) -> dict[str, Any]:
+    """Describe the pages of a TIFF, and the size of their pixels."""
+    import tifffile
+
+    found = _as_stack(n_pages)
+    with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
+        if n_pages > 1:
+            stack = stack_of(tiff, n_pages)
+            found |= {"axes": f"{stack.axes}YX", "shape": stack.shape, "channels": stack.channels}
+        found["pixel_size"] = PixelSize.of(scale_of(tiff))
+    return found
 
 
 def _profile_name(icc: bytes | None) -> str | None:
@@ -123,11 +180,17 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         mode=image.mode,
         bands=image.getbands(),
         bits=depth(image),
-        frames=count_pages(file) if image.format == "TIFF" else getattr(image, "n_frames", 1),
+        **(_of_pages(image, file) if image.format == "TIFF" else {"frames": getattr(image, "n_frames", 1)}),
         has_alpha=image.has_transparency_data,
         icc=_profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),
     )
+
+
+def _of_pages(image: ImageFile.ImageFile, file: BinaryIO) -> dict[str, Any]:
+    n_pages = count_pages(file)
+    said = str(tags_of(image).get(_DESCRIPTION, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
+    return _measured(file, n_pages) if n_pages > 1 or said else _as_stack(n_pages)
 
 
 def _of_tiff(file: BinaryIO) -> ImageInfo:
@@ -145,10 +208,10 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             header,
             format="TIFF",
             bits=layout.bits,
-            frames=n_pages,
             has_alpha=layout.alpha,
             icc=_profile_name(icc_profile(tags)),
             **asdict(Place.of(tags)),
+            **_measured(file, n_pages),
         )
 
 

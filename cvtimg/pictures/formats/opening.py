@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 
@@ -24,6 +24,9 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
+
+if TYPE_CHECKING:
+    from cvtimg.pictures.formats.axes import PixelSize
 
 #: A stream with more bytes per allowed pixel is rejected.
 _BYTES_PER_PIXEL = 16
@@ -159,6 +162,18 @@ class Selection:
     page: int | None = None
     # Axis of the bands in .npy arrays of three axes; None for the last, unless that is doubtful.
     channel_axis: int | None = None
+    # Letters of the axes of a stack in place of those of the file, such as "TZYX".
+    axes: str | None = None
+    # Places along the axes C, T and Z, from 1; a channel also by its name.
+    channel: str | None = None
+    t: int | None = None
+    z: int | None = None
+    pixel_size: PixelSize | None = None  # In place of that of the file
+
+    @property
+    def in_stack(self) -> bool:
+        """Whether something is said of the axes of a stack."""
+        return not (self.axes is None and self.channel is None and self.t is None and self.z is None)
 
 
 _SELECTED: ContextVar[Selection] = ContextVar("cvtimg_selection", default=Selection())  # noqa: B039, immutable

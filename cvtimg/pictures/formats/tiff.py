@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -15,10 +18,13 @@ from PIL import Image
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
+from cvtimg.pictures.formats.axes import Stack
 from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Tags, extra_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 
 if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
     import tifffile
 
 #: First bytes of TIFF and BigTIFF files, little and big endian.
@@ -33,6 +39,7 @@ _PREMULTIPLIED = 1
 #: The description of an ImageJ file begins within this many bytes.
 _START = 1 << 12
 _SUBFILE, _REDUCED, _MASK = 254, 1, 4
+_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 #: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
 OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
 _OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
@@ -180,6 +187,43 @@ def is_subordinate(page: Any) -> bool:
     return bool(page.aspage().tags.valueof(_SUBFILE, 0) & (_REDUCED | _MASK))
 
 
+def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Stack:
+    """Return how the pages of a file are arranged, and what its channels are called."""
+    series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
+    axes = series[0].axes.replace("S", "").removesuffix("YX")
+    if len(series) > 1 or not axes:
+        return Stack("Q", (n_pages,))
+    lengths = dict(zip(series[0].axes, series[0].shape, strict=True))
+    shape = tuple(lengths[axis] for axis in axes)
+    if "C" not in axes:
+        return Stack(axes, shape)
+    names = _ome_channels(tiff.ome_metadata or "") if tiff.is_ome else _imagej_channels(tiff, axes, shape)
+    return Stack(axes, shape, names if len(set(names)) == lengths["C"] else ())
+
+
+def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...]) -> tuple[str, ...]:
+    """Return the labels of the first page of each channel."""
+    labels = (tiff.imagej_metadata or {}).get("Labels", ())
+    if len(labels) != math.prod(shape):
+        return ()
+    firsts = np.moveaxis(np.arange(len(labels)).reshape(shape), axes.index("C"), -1)
+    return tuple(str(labels[number]) for number in firsts.reshape(-1, firsts.shape[-1])[0].tolist())
+
+
+def _ome_channels(description: str) -> tuple[str, ...]:
+    return tuple(element.get("Name", element.get("ID", "")) for element in _ome_elements(description, "Channel"))
+
+
+def _ome_elements(description: str, name: str) -> Iterator[Element]:
+    """Yield the elements of a name in the first image that an OME file describes."""
+    from xml.etree import ElementTree
+
+    with suppress(ElementTree.ParseError, ValueError):
+        root = ElementTree.fromstring(description)
+        pixels = next((one for one in root.iter() if one.tag.rpartition("}")[2] == "Pixels"), root)
+        yield from (one for one in pixels.iter() if one.tag.rpartition("}")[2] == name)
+
+
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
     """Return the tags of the first page that cvtimg uses."""
     tags = tiff.pages.first.tags
@@ -232,21 +276,31 @@ def encode_tiff(
     )
 
 
+def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
+    """Collect the physical sizes that the file states."""
+    tags = tiff.pages.first.aspage().tags
+    scale: dict[str, Any] = {}
+    across, down = tags.valueof(_X_RESOLUTION), tags.valueof(_Y_RESOLUTION)
+    if across and down and across[1] and down[1]:
+        scale["resolution"] = (across[0] / across[1], down[0] / down[1])
+        scale["resolutionunit"] = int(tags.valueof(_RESOLUTION_UNIT, 1))
+    if tiff.is_imagej:
+        given = tiff.imagej_metadata or {}
+        scale |= {name: given[name] for name in OF_IMAGEJ if name in given}
+    elif tiff.is_ome:
+        scale |= ome_scale(tiff.ome_metadata or "")
+    return scale
+
+
 def ome_scale(description: str) -> dict[str, Any]:
     """Return the physical sizes in the description of an OME file."""
-    from xml.etree import ElementTree
-
     scale: dict[str, Any] = {}
-    with suppress(ElementTree.ParseError, ValueError):
-        for element in ElementTree.fromstring(description).iter():
-            if element.tag.rpartition("}")[2] != "Pixels":
-                continue
-            for name in _OF_OME:
-                if name in element.attrib:
-                    scale[name] = float(element.attrib[name])
-                if f"{name}Unit" in element.attrib:
-                    scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
-            break
+    for element in islice(_ome_elements(description, "Pixels"), 1):
+        for name in _OF_OME:
+            with suppress(KeyError, ValueError):
+                scale[name] = float(element.attrib[name])
+            if f"{name}Unit" in element.attrib:
+                scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
     return scale
 
 
