@@ -41,7 +41,7 @@ PANELS = {
     "strengths cuts generators save_palette csv sheet plot view over edge_mode line_color line_width subpixel simplify "
     "properties width marks pen_width order cells outline scale measures keep_metadata optimize overwrite as_json "
     "quiet report",
-    "Reading": "mask nodata weight_map columns weight missing page channel_axis max_pixels",
+    "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "volume_power passes seed method init",
 }

@@ -316,3 +316,51 @@ def test_auto_counts_averaging_and_edges_as_in_python(run: Run) -> None:
     expected = segment(noisy, "auto", averaging="before", edge_weight=300)
     assert row["k"] == expected.n_segments
     np.testing.assert_array_equal(np.load("l.npy"), expected.labels)
+
+
+@pytest.fixture
+def micrograph(run: Run) -> NDArray[np.uint16]:
+    """Write stack.tif as ImageJ does: two channels in three planes, with pixels of 0.5 um."""
+    stack = RNG.integers(0, 900, (3, 2, 20, 30), np.uint16)
+    stack[:, 0, 5:15, 10:20] += 30000
+    metadata = {"axes": "ZCYX", "unit": "um", "spacing": 2.0, "Labels": ["DAPI", "GFP"] * 3}
+    tifffile.imwrite("stack.tif", stack, imagej=True, resolution=(2, 2), metadata=metadata)
+    return stack
+
+
+def test_outputs_are_in_the_units_of_the_image(run: Run, micrograph: NDArray[np.uint16]) -> None:
+    outputs = ["-o", "l.tif", "--table", "t.csv", "--contours", "c.geojson", "--mean", "m.tif"]
+    assert run("stack.tif", "-k", 2, "--channel", "DAPI", "--z", 2, *outputs).status == 0
+    lines = Path("t.csv").read_text().splitlines()
+    rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
+    for row in rows:
+        assert row["area_um2"] == row["area"] / 4
+        for name in ("x", "y", "perimeter"):
+            assert row[f"{name}_um"] == pytest.approx(row[name] / 2)
+        assert row["equivalent_diameter_um"] == pytest.approx(np.sqrt(row["area"] / np.pi))
+    assert (rows[1]["area"], rows[1]["x_um"]) == (100, 7.5)
+    assert rows[1]["mean_DAPI"] == pytest.approx(micrograph[1, 0, 5:15, 10:20].mean())
+    drawn = json.loads(Path("c.geojson").read_text())
+    assert drawn["unit"] == "um"
+    assert np.ptp(drawn["features"][1]["geometry"]["coordinates"][0], axis=0).tolist() == [5, 5]
+    for name in ("l.tif", "m.tif"):
+        with tifffile.TiffFile(name) as tiff:
+            assert (tiff.imagej_metadata or {})["unit"] == "um"
+            assert tiff.pages.first.aspage().get_resolution() == pytest.approx((2, 2))
+
+
+def test_channels_of_a_stack_are_bands_of_its_planes(run: Run, micrograph: NDArray[np.uint16]) -> None:
+    assert run("stack.tif", "-k", 2, "-o", "l.tif", "--pixel-size", "1x1x3nm").status == 0
+    with tifffile.TiffFile("l.tif") as tiff:
+        assert (tiff.series[0].axes, tiff.series[0].shape) == ("ZYX", (3, 20, 30))
+        said = tiff.imagej_metadata or {}
+        assert (said["unit"], said["spacing"]) == ("nm", 3)
+        labels = tiff.asarray()
+    joined = np.moveaxis(micrograph, 1, -1)
+    np.testing.assert_array_equal(labels, [segment(plane, 2).labels for plane in joined])
+
+
+def test_intensities_are_columns_by_the_names_of_channels(run: Run, micrograph: NDArray[np.uint16]) -> None:
+    assert run("stack.tif", "-k", 2, "--z", 1, "--table", "t.csv", "--properties", "intensity_max,centroid").status == 0
+    columns = Path("t.csv").read_text().splitlines()[0].split(",")
+    assert {"mean_DAPI", "std_GFP", "intensity_max_DAPI", "intensity_max_GFP", "centroid-0"} <= {*columns}

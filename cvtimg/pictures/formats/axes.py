@@ -19,7 +19,7 @@ _MICROMETER = "um"
 #: Other ways to write units.
 _UNITS = dict.fromkeys(("\u00b5m", "\u03bcm", "\\u00B5m", "micron", "microns", "micrometer"), _MICROMETER)
 _NUMBER = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)"
-_SIZE = re.compile(rf"{_NUMBER}(?:x{_NUMBER}(?:x{_NUMBER})?)?\s*([^\d\s.]\S*)", re.IGNORECASE)
+_SIZE = re.compile(rf"{_NUMBER}(?:x{_NUMBER}(?:x{_NUMBER})?)?\s*([^\W\d_]+)", re.IGNORECASE)
 _NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
 
 
@@ -108,7 +108,7 @@ class Stack:
                 raise UnfitContentError(f"has the axes {stack.axes}YX, without {axis}; --axes names them")
             place = place_of(given, stack.shape[at], stack.channels if axis == "C" else (), _NOUNS[axis])
             numbers = np.asarray(numbers.take(place, axis=at))
-            channels = () if axis == "C" else stack.channels
+            channels = stack.channels[place : place + 1] if axis == "C" else stack.channels
             stack = Stack(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
         return stack, numbers.ravel()
 
