@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 from cvtimg._shared.sums import per_mass, sum_by_label
 
 if TYPE_CHECKING:
-    from cvtimg.pictures.formats.axes import PixelSize
+    from cvtimg.pictures.formats.pixel_size import PixelSize
 
 
 def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:

@@ -50,7 +50,7 @@ def n_bytes(text: str | int) -> int:
 
 
 def _pixel_size(text: str) -> Any:
-    from cvtimg.pictures.formats.axes import PixelSize
+    from cvtimg.pictures.formats.pixel_size import PixelSize
 
     return PixelSize.parse(text)
 

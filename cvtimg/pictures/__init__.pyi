@@ -6,7 +6,7 @@ from .files import read_image as read_image
 from .files import read_indices as read_indices
 from .files import read_metadata as read_metadata
 from .files import write_image as write_image
-from .formats.axes import PixelSize as PixelSize
+from .formats.pixel_size import PixelSize as PixelSize
 from .frames import Frames as Frames
 from .frames import is_animated as is_animated
 from .frames import read_frames as read_frames

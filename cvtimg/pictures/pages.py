@@ -19,11 +19,12 @@ from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_planes, named_planes
-from cvtimg.pictures.formats.axes import PixelSize, Stack, place_of
+from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import dpi_of
 from cvtimg.pictures.formats.opening import Source, UnfitContentError, check_size, open_picture, reading, selected
+from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import (
     Layout,
     colormap_of,

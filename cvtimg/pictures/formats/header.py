@@ -11,10 +11,11 @@ import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, named_planes, npy_header
-from cvtimg.pictures.formats.axes import PixelSize, Stack, place_of
+from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
+from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,

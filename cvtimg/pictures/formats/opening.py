@@ -26,7 +26,7 @@ from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
 
 if TYPE_CHECKING:
-    from cvtimg.pictures.formats.axes import PixelSize
+    from cvtimg.pictures.formats.pixel_size import PixelSize
 
 #: A stream with more bytes per allowed pixel is rejected.
 _BYTES_PER_PIXEL = 16
