@@ -92,10 +92,7 @@ def known_in_all(
 ) -> list[NDArray[np.bool_]]:
     """Find the pixels that count in each page or frame; a mask is for all of them, or has as many.
 
-    Raises
-    ------
-    ValueError
-        If a page or frame, which the message calls by `noun`, has no pixel that counts.
+    A page or frame, called by `noun`, in which none counts is a ValueError.
     """
     masks = [None] * len(images) if mask is None else _read_masks(mask, len(images))
     found = []

@@ -200,42 +200,18 @@ def _write_table(divided: Divided, path: Path) -> None:
 
 def _outputs(ignore: int | None) -> tuple[Output, ...]:
     """Return the files; borders of the label to ignore are not drawn."""
+    edges = f"labels, ignore={ignore}"
+    overlay = f"cvtimg.write_image({{}}, cvtimg.plotting.draw_edges(image, {edges}))"
+    mean = "cvtimg.write_image({}, cvtimg.labels.mean_picture(labels, image), alpha=False)"
+    contours = "drawing = cvtimg.plotting.contour_drawing(cvtimg.find_contours(labels), labels, image)\n"
+    contours += "cvtimg.labels.write_contours({}, drawing)"
+    table = "cvtimg.labels.write_table({}, cvtimg.labels.region_table(labels, image))"
+    over, lines = partial(_write_overlay, ignore=ignore), partial(_write_edges, ignore=ignore)
     return (
         Output("Labels, PNG", "-o", "{}-labels.png", _write_labels, "cvtimg.labels.write_labels({}, labels)"),
-        Output(
-            "Outlines over the image, PNG",
-            "--overlay",
-            "{}-overlay.png",
-            partial(_write_overlay, ignore=ignore),
-            f"cvtimg.write_image({{}}, cvtimg.plotting.draw_edges(image, labels, ignore={ignore}))",
-        ),
-        Output(
-            "Mean colors, PNG",
-            "--mean",
-            "{}-mean.png",
-            _write_mean,
-            "cvtimg.write_image({}, cvtimg.labels.mean_picture(labels, image), alpha=False)",
-        ),
-        Output(
-            "Edges, PNG",
-            "--edges",
-            "{}-edges.png",
-            partial(_write_edges, ignore=ignore),
-            f"cvtimg.write_image({{}}, cvtimg.find_edges(labels, ignore={ignore}))",
-        ),
-        Output(
-            "Contours, SVG",
-            "--contours",
-            "{}-contours.svg",
-            _write_contours,
-            "drawing = cvtimg.plotting.contour_drawing(cvtimg.find_contours(labels), labels, image)\n"
-            "cvtimg.labels.write_contours({}, drawing)",
-        ),
-        Output(
-            "Table of segments, CSV",
-            "--table",
-            "{}-table.csv",
-            _write_table,
-            "cvtimg.labels.write_table({}, cvtimg.labels.region_table(labels, image))",
-        ),
+        Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", over, overlay),
+        Output("Mean colors, PNG", "--mean", "{}-mean.png", _write_mean, mean),
+        Output("Edges, PNG", "--edges", "{}-edges.png", lines, f"cvtimg.write_image({{}}, cvtimg.find_edges({edges}))"),
+        Output("Contours, SVG", "--contours", "{}-contours.svg", _write_contours, contours),
+        Output("Table of segments, CSV", "--table", "{}-table.csv", _write_table, table),
     )
