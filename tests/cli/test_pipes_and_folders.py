@@ -76,27 +76,41 @@ def test_dev_stdin_is_standard_input(here: Path) -> None:
     assert piped(["quantize", "/dev/stdin", "-k", "5"], content).stdout == Path("b.png").read_bytes()
 
 
-def test_tables_arrays_and_figures_are_read_from_standard_input(here: Path) -> None:
-    head, *labels = piped(["cluster", "-", "-k", "2"], table()).stdout.split()
-    assert head == b"label"
-    assert labels in ([b"0", b"0", b"1", b"1"], [b"1", b"1", b"0", b"0"])
+Fed = Callable[[list[str], bytes], tuple[int, str, str]]
+
+
+@pytest.fixture
+def fed(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Fed:
+    """Return a function that runs a command of this process on standard input: status, output and errors."""
+
+    def run(command: list[str], content: bytes) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
+        return cli.main(command), *capsys.readouterr()
+
+    return run
+
+
+def test_tables_arrays_and_figures_are_read_from_standard_input(fed: Fed) -> None:
+    head, *labels = fed(["cluster", "-", "-k", "2"], table())[1].split()
+    assert head == "label"
+    assert labels in (["0", "0", "1", "1"], ["1", "1", "0", "0"])
     buffer = io.BytesIO()
     np.save(buffer, RGB.astype(np.float32))
-    row = json.loads(piped(["info", "-", "--json"], buffer.getvalue()).stdout)
+    row = json.loads(fed(["info", "-", "--json"], buffer.getvalue())[1])
     assert (row["input"], row["width"], row["height"]) == ("-", 32, 24)
     for command in (["palette", "-", "-k", "3"], ["elbow", "-", "--k-max", "4"]):
-        done = piped(command, Path("a.png").read_bytes())
-        assert done.returncode == 0
-        assert done.stdout.startswith((b"-: 3 of", b"input"))
+        status, out, _ = fed(command, Path("a.png").read_bytes())
+        assert status == 0
+        assert out.startswith(("-: 3 of", "input"))
 
 
-@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n\x00\x00"])
-def test_what_cannot_be_read_from_standard_input_is_one_line(here: Path, content: bytes) -> None:
-    done = piped(["quantize", "-", "-k", "5"], content)
-    assert (done.returncode, done.stdout) == (1, b"")
-    assert done.stderr.startswith(b"cvtimg: -: ")
-    assert done.stderr.count(b"\n") == 1
-    assert b"tmp" not in done.stderr
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n\x00\x00"])
+def test_what_cannot_be_read_from_standard_input_is_one_line(fed: Fed, content: bytes) -> None:
+    status, out, err = fed(["quantize", "-", "-k", "5"], content)
+    assert (status, out) == (1, "")
+    assert err.startswith("cvtimg: -: ")
+    assert err.count("\n") == 1
+    assert "tmp" not in err
 
 
 @posix

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import hostile
@@ -16,13 +17,17 @@ from PIL import Image
 from cvtimg import write_image
 from cvtimg.cli import app as cli
 
-SEEDS = dict(hostile.seeds())
+
+@cache
+def seeds() -> dict[str, bytes]:
+    """Make the whole files once, and only in a process that runs these tests."""
+    return dict(hostile.seeds())
 
 
 @pytest.mark.slow
 def test_a_part_of_the_corpus_ends_in_results_or_in_one_line(tmp_path: Path) -> None:
     wrong = {}
-    for name, content in list(hostile.damaged(SEEDS.items(), n_cuts=1, n_flips=1))[::9]:
+    for name, content in list(hostile.damaged(seeds().items(), n_cuts=1, n_flips=1))[::9]:
         (tmp_path / name).write_bytes(content)
         if (verdict := hostile.judge(tmp_path / name)) not in ("right", "error"):
             wrong[name] = verdict
@@ -42,19 +47,19 @@ def test_files_that_lie_end_in_one_line(tmp_path: Path) -> None:
 
 def test_a_file_that_is_whole_is_right(tmp_path: Path) -> None:
     for name in ("png-RGB.png", "bmp-P.bmp", "jpeg-CMYK.jfif", "tiff-I16.tif", "icc-garbage.png", "1x1.png"):
-        (tmp_path / name).write_bytes(SEEDS[name])
+        (tmp_path / name).write_bytes(seeds()[name])
         assert hostile.judge(tmp_path / name) == "right", name
 
 
 @pytest.mark.parametrize("name", ["stack-plain.tif", "deep-stack-imagej.tif", "bands-u2-big-5.tif"])
 def test_pages_and_bands_are_right_from_files_and_pipes(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
-    path.write_bytes(SEEDS[name])
+    path.write_bytes(seeds()[name])
     assert hostile.judge(path) == "right"
     assert hostile.judge(path, piped=True) == "error"  # a PNG holds neither
-    path.write_bytes(SEEDS["png-RGB.png"])
+    path.write_bytes(seeds()["png-RGB.png"])
     assert hostile.judge(path, piped=True) == "right"
-    path.write_bytes(SEEDS["png-RGB.png"][:500])
+    path.write_bytes(seeds()["png-RGB.png"][:500])
     assert hostile.judge(path, piped=True) == "error"
 
 
@@ -67,14 +72,14 @@ def test_a_size_that_is_no_number_is_an_error_of_one_line(tmp_path: Path) -> Non
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    name=st.sampled_from(sorted(SEEDS)),
+    name=st.deferred(lambda: st.sampled_from(sorted(seeds()))),
     cut=st.integers(0, 4000),
     changes=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), max_size=6),
 )
 def test_any_damage_ends_in_a_result_or_in_one_line(
     tmp_path: Path, name: str, cut: int, changes: list[tuple[int, int]]
 ) -> None:
-    content = bytearray(SEEDS[name])
+    content = bytearray(seeds()[name])
     for at, value in changes:
         content[at % len(content)] = value
     path = tmp_path / name
@@ -97,7 +102,7 @@ def test_max_pixels_guards_and_can_be_raised(
 
 
 def test_libraries_do_not_talk_in_between(tmp_path: Path) -> None:
-    content = SEEDS["tiff-tiff_lzw.tif"]
+    content = seeds()["tiff-tiff_lzw.tif"]
     (tmp_path / "bad.tif").write_bytes(content[:200] + bytes(60) + content[260:])
     command = [sys.executable, "-P", "-m", "cvtimg", "info", "bad.tif"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
