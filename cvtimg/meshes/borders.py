@@ -28,7 +28,7 @@ _PARTS, _LEAST_PASSES, _PASSES = 256, 3, 12
 _NEAR, _NEAR_PIXELS = 0.4, 0.5
 #: But where two lines meet at an angle with less than this sine, sizes that grow from the corner are as good as can be
 #: within so many lengths of the edge: shorter edges there would only move what is narrow nearer to the corner.
-_SHARP, _TIP = 0.2, 5.0
+_SHARP, _TIP = 0.42, 5.0
 #: Rounds of making crowded edges shorter; in the last ones, only where they cross.
 _ROUNDS, _LAST_ROUNDS = 12, 5
 #: The sizes around follow edges that are shorter than this part of what was wanted.

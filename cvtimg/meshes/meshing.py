@@ -377,7 +377,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
             break
         factor *= ratio**0.5
         if len(borders.points) > most:
-            if grade >= _STEEPEST:
+            if grade >= _STEEPEST or ratio > _TOO_MANY:
                 break
             grade = _STEEPEST
         elif ratio > _STUCK * before:
@@ -386,8 +386,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     # The coarsest first: where the border needs too many by any sizes, that is known at once.
     for coarser in (_COARSER[-1], *_COARSER) if len(borders.points) > most else ():
         field = start.scaled(coarser * factor)
-        enough = _TOO_MANY * most if coarser == _COARSER[-1] else most
-        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, enough)
+        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most)
         borders, field = _with_alone(borders, field, alone, _STEEPEST)
         if (len(borders.points) > most) == (coarser == _COARSER[-1]):
             break

@@ -37,7 +37,7 @@ class Cells:
     centers: Points  # (C, 2)
     sides: NDArray[np.float64]  # (C,)
     inside: NDArray[np.bool_]  # (C,): whether the center is in the region
-    corners: Points  # (N, 2): all corners, each once
+    corners: Points  # (N, 2): the corners of squares twice as wide, each once
 
     def masses(self, density: Callable[[Points], NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the mass (C,) of each cell under a density at points (M, 2): 0 outside of the region."""
@@ -158,9 +158,10 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
             break
     sides = np.concatenate([np.full(len(own), side / (1 << level)) for level, own in done])
     corners = np.concatenate([own << (_LAST_LEVEL - level) for level, own in done])
-    spans = np.concatenate([np.full(len(own), 1 << (_LAST_LEVEL - level)) for level, own in done])
-    all_corners = (corners[:, None] + spans[:, None, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
-    keys = np.unique(all_corners @ np.array([1 << 32, 1]))
+    # Sizes hardly change over a cell: the corners of squares twice as wide will do.
+    spans = np.concatenate([np.full((len(own), 1), 2 << (_LAST_LEVEL - level)) for level, own in done])
+    steps = spans[:, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    keys = np.unique(((corners - corners % spans)[:, None] + steps).reshape(-1, 2) @ np.array([1 << 32, 1]))
     unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
     unit = side / (1 << _LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
