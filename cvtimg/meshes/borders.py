@@ -26,6 +26,9 @@ _PARTS, _LEAST_PASSES, _PASSES = 256, 3, 12
 #: A vertex must not be nearer to the edge of another line than this part of that edge; the second is for contours of
 #: pixels, which have many thin parts.
 _NEAR, _NEAR_PIXELS = 0.4, 0.5
+#: Edges at a corner that meet at less than this angle, in degrees, where their lines do at one so much larger, are too
+#: long; but on contours of pixels none are made shorter than this.
+_NARROW, _WIDER, _PIXELS = 12.0, 1.5, 2.0
 #: But where two lines meet at an angle with less than this sine, sizes that grow from the corner are as good as can be
 #: within so many lengths of the edge: shorter edges there would only move what is narrow nearer to the corner.
 _SHARP, _TIP = 0.42, 5.0
@@ -57,10 +60,7 @@ def place_on_borders(
         if len(borders.points) > most:
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
-        if outline.mask is None:
-            crossed, near = _crowded(borders, lengths, _NEAR, lines)
-        else:
-            crossed, near = _crowded(borders, lengths, _NEAR_PIXELS)
+        crossed, near = _crowded(borders, lengths, lines, is_picture=outline.mask is not None)
         if round_ >= _ROUNDS - _LAST_ROUNDS:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
@@ -80,11 +80,12 @@ def place_on_borders(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Lines:
-    """The line of each edge (E,) and of each vertex (N,), which is -1 for the ends of lines; and these ends (M, 2)."""
+    """How edges and vertices lie on lines."""
 
-    of_edge: NDArray[np.intp]
-    of_point: NDArray[np.intp]
-    ends: NDArray[np.intp]
+    of_edge: NDArray[np.intp]  # (E,): the line of each edge
+    of_point: NDArray[np.intp]  # (N,): the line of each vertex, -1 for the ends of lines
+    ends: NDArray[np.intp]  # (M, 2): the ends of each line
+    starts: Points  # (E, 2, 2): where the line of each edge is a quarter of the way from either end
 
     def meet_sharply(
         self, points: Points, lengths: NDArray[np.float64], point: NDArray[np.intp], edge: NDArray[np.intp],
@@ -101,6 +102,21 @@ class _Lines:
             way = np.linalg.norm(points[point] - points[corner], axis=1)
             sharp |= meets & (own != other) & (gaps < _SHARP * way) & (way < _TIP * lengths[edge])
         return sharp
+
+    def are_wider(
+        self, points: Points, edges: NDArray[np.int32], links: NDArray[np.intp], edge: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Tell where edges (P,) meet others, linked to their ends (2, P), far more narrowly than the lines do."""
+        wider = np.zeros(len(edge), bool)
+        for k in (0, 1):
+            pairs = np.flatnonzero(links[k] >= 0)
+            one, other = edge[pairs], links[k, pairs]
+            end = (edges[other, 1] == edges[one, k]).astype(np.intp)
+            at = points[edges[one, k]]
+            angle = 180 - turns_of(points[edges[one, 1 - k]], at, points[edges[other, 1 - end]])
+            of_lines = 180 - turns_of(self.starts[one, k], at, self.starts[other, end])
+            wider[pairs] |= (angle < _NARROW) & (of_lines > _WIDER * angle)
+        return wider
 
 
 def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lines]:
@@ -145,7 +161,11 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
         rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
         points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)
     borders = Borders(points, edges, outline.sides[of_line])
-    lines = _Lines(of_line, np.append(np.full(len(nodes), -1), own), np.stack([first, last], axis=1))
+    at_chain = np.empty(len(chain))
+    at_chain[offsets], at_chain[offsets + n_edges], at_chain[offsets[own] + number] = along[starts], along[stops], at
+    quarters = at_chain[:-1][joined][:, None] + np.diff(at_chain)[joined][:, None] * np.array([0.25, 0.75])
+    near_ends = np.stack([np.interp(quarters, along, places[:, axis]) for axis in (0, 1)], axis=2)
+    lines = _Lines(of_line, np.append(np.full(len(nodes), -1), own), np.stack([first, last], axis=1), near_ends)
     if outline.mask is not None or not len(inner):
         return borders, lines
     at_inner = offsets[own] + number
@@ -201,12 +221,12 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
 
 
 def _crowded(
-    borders: Borders, lengths: NDArray[np.float64], part: float, lines: _Lines | None = None
+    borders: Borders, lengths: NDArray[np.float64], lines: _Lines, *, is_picture: bool
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     shapely = optional("shapely", "mesh")
 
-    points, edges = borders.points, borders.edges
+    points, edges, part = borders.points, borders.edges, _NEAR_PIXELS if is_picture else _NEAR
     segments = shapely.linestrings(points[edges])
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
@@ -224,8 +244,10 @@ def _crowded(
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
     close = gaps < part * lengths[edge]
     point, edge, gaps = point[close], edge[close], gaps[close]
-    fits = _share_a_corner(edges, point, edge, len(points))
-    if lines is not None:
+    links = np.stack([_edge_between(edges, point, edges[edge, end], len(points)) for end in (0, 1)])
+    may_split = lengths[edge] > _PIXELS * is_picture
+    fits = (links >= 0).any(axis=0) & ~(may_split & lines.are_wider(points, edges, links, edge))
+    if not is_picture:
         fits |= lines.meet_sharply(points, lengths, point, edge, gaps)
     near[edge[~fits]] = True
     return crossed, near
@@ -242,14 +264,12 @@ def _crossing(
     return one[divided]
 
 
-def _share_a_corner(
-    edges: NDArray[np.int32], point: NDArray[np.intp], edge: NDArray[np.intp], n: int
-) -> NDArray[np.bool_]:
-    """Tell whether an edge leads from the point to an end of the other edge: sharp corners are narrow."""
-    ends = edges.astype(np.int64)
-    keys = np.minimum(*ends.T) * n + np.maximum(*ends.T)
-    linked = np.zeros(len(point), bool)
-    for end in (0, 1):
-        other = ends[edge, end]
-        linked |= np.isin(np.minimum(point, other) * n + np.maximum(point, other), keys)
-    return linked
+def _edge_between(
+    edges: NDArray[np.int32], one: NDArray[np.intp], other: NDArray[np.int32], n: int
+) -> NDArray[np.intp]:
+    """Find the edge (P,) between each two points, of n; -1 where there is none."""
+    keys = np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
+    wanted = np.minimum(one, other) * n + np.maximum(one, other)
+    order = np.argsort(keys)
+    found = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    return np.where(keys[found] == wanted, found, -1)

@@ -413,3 +413,14 @@ def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
 def test_fixed_points_at_one_place_are_refused() -> None:
     with pytest.raises(ValueError, match="fixed has points 0 and 1, nearer to each other than"):
         mesh_region(L_SHAPE, n=100, fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]])
+
+
+@pytest.mark.slow
+def test_corners_of_labels_are_no_narrower_than_their_lines() -> None:
+    """On a hook one pixel wide, long edges met at 5 degrees where the contour turns by 64."""
+    from skimage import data
+
+    from cvtimg import segment
+
+    labels = segment(data.coffee(), 3, min_size=500).labels
+    assert mesh_labels(labels, n=4000).measures().least_angle > 15

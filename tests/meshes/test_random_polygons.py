@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -100,7 +101,7 @@ def hard_polygon(random: np.random.Generator) -> shapely.Geometry | NDArray[np.f
     elif kind == 4:
         ratio, n = 1 - 10 ** random.uniform(-3, -0.3), random.integers(3, 60)
         rings = [shapely.Polygon(ring(n, 0.02, ratio**depth, np.zeros(2))) for depth in range(random.integers(2, 8))]
-        return shapely.symmetric_difference_all([shapely.make_valid(each) for each in rings])
+        return reduce(shapely.symmetric_difference, map(shapely.make_valid, rings))
     else:
         return random.integers(0, 4, (random.integers(1, 8), 2)) * 10 ** random.uniform(-3, 3)
     if random.random() < 0.4:
