@@ -29,6 +29,9 @@ enum { RATE_BLOCK = 16 };
 // A match may begin with an index that costs so many bits more than the best literal; its first two indices, and all that
 // follow, cost at most so many more than literals; and it is given up when another is so many bits ahead.
 static const float RATE_NEAR_BITS = 10, RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
+// Shares of an error that the next pixel, and those below it, get. More goes along the row than Floyd and Steinberg give:
+// long repetitions of too bright or too dark indices, which show as streaks, get dearer with each pixel.
+static const float RATE_RIGHT = 12 / 16.f, RATE_BELOW = 2 / 16.f, RATE_ASIDE = 1 / 16.f;
 
 typedef struct {
   Py_ssize_t width, n_entries;
@@ -126,7 +129,7 @@ RATE_CLONES static float rate_look(const rate_band *band, const float *place, fl
 // Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
 RATE_CLONES static float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
                                   float weight, float *least) {
-  const float longest = band->longest, part = band->strength * longest * (7 / 16.f);
+  const float longest = band->longest, part = band->strength * longest * RATE_RIGHT;
   const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
   const int n = matches->n;
   float first = FLT_MAX, ended = FLT_MAX, (*error)[RATE_MOST_MATCHES] = matches->error;
@@ -237,7 +240,7 @@ static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t
   if (literal < node[1].cost) {
     rate_hand_on(place, band->entries + RATE_WIDTH * near.entry[0], band, error);
     node[1] = (rate_node){.cost = literal, .from = (int32_t)i, .distance = 0, .last = near.entry[0]};
-    for (int c = 0; c < RATE_WIDTH; c++) node[1].error[c] = error[c] * (7 / 16.f);
+    for (int c = 0; c < RATE_WIDTH; c++) node[1].error[c] = error[c] * RATE_RIGHT;
   }
   const Py_ssize_t rest = band->width - i, longest = RATE_LONGEST << band->shift, limit = rest < longest ? rest : longest;
   if (limit < 3 << band->shift) return;
@@ -286,10 +289,10 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
     rate_hand_on(place, band->entries + RATE_WIDTH * indices[i], band, error);
     for (int c = 0; c < RATE_WIDTH; c++) {
       float *below = scratch->below + RATE_WIDTH * i + c;
-      carried[c] = error[c] * (7 / 16.f);
-      below[0] += error[c] * (3 / 16.f);
-      below[RATE_WIDTH] += error[c] * (5 / 16.f);
-      below[2 * RATE_WIDTH] += error[c] * (1 / 16.f);
+      carried[c] = error[c] * RATE_RIGHT;
+      below[0] += error[c] * RATE_ASIDE;
+      below[RATE_WIDTH] += error[c] * RATE_BELOW;
+      below[2 * RATE_WIDTH] += error[c] * RATE_ASIDE;
     }
     if (i + 1 < width) {
       const int pair = indices[i] << 8 | indices[i + 1];

@@ -1,8 +1,8 @@
 """Mapping to a palette by rate: indices that deflate stores in few bits, where the eye does not see the difference.
 
 Each row takes the path of least cost through single indices and repetitions of earlier ones, where cost is the visible
-squared error plus the bits that deflate (RFC 1951) needs, at a price. What is left of the error is diffused along the
-path and to the next row (R. Floyd, L. Steinberg, Proc. SID 17 (1976) 75-77).
+squared error plus the bits that deflate (RFC 1951) needs, at a price. What is left of the error is diffused, as by
+R. Floyd and L. Steinberg, Proc. SID 17 (1976) 75-77, but more along the path than to the next row.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BAND = 128
 #: Steps of the kernel for each pixel and entry of the palette, by which work is divided among threads.
 _WORK = 20
 #: Share of the error that is handed on: with more, grain costs bytes; with less, tones drift.
-STRENGTH = 0.55
+STRENGTH = 0.6
 #: Bits of the codes of lengths from 3, and of distances from 1, that photographs lead to; and of what follows them.
 _LENGTH_BITS = np.array([2.5, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, *[8] * 20])
 _LENGTH_EXTRA = np.array([0] * 8 + [n for n in range(1, 6) for _ in range(4)])

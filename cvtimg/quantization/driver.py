@@ -24,7 +24,7 @@ from cvtimg.quantization.remapping import MAX_COLORS
 #: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
 _FIRST_TRIAL = 32
 _DECIBEL = 2.0
-#: Halvings of the range of prices of bits, of which each saves a few percent of the file.
+#: Halvings of the range of prices of bits, or of colors; the last saves a few percent of the file.
 _HALVINGS = 5
 
 
@@ -130,17 +130,39 @@ def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     return lambda samples: given
 
 
-def toward(source: Source[R], how: QuantizeOptions, start: float, end: float, good: Callable[[R], bool]) -> R:
-    """Return the good result whose price of bits is nearest to `end`; the one at `start` if that is not good."""
+def toward(
+    source: Source[R], how: QuantizeOptions, start: float, end: float, good: Callable[[R], bool]
+) -> tuple[R, float]:
+    """Return the good result whose price of bits is nearest to `end`, or else the one at `start`; and its price."""
     palettes = [*map(finder(how), source.counted)]
     best = source.mapped(palettes, replace(how, price=start))
-    for _ in range(_HALVINGS if good(best) else 0):
+    if not good(best):
+        return best, start
+    last = source.mapped(palettes, replace(how, price=end))
+    if good(last):
+        return last, end
+    for _ in range(_HALVINGS):
         price = math.sqrt(start * end)
         result = source.mapped(palettes, replace(how, price=price))
         if good(result):
             start, best = price, result
         else:
             end = price
+    return best, start
+
+
+def with_fewer_colors(source: Source[R], how: QuantizeOptions, best: R, good: Callable[[R], bool]) -> R:
+    """Return a good result with fewer colors than the best so far, or that."""
+    few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), len(palettes_of(best)[0])
+    for _ in range(_HALVINGS):
+        n_colors = round(math.sqrt(max(few, 1) * many))
+        if not few < n_colors < many:
+            break
+        result = quantized(source, replace(how, n_colors=n_colors))
+        if good(result):
+            many, best = n_colors, result
+        else:
+            few = n_colors
     return best
 
 

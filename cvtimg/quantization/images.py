@@ -21,7 +21,7 @@ from cvtimg.looks.similarity import VisualQuality
 from cvtimg.pictures.frames import Frames
 from cvtimg.quantization.animations import Film, QuantizedFrames
 from cvtimg.quantization.blocks import BlockSource
-from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward
+from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward, with_fewer_colors
 from cvtimg.quantization.looks import PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
@@ -128,9 +128,8 @@ def quantize(
     the engine; with any other option they are loaded. The result has the same palette as in memory, and pixels that are
     computed when they are needed.
 
-    The quality is raised or lowered by the price of bits in "compact", not by the number of colors, of which more cost
-    little. Below about 65 streaks would come that people see and the measure does not: the result is then better than
-    `quality` asks.
+    The quality follows from the price of bits in "compact", and once that would show as streaks, which the measure does
+    not see, from fewer colors.
 
     Examples
     --------
@@ -168,7 +167,13 @@ def for_eyes(source: PictureSource, how: QuantizeOptions) -> Quantized:
     if wanted is None:
         result = quantized(source, how)
     else:
-        result = toward(source, how, PRICES[0], PRICES[1], lambda result: measure(result.image) >= wanted)
+
+        def good(result: Quantized) -> bool:
+            return measure(result.image) >= wanted
+
+        result, price = toward(source, how, *PRICES, good)
+        if price == PRICES[1] and how.palette is None and result.energy:  # images of few colors stay exact
+            result = with_fewer_colors(source, replace(how, price=price), result, good)
     reached = measure(result.image)
     if wanted is not None and reached < wanted:
         refuse("quality", wanted, f"at most {reached:.1f}, which {len(result.palette)} colors reach")
@@ -241,7 +246,7 @@ def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[A
     """Find the most colors whose file is small enough; see `quantize_to_size`."""
     if how.dither == "compact":
         how = replace(how, n_colors=n_colors, price=PRICES[1])
-        fitting = toward(source, how, PRICES[1], PRICES[0], lambda result: size(result) <= max_bytes)
+        fitting, _ = toward(source, how, PRICES[1], PRICES[0], lambda result: size(result) <= max_bytes)
         if size(fitting) <= max_bytes:
             return fitting
     results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)

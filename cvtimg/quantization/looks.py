@@ -24,7 +24,7 @@ MAX_ENTRIES = 256
 MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}
 #: Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
 #: that the measure does not see.
-PRICES = 0.02, 1.8
+PRICES = 0.02, 2.0
 
 
 def map_for_eyes(

@@ -27,7 +27,7 @@ def mapped(price: float, image: NDArray[np.uint8] = COFFEE, palette: NDArray[np.
 
 
 def diffused(places: NDArray[np.float32], entries: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Floyd and Steinberg's error diffusion, row by row from the left, as `map_by_rate` shortens and weakens errors."""
+    """Error diffusion row by row from the left, as `map_by_rate` shortens, weakens and shares errors."""
     height, width, _ = places.shape
     gaps = np.linalg.norm(entries[:, None] - entries, axis=2)
     longest = np.sort(gaps, axis=1)[:, 1].mean()
@@ -36,8 +36,8 @@ def diffused(places: NDArray[np.float32], entries: NDArray[np.float32]) -> NDArr
         wanted = places[y, x] + rest[y, x + 1]
         labels[y, x] = k = ((wanted - entries) ** 2).sum(axis=1).argmin()
         error = wanted - entries[k]
-        error *= 0.55 * min(1, longest / max(np.linalg.norm(error), 1e-30))
-        for dy, dx, part in ((0, 1, 7), (1, -1, 3), (1, 0, 5), (1, 1, 1)):
+        error *= 0.6 * min(1, longest / max(np.linalg.norm(error), 1e-30))
+        for dy, dx, part in ((0, 1, 12), (1, -1, 1), (1, 0, 2), (1, 1, 1)):
             rest[y + dy, x + 1 + dx] += error * part / 16
     return labels
 
@@ -45,7 +45,7 @@ def diffused(places: NDArray[np.float32], entries: NDArray[np.float32]) -> NDArr
 def test_bits_for_nothing_give_error_diffusion() -> None:
     image = COFFEE[:40, :50]
     expected = diffused(placed(image), placed(PALETTE))
-    assert (mapped(1e-9, image) == expected).mean() > 0.999  # float32 decides ties
+    assert (mapped(1e-9, image) == expected).mean() > 0.99  # float32 decides ties
 
 
 @pytest.mark.parametrize(("n_colors", "price"), [(2, 100), (4, 20), (16, 2), (64, 0.4)])
@@ -93,3 +93,14 @@ def test_errors_count_less_where_brightness_varies() -> None:
     seen = visibility(levels, 3, 3)
     np.testing.assert_allclose(seen[:, :15], 1, atol=1e-3)
     assert seen[:, 45:].max() < 0.3
+
+
+def test_smooth_areas_show_no_streaks() -> None:
+    rng = np.random.default_rng(0)
+    ramp = np.linspace(140, 170, 128)[:, None, None] + np.linspace(0, 12, 200)[:, None] + [-8, 0, 8]
+    sky = np.rint(ramp + rng.normal(0, 1, ramp.shape)).astype(np.uint8)
+    palette = np.asarray(cvtimg.quantize(sky, 24, space="oklab", effort="fast").palette)
+    errors = (palette[mapped(0.4, sky, palette)].astype(float) - sky).mean(axis=2)
+    along = errors[:, :195].reshape(128, 13, 15).mean(axis=2)  # what a streak of 15 pixels does not cancel
+    beside = np.diff(along, axis=0).std()
+    assert beside < 0.5  # 0.6 by the shares of Floyd and Steinberg
