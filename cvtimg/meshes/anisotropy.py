@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.sizes import MeshValues
+from cvtimg.meshes.sizes import MeshValues, estimated_factor
 from cvtimg.meshes.trees import Cells, divide
 from cvtimg.placement import as_region
 
@@ -20,7 +20,7 @@ Points = NDArray[np.float64]
 #: From (M, 2) points to (M, 2, 2) symmetric matrices.
 MatrixFunction = Callable[[Points], Any]
 
-#: Points by which Huang's alpha is found, and by which the number of vertices is estimated first.
+#: Points by which Huang's alpha is found.
 _SAMPLES = 1 << 16
 #: The mean of det(S)^(1/3) that Huang recommends: half of the vertices go where the Hessian is large.
 _HUANG_GOAL = 2 ** (4 / 3)
@@ -30,6 +30,8 @@ _HUANG_GOAL = 2 ** (4 / 3)
 class MetricField:
     """A metric at all places of a region, by a function."""
 
+    isotropic: ClassVar[bool] = False
+
     function: Callable[[Points], Points]  # From (N, 2) points to metrics (N, 3): xx, xy, yy
     cells: Cells  # Of a quadtree as fine as the metric asks for, by area
     factor: float = 1.0  # By which edges are longer than the function says
@@ -37,24 +39,14 @@ class MetricField:
     @classmethod
     def of(cls, metric: MatrixFunction, outline: Outline, n: int | None, probes: Points) -> MetricField:
         """Sample a function that the user gave, with edges scaled to about `n` vertices."""
-        checked = _CheckedMetric(metric, outline)
+        checked = _checked(metric, outline)
 
         def sizes(points: Points, factor: float = 1.0) -> NDArray[np.float64]:
             return factor * _determinants(checked(points)) ** -0.25
 
-        factor = 1.0
-        if n is not None:
-            grid = _grid(outline)
-            inside = grid[outline.contains(grid)]
-            area = float(np.prod(outline.bounds[1] - outline.bounds[0])) * len(inside) / len(grid)
-            factor = (float((sizes(inside) ** -2).mean()) * area / n) ** 0.5
+        factor = 1.0 if n is None else estimated_factor(sizes, outline, n, probes)
         field = cls(checked, divide(lambda points: sizes(points, factor), outline, probes), factor)
         return field if n is None else field.scaled((field.count / n) ** 0.5)
-
-    @property
-    def isotropic(self) -> bool:
-        """False."""
-        return False
 
     @property
     def count(self) -> float:
@@ -140,11 +132,9 @@ class HuangMetric:
 
     def _absolute(self, points: Points) -> Points:
         """Hessians (M, 3) with positive eigenvalues."""
-        matrices = np.asarray(self._hessian(points), np.float64)
-        check_shape("hessian", matrices.shape, matrices.shape == (len(points), 2, 2), f"({len(points)}, 2, 2)")
-        values, vectors = np.linalg.eigh(matrices)
+        values, vectors = np.linalg.eigh(_matrices("hessian", self._hessian(points), len(points))[0])
         whole = np.einsum("nik,nk,njk->nij", vectors, np.abs(values), vectors)
-        return np.stack([whole[:, 0, 0], whole[:, 0, 1], whole[:, 1, 1]], axis=1)
+        return _matrices("hessian", whole, len(points))[1]
 
 
 class RecoveredHessian:
@@ -199,26 +189,25 @@ def _fitted_hessians(points: Points, triangles: NDArray[np.int32], values: NDArr
     return hessians
 
 
-class _CheckedMetric:
-    """A function of the user's, checked at each call; outside of the region it may return anything."""
+def _checked(metric: MatrixFunction, outline: Outline) -> Callable[[Points], Points]:
+    """Check what a function of the user's returns, at each call; outside of the region that may be anything."""
 
-    def __init__(self, metric: MatrixFunction, outline: Outline) -> None:
-        self._metric, self._outline = metric, outline
-
-    def __call__(self, points: Points) -> Points:
-        matrices = np.asarray(self._metric(points), np.float64)
-        check_shape("metric", matrices.shape, matrices.shape == (len(points), 2, 2), f"({len(points)}, 2, 2)")
-        values = np.stack([matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]], axis=1)
+    def values_at(points: Points) -> Points:
+        matrices, values = _matrices("metric", metric(points), len(points))
         sure = np.isfinite(values).all(axis=1) & (values[:, 0] > 0)
         sure[sure] = _determinants(values[sure]) > 0
-        wrong = np.flatnonzero(~sure)
-        if len(wrong):
-            inside = wrong[self._outline.contains(points[wrong])]
-            if len(inside):
-                name = f"metric is {matrices[inside[0]].tolist()} at {points[inside[0]].tolist()} and"
-                check_that(name, False, "be finite and positive definite in the region")
-            values[wrong] = values[sure].min(axis=0) if sure.any() else [1.0, 0.0, 1.0]
+        outline.check_inside("metric", points, matrices, sure, "be finite and positive definite in the region")
+        values[~sure] = values[sure].min(axis=0) if sure.any() else [1.0, 0.0, 1.0]
         return values
+
+    return values_at
+
+
+def _matrices(name: str, given: Any, n: int) -> tuple[Points, Points]:
+    """Return n matrices (N, 2, 2), and their entries (N, 3): xx, xy and yy."""
+    matrices = np.asarray(given, np.float64)
+    check_shape(name, matrices.shape, matrices.shape == (n, 2, 2), f"({n}, 2, 2)")
+    return matrices, np.stack([matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]], axis=1)
 
 
 def _determinants(values: Points) -> NDArray[np.float64]:
@@ -227,10 +216,3 @@ def _determinants(values: Points) -> NDArray[np.float64]:
 
 def _as_matrices(values: Points) -> NDArray[np.float64]:
     return values[:, [[0, 1], [1, 2]]]
-
-
-def _grid(outline: Outline) -> Points:
-    side = int(_SAMPLES**0.5)
-    low, high = outline.bounds
-    x, y = np.meshgrid(*(low + (np.arange(side)[:, None] + 0.5) / side * (high - low)).T)
-    return np.stack([x.ravel(), y.ravel()], axis=1)

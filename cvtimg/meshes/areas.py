@@ -43,22 +43,9 @@ class Areas:
         return replace(self, pieces=self.pieces[own], still=still)
 
     def kept(self, points: Points, edges: NDArray[np.int32], of_line: Index, ends: Index, rim: Index) -> Points:
-        """Move vertices so that pieces have their areas, by the least sum of squared moves.
+        """Move vertices (N, 2) of edges (E, 2) on lines (E,) so that pieces have their areas, by the least squares.
 
-        Parameters
-        ----------
-        points : (N, 2) float64 array
-        edges : (E, 2) int32 array
-        of_line : (E,) array
-            Line of each edge.
-        ends : (K,) array
-            Vertices that are corners or junctions, which hardly move.
-        rim : (K,) array
-            Vertices that stay.
-
-        Returns
-        -------
-        (N, 2) float64 array
+        Ends of lines, which are corners or junctions, hardly move; those on the rim stay.
         """
         from scipy.sparse import coo_array, eye_array
         from scipy.sparse.linalg import spsolve

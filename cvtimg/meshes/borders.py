@@ -11,9 +11,9 @@ from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
-from cvtimg.meshes.outlines import Outline, turns_of
-from cvtimg.meshes.sliding import Tracks
-from cvtimg.meshes.triangulation import Borders
+from cvtimg.meshes.outlines import Outline, divided, divided_steps, turns_of
+from cvtimg.meshes.sliding import Tracks, places_at
+from cvtimg.meshes.triangulation import Borders, edge_keys
 
 Points = NDArray[np.float64]
 
@@ -93,11 +93,11 @@ class _Lines:
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
         n, own, other = len(points), self.of_point[point], self.of_edge[edge]
-        joined = np.sort(self.ends, axis=1) @ np.array([n, 1])
+        joined = edge_keys(self.ends, n)
         sharp = np.zeros(len(point), bool)
         for k in (0, 1):
             corner = self.ends[other, k]
-            keys = np.minimum(point, corner) * n + np.maximum(point, corner)
+            keys = edge_keys(np.stack([point, corner], axis=1), n)
             meets = np.where(own < 0, np.isin(keys, joined), (self.ends[own] == corner[:, None]).any(axis=1))
             way = np.linalg.norm(points[point] - points[corner], axis=1)
             sharp |= meets & (own != other) & (gaps < _SHARP * way) & (way < _TIP * lengths[edge])
@@ -130,52 +130,45 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
     along = np.append(0, np.cumsum(lengths))
     totals = along[stops] - along[starts]
     is_closed = (places[starts] == places[stops]).all(axis=1)
-    n_edges = np.maximum(
-        np.rint(totals * share).astype(np.intp), np.where(is_closed, 3 if outline.mask is not None else _ROUND, 1)
-    )
-    own = np.repeat(np.arange(len(starts)), n_edges - 1)
-    number = np.arange(len(own)) - np.repeat(np.cumsum(n_edges - 1) - (n_edges - 1), n_edges - 1) + 1
-    at = along[starts][own] + number / n_edges[own] * totals[own]
-    inner = np.stack([np.interp(at, along, places[:, axis]) for axis in (0, 1)], axis=1)
-    ends = np.concatenate([places[starts], places[stops]])
-    nodes, index = np.unique(ends, axis=0, return_inverse=True)
-    first, last = index.reshape(2, -1)
+    least = np.where(is_closed, 3 if outline.mask is not None else _ROUND, 1)
+    n_edges = np.maximum(np.rint(totals * share).astype(np.intp), least)
     # The points of each line in order: its first node, its inner points, its last node.
-    offsets = np.cumsum(n_edges + 1) - (n_edges + 1)
-    chain = np.empty(int((n_edges + 1).sum()), np.int32)
-    chain[offsets], chain[offsets + n_edges] = first, last
-    chain[offsets[own] + number] = len(nodes) + np.arange(len(own))
+    of_chain, number = divided(n_edges + 1)
+    is_inner = (number > 0) & (number < n_edges[of_chain])
+    own = of_chain[is_inner]
+    at_chain = along[starts][of_chain] + number / n_edges[of_chain] * totals[of_chain]
+    inner = places_at(at_chain[is_inner], along, places)
+    nodes, index = np.unique(np.concatenate([places[starts], places[stops]]), axis=0, return_inverse=True)
+    first, last = index.reshape(2, -1)
+    chain = np.where(number == 0, first[of_chain], last[of_chain]).astype(np.int32)
+    chain[is_inner] = len(nodes) + np.arange(len(own))
     points = np.concatenate([nodes, inner])
     if outline.mask is not None:
-        swept = np.append(0, np.cumsum(_cross(places[:-1], places[1:])))
-        at_chain = np.empty(len(chain))
-        at_chain[offsets], at_chain[offsets + n_edges] = swept[starts], swept[stops]
-        at_chain[offsets[own] + number] = np.interp(at, along, swept)
-        points[len(nodes) :] += _outwards(points[chain], at_chain)[offsets[own] + number]
-    joined = np.ones(len(chain) - 1, bool)
-    joined[offsets[1:] - 1] = False
-    edges = np.stack([chain[:-1][joined], chain[1:][joined]], axis=1)
-    of_line = np.repeat(np.arange(len(starts)), n_edges)
+        sweeps = _cross(places[:-1], places[1:])
+        sweeps[stops[:-1]] = 0
+        swept = np.interp(at_chain, along, np.append(0, np.cumsum(sweeps)))
+        points[len(nodes) :] += _outwards(points[chain], swept)[is_inner]
+    at_edge = np.flatnonzero(of_chain[1:] == of_chain[:-1])
+    edges = np.stack([chain[at_edge], chain[at_edge + 1]], axis=1)
+    of_line = of_chain[at_edge]
     if outline.areas is not None:
         ends_of_open = np.unique(np.concatenate([first[~is_closed], last[~is_closed]]))
         rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
         points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)
     borders = Borders(points, edges, outline.sides[of_line])
-    at_chain = np.empty(len(chain))
-    at_chain[offsets], at_chain[offsets + n_edges], at_chain[offsets[own] + number] = along[starts], along[stops], at
-    quarters = at_chain[:-1][joined][:, None] + np.diff(at_chain)[joined][:, None] * np.array([0.25, 0.75])
-    near_ends = np.stack([np.interp(quarters, along, places[:, axis]) for axis in (0, 1)], axis=2)
+    quarters = at_chain[at_edge, None] + np.diff(at_chain)[at_edge, None] * np.array([0.25, 0.75])
+    near_ends = places_at(quarters, along, places)
     lines = _Lines(of_line, np.append(np.full(len(nodes), -1), own), np.stack([first, last], axis=1), near_ends)
     if outline.mask is not None or not len(inner):
         return borders, lines
-    at_inner = offsets[own] + number
+    at_inner = np.flatnonzero(is_inner)
     before, after = points[chain[at_inner - 1]], points[chain[at_inner + 1]]
     far = np.linalg.norm(places[1:] - places[:-1], axis=1)
     far[stops[:-1]] = 1  # so that lines are apart
     until = np.append(0, np.cumsum(far))
     tracks = Tracks.of(
         (len(nodes) + np.arange(len(own))).astype(np.int32),
-        np.interp(at, along, until),
+        np.interp(at_chain[is_inner], along, until),
         np.minimum(np.linalg.norm(inner - before, axis=1), np.linalg.norm(after - inner, axis=1)),
         (places, until),
         until[starts][own],
@@ -212,10 +205,7 @@ def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np
         n_parts = np.clip(np.ceil(longest / _STEP), 1, _PARTS).astype(np.intp)
         if pass_ >= _LEAST_PASSES and n_parts.max(initial=1) < _PARTS:
             break
-        n_parts = np.append(n_parts, 1)
-        own = np.repeat(np.arange(len(places)), n_parts)
-        part = (np.arange(len(own)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)) / n_parts[own]
-        places = places[own] + part[:, None] * np.append(steps, [[0.0, 0.0]], axis=0)[own]
+        places, own = divided_steps(places, n_parts)
         line_of = line_of[own]
     return places, line_of
 
@@ -231,8 +221,7 @@ def _crowded(
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
     crossed[_crossing(points, edges, *tree.query(segments))] = True
-    keys = np.sort(edges, axis=1).astype(np.int64) @ np.array([len(points), 1])
-    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    _, inverse, counts = np.unique(edge_keys(edges, len(points)), return_inverse=True, return_counts=True)
     crossed |= counts[inverse] > 1
     reach = np.zeros(len(points))
     for end in (0, 1):
@@ -268,8 +257,7 @@ def _edge_between(
     edges: NDArray[np.int32], one: NDArray[np.intp], other: NDArray[np.int32], n: int
 ) -> NDArray[np.intp]:
     """Find the edge (P,) between each two points, of n; -1 where there is none."""
-    keys = np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
-    wanted = np.minimum(one, other) * n + np.maximum(one, other)
+    keys, wanted = edge_keys(edges, n), edge_keys(np.stack([one, other], axis=1), n)
     order = np.argsort(keys)
     found = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
     return np.where(keys[found] == wanted, found, -1)

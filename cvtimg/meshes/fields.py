@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,7 @@ PER_AREA = 2 / 3**0.5
 class Field(Protocol):
     """Sizes or metrics at all places of a region."""
 
-    @property
-    def isotropic(self) -> bool:
-        """Whether edges are as long in all directions."""
+    isotropic: ClassVar[bool]  # Whether edges are as long in all directions
 
     @property
     def count(self) -> float:
@@ -61,13 +59,10 @@ def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
 class PictureField:
     """Sizes at the centers of pixels."""
 
+    isotropic: ClassVar[bool] = True
+
     sizes: NDArray[np.float32]  # (H, W)
     inside: NDArray[np.bool_]  # (H, W): the pixels that are meshed
-
-    @property
-    def isotropic(self) -> bool:
-        """True."""
-        return True
 
     @property
     def count(self) -> float:

@@ -51,6 +51,16 @@ class Outline:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
 
+    def check_inside(
+        self, name: str, points: Points, values: NDArray[np.float64], right: NDArray[np.bool_], allowed: str
+    ) -> None:
+        """Refuse values (N, ...) that are not right (N,) at points (N, 2) inside."""
+        wrong = np.flatnonzero(~right)
+        inside = wrong[self.contains(points[wrong])] if len(wrong) else wrong
+        if len(inside):
+            value = f"{values[inside[0]]:g}" if values.ndim == 1 else values[inside[0]].tolist()
+            check_that(f"{name} is {value} at {points[inside[0]].tolist()} and", False, allowed)
+
     def detail_for(self, n: int) -> float:
         """Return a `min_size` by which polygons have no more than about `n` points; 0 if there is none."""
         shapely = optional("shapely", "mesh")
@@ -72,16 +82,7 @@ class Outline:
 
 
 def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
-    """Return the outline of a region of the plane.
-
-    Parameters
-    ----------
-    region : Region
-    tolerance : float
-        How far contours of a mask may be moved to make them smoother, in pixels.
-    min_size : float
-        Details of polygons smaller than this are left out.
-    """
+    """Return the outline of a region: contours of masks may move by a tolerance, polygons lose details."""
     check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
         return label_outline(region.mask.astype(np.int32), None, tolerance)
@@ -190,10 +191,20 @@ def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
 def _densified(line: Points) -> Points:
     """Add points to a line so that they are about a pixel apart, at most."""
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    n_parts = np.maximum(np.rint(lengths), 1).astype(np.intp)
-    own = np.repeat(np.arange(len(lengths)), n_parts)
-    part = (np.arange(len(own)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)) / n_parts[own]
-    return np.concatenate([line[own] + part[:, None] * (line[own + 1] - line[own]), line[-1:]])
+    return divided_steps(line, np.maximum(np.rint(lengths), 1).astype(np.intp))[0]
+
+
+def divided(n_parts: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the step of each part of all steps, and its number there, from 0."""
+    own = np.repeat(np.arange(len(n_parts)), n_parts)
+    return own, np.arange(len(own)) - (np.cumsum(n_parts) - n_parts)[own]
+
+
+def divided_steps(places: Points, n_parts: NDArray[np.intp]) -> tuple[Points, NDArray[np.intp]]:
+    """Divide the steps between (P, 2) places into (P - 1,) parts; also return the place before each new one."""
+    own, number = divided(n_parts)
+    made = places[own] + (number / n_parts[own])[:, None] * np.diff(places, axis=0)[own]
+    return np.concatenate([made, places[-1:]]), np.append(own, len(places) - 1)
 
 
 def _smoothed(line: Points, tolerance: float) -> Points:

@@ -15,6 +15,7 @@ from cvtimg._shared.checks import check_in_range
 from cvtimg.meshes.borders import sampled
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.sliding import places_at
 from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
@@ -88,7 +89,7 @@ class _Track:
         return on_border, along
 
     def places_at(self, along: NDArray[np.float64]) -> Points:
-        return np.stack([np.interp(along, self.lengths, self.places[:, axis]) for axis in (0, 1)], axis=1)
+        return places_at(along, self.lengths, self.places)
 
     def borders(self, outline: Outline, along: NDArray[np.float64]) -> Borders:
         """Join the vertices on each line in their order."""

@@ -47,19 +47,10 @@ class _State:
 
 
 def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
-    """Move the vertices that are not fixed, by limited-memory BFGS on Lloyd's steps.
+    """Move the vertices that are not fixed, `most` times at most, by limited-memory BFGS on Lloyd's steps.
 
-    Parameters
-    ----------
-    mesh : PlaneTriangulation
-        Is changed.
-    metric : callable
-    isotropic : bool
-        Whether the metric is that of a size alone: then flips need none.
-    most : int
-        Moves at most.
-    tolerance : float
-        Stop when no vertex is farther than this part of the wanted edge length from its center of mass.
+    They rest when none is farther than the part `tolerance` of the wanted edge length from its center of mass. Where
+    the metric is that of a size alone, flips need none.
     """
     at = _state(mesh, metric, isotropic)
     energies = [at.energy]

@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.trees import TreeField
+from cvtimg.meshes.trees import Sizes, TreeField
 from cvtimg.meshes.triangulation import PlaneTriangulation
 
 Points = NDArray[np.float64]
@@ -99,20 +99,12 @@ def _counter_clockwise(points: Points, triangles: NDArray[np.int32]) -> NDArray[
 
 
 def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, probes: Points) -> Field:
-    """Make a field of sizes; with `n`, only their ratios count, and they are scaled to about so many vertices.
+    """Make a field of sizes, scaled to about `n` vertices; at probes (P, 2) they may be lower than around.
 
-    Parameters
-    ----------
-    outline : Outline
-    size : float, (H, W) array or callable
-    n : int or None
-    least : float
-        A size > 0 where 0 is allowed, too; or 0.
-    probes : (P, 2) array
-        Points where sizes may be lower than around.
+    Where the least size is > 0, sizes of 0 are allowed, too.
     """
     if callable(size):
-        return _function_field(_Checked(size, outline, least), outline, n, probes)
+        return _function_field(_checked(size, outline, least), outline, n, probes)
     values = np.asarray(size)
     check_numbers("size", values.dtype)
     if values.ndim == 0:
@@ -148,40 +140,33 @@ def _pixels_inside(outline: Outline, values: NDArray[Any]) -> NDArray[np.bool_]:
     return inside
 
 
-class _Checked:
-    """A function of the user's, checked at each call; outside of the region it may return anything."""
+def _checked(function: Callable[[Points], Any], outline: Outline, least: float) -> Sizes:
+    """Check what a function of the user's returns, at each call; outside of the region that may be anything."""
 
-    def __init__(self, function: Callable[[Points], Any], outline: Outline, least: float) -> None:
-        self._function, self._outline, self._least = function, outline, least
-
-    def __call__(self, points: Points) -> NDArray[np.float64]:
-        values = np.array(self._function(points), np.float64)
+    def sizes(points: Points) -> NDArray[np.float64]:
+        values = np.array(function(points), np.float64)
         check_returned("size", values, len(points))
-        wrong = np.flatnonzero(~((values > 0 if self._least == 0 else values >= 0) & (values < np.inf)))
-        if len(wrong):
-            inside = self._outline.contains(points[wrong])
-            if inside.any():
-                place, value = points[wrong][inside][0].tolist(), values[wrong][inside][0]
-                check_that(f"size is {value:g} at {place} and", False, _ALLOWED)
-            values[wrong] = float(_HUGE)
-        return np.maximum(values, self._least)
+        right = (values > 0 if least == 0 else values >= 0) & (values < np.inf)
+        outline.check_inside("size", points, values, right, _ALLOWED)
+        return np.maximum(np.where(right, values, float(_HUGE)), least)
+
+    return sizes
 
 
-def _function_field(
-    sizes: Callable[[Points], NDArray[np.float64]], outline: Outline, n: int | None, probes: Points
-) -> Field:
-    if n is None:
-        return TreeField.of(sizes, outline, probes)
+def _function_field(sizes: Sizes, outline: Outline, n: int | None, probes: Points) -> Field:
+    factor = 1.0 if n is None else estimated_factor(sizes, outline, n, probes)
+    return _scaled(TreeField.of(lambda points: factor * sizes(points), outline, probes), n)
+
+
+def estimated_factor(sizes: Sizes, outline: Outline, n: int, probes: Points) -> float:
+    """Return by what sizes have to be multiplied for about `n` vertices, from a grid or, in thin regions, probes."""
     low, high = outline.bounds
     x, y = np.meshgrid(*(low + (np.arange(_ESTIMATE)[:, None] + 0.5) / _ESTIMATE * (high - low)).T)
     grid = np.stack([x.ravel(), y.ravel()], axis=1)
-    grid = grid[outline.contains(grid)]
-    if not len(grid):  # very thin
-        grid = probes
-    mean = float((sizes(grid) ** -2).mean())
-    area = float((high - low).prod()) * len(grid) / _ESTIMATE**2
-    factor = (mean * area / n) ** 0.5
-    return _scaled(TreeField.of(lambda points: factor * sizes(points), outline, probes), n)
+    inside = grid[outline.contains(grid)]
+    places = inside if len(inside) else probes
+    area = float((high - low).prod()) * len(places) / len(grid)
+    return (float((sizes(places) ** -2).mean()) * area / n) ** 0.5
 
 
 def _scaled(field: Field, n: int | None) -> Field:

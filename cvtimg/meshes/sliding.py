@@ -13,6 +13,11 @@ Points = NDArray[np.float64]
 _FARTHEST = 0.6
 
 
+def places_at(at: NDArray[np.float64], lengths: NDArray[np.float64], places: Points) -> Points:
+    """Return the places (..., 2) at lengths along a line over (P, 2) places, with the lengths (P,) until there."""
+    return np.stack([np.interp(at, lengths, places[:, axis]) for axis in (0, 1)], axis=-1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """Lines, and the vertices that slide along them."""
@@ -65,8 +70,7 @@ class Tracks:
 
     def points(self) -> Points:
         """Return where the vertices are, (S, 2)."""
-        at = self._on_line(self.along)
-        return np.stack([np.interp(at, self.lengths, self.places[:, axis]) for axis in (0, 1)], axis=1)
+        return places_at(self._on_line(self.along), self.lengths, self.places)
 
     def _on_line(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
         """Go around closed lines."""

@@ -27,15 +27,9 @@ _OTHERS = _PAIRS[::-1]
 
 
 def stuff(level: Level, low: Points, high: Points, spacing: float) -> tuple[Points, Cells, NDArray[np.bool_]]:
-    """Fill where a level is below 0 with tetrahedra; also tell which vertices are on the surface.
+    """Fill where a level is below 0, in a box from `low` to `high`, with tetrahedra of a lattice of a spacing.
 
-    Parameters
-    ----------
-    level : callable
-    low, high : (3,) arrays
-        Corners of a box around the inside.
-    spacing : float
-        The longer edges of the lattice.
+    Also tells which vertices are on the surface. The spacing is the length of the longer edges.
     """
     points, cells = lattice(low, high, spacing)
     values = level(points)

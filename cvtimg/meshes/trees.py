@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,8 @@ class Cells:
 class TreeField:
     """Sizes at the corners of a quadtree, interpolated on a triangulation of them."""
 
+    isotropic: ClassVar[bool] = True
+
     cells: Cells
     mesh: PlaneTriangulation  # Of the corners, and of more points where sizes were lowered
     sizes: NDArray[np.float64]  # (N,)
@@ -69,11 +71,6 @@ class TreeField:
         points = np.concatenate([cells.corners, probes])
         values = np.concatenate([sizes(cells.corners), sizes(probes)])
         return cls(cells, *_triangulated(points, values))
-
-    @property
-    def isotropic(self) -> bool:
-        """True."""
-        return True
 
     @property
     def count(self) -> float:

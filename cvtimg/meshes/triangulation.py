@@ -79,7 +79,7 @@ class PlaneTriangulation(HalfEdges):
 
     def has_edges(self, edges: Triangles) -> NDArray[np.bool_]:
         """Tell which of (E, 2) edges are there."""
-        return np.isin(_keys(edges, len(self.points)), _keys(self.edges, len(self.points)))
+        return np.isin(edge_keys(edges, len(self.points)), edge_keys(self.edges, len(self.points)))
 
     def flip(self, metric: Points | None) -> None:
         """Flip edges until the triangulation is Delaunay, but for its borders."""
@@ -150,7 +150,7 @@ class PlaneTriangulation(HalfEdges):
         on_border = np.zeros(n, bool)
         on_border[edges] = True
         maybe = np.flatnonzero(on_border[self.edges].all(axis=1))
-        stays[maybe] |= np.isin(_keys(self.edges[maybe], n), _keys(edges, n))
+        stays[maybe] |= np.isin(edge_keys(self.edges[maybe], n), edge_keys(edges, n))
         self.borders = stays.astype(np.uint8).reshape(-1, 3)
         self.outgoing = np.full(n, -1, np.int32)
         self.outgoing[self.triangles.ravel()] = np.arange(n_edges)
@@ -210,7 +210,6 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
     return np.ascontiguousarray(table[table.dtype.names[0]], np.int32)
 
 
-def _keys(edges: Triangles, n: int) -> NDArray[np.int64]:
+def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges."""
-    ends = edges.astype(np.int64)
-    return np.minimum(*ends.T) * n + np.maximum(*ends.T)
+    return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
