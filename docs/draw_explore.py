@@ -27,7 +27,7 @@ from visits import Visit  # noqa: E402
 #: Controls that are set before a tab is drawn.
 CHOICES: dict[str, dict[str, str]] = {
     "colors": {"dither": "blue-noise"},
-    "segments": {"way": "regions"},
+    "segments": {"way": "hierarchy"},
     "stipple": {"dots": "sized"},
     "mosaic": {"shape": "triangles"},
     "restore": {},
@@ -64,26 +64,34 @@ def main() -> None:
     """Draw the figures with a server of their own."""
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
     words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", "coffee.png"]
-    with subprocess.Popen(words, cwd=SAMPLES, stdout=subprocess.PIPE, text=True) as program, sync_playwright() as play:
-        assert program.stdout is not None
-        address = program.stdout.readline().strip()
-        browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        wide, middle, narrow = (1280, 800), (1020, 700), (390, 844)
-        first = shot(browser, address, "colors", scheme="light", size=wide)
-        schemes = ["dark", "light"] * 3
-        others = [
-            shot(browser, address, tab, scheme=scheme, size=middle)
-            for tab, scheme in zip(CHOICES, schemes, strict=True)
-        ]
-        small = [
-            shot(browser, address, tab, scheme=scheme, size=narrow)
-            for tab, scheme in (("colors", "light"), ("segments", "dark"), ("stipple", "light"), ("mesh", "dark"))
-        ]
-        browser.close()
-        program.terminate()
-    drawn = {"explore": first, "explore_tabs": tiles(others, 2, 0.75), "explore_narrow": tiles(small, 4, 0.7)}
+    with subprocess.Popen(words, cwd=SAMPLES, stdout=subprocess.PIPE, text=True) as program:
+        try:
+            assert program.stdout is not None
+            address = program.stdout.readline().strip()
+            with sync_playwright() as play:
+                browser = play.chromium.launch(
+                    executable_path=chromium, args=["--no-sandbox", "--disable-dev-shm-usage"]
+                )
+                drawn = draw(browser, address)
+        finally:
+            program.terminate()
     for name, figure in drawn.items():
         figures.write(name, figure)
+
+
+def draw(browser: Browser, address: str) -> dict[str, Image.Image]:
+    """Draw the figures, by name."""
+    wide, middle, narrow = (1280, 800), (1020, 700), (390, 844)
+    first = shot(browser, address, "colors", scheme="light", size=wide)
+    schemes = ["dark", "light"] * 3
+    others = [
+        shot(browser, address, tab, scheme=scheme, size=middle) for tab, scheme in zip(CHOICES, schemes, strict=True)
+    ]
+    small = [
+        shot(browser, address, tab, scheme=scheme, size=narrow)
+        for tab, scheme in (("colors", "light"), ("segments", "dark"), ("stipple", "light"), ("mesh", "dark"))
+    ]
+    return {"explore": first, "explore_tabs": tiles(others, 2, 0.75), "explore_narrow": tiles(small, 4, 0.7)}
 
 
 if __name__ == "__main__":

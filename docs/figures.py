@@ -11,7 +11,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parent
 #: Figures whose pixels are compared with those of their sources.
-EXACT = {"exposures", "hard_cases", "quantization"}
+EXACT = {"before_after", "exposures", "hard_cases", "quantization"}
 
 
 def write(name: str, shown: Any) -> None:

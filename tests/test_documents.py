@@ -35,6 +35,7 @@ SLOW = {
     "batch.md",
     "elbow.md",
     "globe.md",
+    "index.md",
     "mesh_from_mask.md",
     "meshes.md",
     "number_of_colors.md",
@@ -144,6 +145,7 @@ def test_the_scripts_that_are_named_are_there() -> None:
 @pytest.mark.parametrize(
     ("figure", "sample", "part"),
     [
+        ("before_after", "coffee.png", np.s_[40:360, 90:510]),
         ("quantization", "coffee.png", np.s_[70:300, 190:460]),
         ("quantization", "rocket.jpg", np.s_[40:270, 150:420]),
         ("hard_cases", "rocket.jpg", np.s_[60:240, 20:290]),
