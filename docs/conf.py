@@ -24,6 +24,7 @@ extensions = [
     "api_pages",
     "command_line",
     "notebooks",
+    "uses",
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["_extensions", "_templates", "generated/gallery/*.ipynb", "generated/notebooks"]

@@ -24,6 +24,8 @@ sys.path.insert(0, str(DOCS.parent / "tests"))
 
 from visits import Visit  # noqa: E402
 
+#: A photograph, and a drawing, which is more likely to be meshed.
+IMAGES = ("coffee.png", "drawing.png")
 #: Controls that are set before a tab is drawn.
 CHOICES: dict[str, dict[str, str]] = {
     "colors": {"dither": "blue-noise"},
@@ -40,6 +42,8 @@ def shot(browser: Browser, address: str, tab: str, *, scheme: str, size: tuple[i
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
     one = Visit(page)
     page.goto(address)
+    one.until("document.body.dataset.ready === 'true'")
+    one.page.select_option("#pictures", label=IMAGES[tab == "mesh"])
     one.until("document.body.dataset.ready === 'true'")
     one.choose(tab, **CHOICES.get(tab, {}))
     one.settled()
@@ -63,7 +67,7 @@ def tiles(pictures: list[Image.Image], across: int, scale: float, gap: int = 12)
 def main() -> None:
     """Draw the figures with a server of their own."""
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", "coffee.png"]
+    words = [sys.executable, "-m", "cvtimg", "explore", "--no-browser", *IMAGES]
     with subprocess.Popen(words, cwd=SAMPLES, stdout=subprocess.PIPE, text=True) as program:
         try:
             assert program.stdout is not None

@@ -129,10 +129,20 @@ def test_the_commands_have_the_options_that_are_named() -> None:
             assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= known[name] | {"--help", "-h"}, line
 
 
-def test_the_files_that_are_linked_are_there() -> None:
-    for page in PAGES:
-        for target in re.findall(r"\]\(([^)#\s]+)", BLOCK.sub("", page.read_text())):
-            assert "://" in target or (page.parent / target).exists(), f"{page}: {target}"
+def anchors(page: Path) -> set[str]:
+    """Return the names by which the headings of a page are linked."""
+    headings = re.findall(r"^#+ (.*)$", BLOCK.sub("", page.read_text()), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_the_files_and_headings_that_are_linked_are_there() -> None:
+    others = [ROOT / name for name in ("CHANGELOG.md", "SECURITY.md", "plugins/cvtimg-napari/README.md")]
+    for page in [*PAGES, *(other for other in others if other.exists())]:
+        for name, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)", BLOCK.sub("", page.read_text())):
+            if "://" not in name:
+                target = page.parent / name if name else page
+                assert target.exists(), f"{page}: {name}"
+                assert not anchor or anchor in anchors(target), f"{page}: {name}#{anchor}"
 
 
 def test_the_scripts_that_are_named_are_there() -> None:

@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from uses import links
+
 import cvtimg
 
 PACKAGE = Path(__file__).parents[2] / "cvtimg"
@@ -53,7 +55,14 @@ def page(name: str) -> str:
     if registries:
         parts += ["Registries", "----------", ""]
         parts += [f"``{each}``: {', '.join(f'``{key}``' for key in value)}\n" for each, value in registries.items()]
+    parts += links(list(public))
     return "\n".join(parts) + "\n"
+
+
+def neighbors(package: str) -> list[str]:
+    """Return the public names of a package, or of none."""
+    faced = (PACKAGE.parent / package.replace(".", "/") / "__init__.pyi").exists()
+    return list(importlib.import_module(package).__all__) if faced else []
 
 
 def home(each: str, value: Any, name: str) -> str:
