@@ -30,10 +30,9 @@ class Visit:
             time.sleep(0.02)
         return value
 
-    def result(self) -> str:
-        """Wait for an exact result, and return where its file is."""
+    def result(self) -> None:
+        """Wait for an exact result."""
         self.until("document.getElementById('download').ariaDisabled === 'false'")
-        return str(self.page.get_attribute("#download", "href"))
 
     def settled(self) -> None:
         """Wait until nothing is under way: there is a result, and the size of its file."""

@@ -13,6 +13,8 @@ from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, disk_area, ink_coverage, palette_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
 
+#: Dots by default: enough for faces.
+_USUAL_DOTS = 20_000
 #: Coverage of black by default: dots nearly touch there, and hardly overlap.
 MAX_INK = 0.9
 
@@ -20,7 +22,7 @@ MAX_INK = 0.9
 @hints_at_keywords
 def stipple(
     image: Any,
-    n_dots: int,
+    n_dots: int | None = None,
     *,
     dots: str = "equal",
     max_ink: float = MAX_INK,
@@ -40,8 +42,9 @@ def stipple(
     image : (H, W) or (H, W, C) array, or Pillow image
         Gray or sRGB, with alpha or without. Integers have white at 255, or 65535 for 16 bits; floating point is in
         0..1. What is transparent or masked is paper.
-    n_dots : int
-        Number of dots, in 1..pixels. An image without ink has none.
+    n_dots : int, optional
+        Number of dots, in 1..pixels; by default 20,000, or a quarter of the pixels of images with fewer than 80,000. An
+        image without ink has none.
     dots : {"equal", "equal-mass", "sized"}
         "equal": dots of one size. "equal-mass": dots of one size, each for exactly the same ink, so that tones are
         right to the last dot; for one pen. "sized": each as large as the ink of its cell, for print.
@@ -97,7 +100,7 @@ def stipple(
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
         return _in_colors(image, layers, n_dots, dots, max_ink, white_cutoff, radius_range)
     coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert)
-    check_count("n_dots", n_dots, coverage.size, "the number of pixels")
+    n_dots = _number(n_dots, coverage.size)
     coverage *= np.float32(max_ink)
     layer = place_dots(disk_area(coverage), n_dots if coverage.any() else 0, dots, radius_range)
     ink, paper = (255, 0) if invert else (0, 255)
@@ -107,7 +110,7 @@ def stipple(
 def _in_colors(
     image: Any,
     layers: str | int,
-    n_dots: int,
+    n_dots: int | None,
     dots: str,
     max_ink: float,
     white_cutoff: float,
@@ -119,20 +122,26 @@ def _in_colors(
         check_choice("layers", layers, ("cmyk",))
         coverages = process_coverages(image, white_cutoff, max_ink)
         inks = [disk_area(coverage) for coverage in coverages]
-        check_count("n_dots", n_dots, inks[0].size, "the number of pixels")
+        n_dots = _number(n_dots, inks[0].size)
         counts = _divide(n_dots, np.array([ink.sum(dtype=np.float64) for ink in inks]))
         placed = place_pens(inks, counts.tolist(), dots, radius_range)
         colors, names = list(PROCESS_COLORS.values()), list(PROCESS_COLORS)
         return _together(placed, colors, names, white, inks[0].shape, max_ink)
     n_pens = check_count("layers", layers, 64, "or 'cmyk'")
     coverages, pens = palette_coverages(image, n_pens, white_cutoff)
-    check_count("n_dots", n_dots, coverages[0].size, "the number of pixels")
+    n_dots = _number(n_dots, coverages[0].size)
     coverages = [coverage * np.float32(max_ink) for coverage in coverages]
     total = np.minimum(np.sum(coverages, axis=0, dtype=np.float32), 1)
     together = place_dots(disk_area(total), n_dots if total.any() else 0, dots, radius_range)
     tour = find_tour(together.points) if len(together.points) else np.empty(0, np.intp)
     shared = share_dots(together, coverages, tour)
     return _together(shared, pens, [f"#{pen.tobytes().hex()}" for pen in pens], white, total.shape, max_ink)
+
+
+def _number(n_dots: int | None, n_pixels: int) -> int:
+    if n_dots is None:
+        return max(1, min(_USUAL_DOTS, n_pixels // 4))
+    return check_count("n_dots", n_dots, n_pixels, "the number of pixels")
 
 
 def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:

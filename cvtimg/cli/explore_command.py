@@ -40,7 +40,7 @@ def explore(given: Given) -> int:
         return 1
     from cvtimg.explore import serve
 
-    serve(paths, port=given.port, browser=not given.no_browser, say=_say)
+    serve(paths, port=given.port, browser=not given.no_browser, keep=not given.no_store, say=_say)
     return int(n_failed > 0)
 
 

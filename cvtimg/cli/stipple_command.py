@@ -18,7 +18,7 @@ COLUMNS = ("input", "n", "radius", "max_ink", "energy", "seconds", "output")
 
 
 def stipple(given: Given) -> int:
-    """Reproduce the tones of images by N dots.
+    """Reproduce the tones of images by dots.
 
     Coverage is computed in linear light, so that the drawing is as bright as the image, scaled by --max-ink.
     Transparent pixels are paper, and no dot lies in white.

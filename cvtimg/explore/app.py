@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -44,9 +45,9 @@ def static_files() -> dict[str, Path]:
 class Server:
     """The ASGI application `app`, what is open, and when it was last used."""
 
-    def __init__(self, own: Credentials, paths: Sequence[Path] = ()) -> None:
+    def __init__(self, own: Credentials, paths: Sequence[Path] = (), keep: bool = True) -> None:
         self.store = Store()
-        self._own, self._paths = own, paths
+        self._own, self._paths, self._keep = own, paths, keep
         self._n_pages, self._last_used = 0, time.monotonic()
         files = static_files()
         routes: list[Any] = [Route(address, self._static(path)) for address, path in files.items()]
@@ -54,13 +55,15 @@ class Server:
             Route(ENTRANCE, self._enter),
             Route("/about", self._about),
             Route("/picture", self._open_picture, methods=["POST"]),
+            Route("/picture/{key}", self._describe_picture),
             Route("/palette", self._open_palette, methods=["POST"]),
+            Route("/sample", self._open_sample, methods=["POST"]),
             Route("/given/{number:int}", self._open_given, methods=["POST"]),
             Route("/curve/{picture}/{space}", self._curve),
             Route("/file/{result}/{output}", self._file),
             WebSocketRoute("/live", self._live),
         ]
-        self.app = Guard(Starlette(routes=routes), own)
+        self.app = Guard(Starlette(routes=routes), own, files)
 
     @property
     def idle_seconds(self) -> float:
@@ -78,19 +81,20 @@ class Server:
         return send
 
     async def _enter(self, request: Request) -> Response:
-        if not self._own.fits(request.query_params.get("token", "")):
+        if not self._own.admit(request.query_params.get("token", "")):
             return PlainTextResponse("open the address that cvtimg explore printed", 403)
         self._used()
-        answer = RedirectResponse("/", 303)
-        answer.set_cookie(self._own.cookie, self._own.token, httponly=True, samesite="strict")
-        return answer
+        return RedirectResponse(f"/#session={self._own.session}", 303)  # what is behind # is never sent
 
     async def _about(self, request: Request) -> Response:
         given = [path.name for path in self._paths]
-        return JSONResponse({"tabs": [tab.described() for tab in TABS.values()], "given": given})
+        return JSONResponse({"tabs": [tab.described() for tab in TABS.values()], "given": given, "keep": self._keep})
 
     async def _open_picture(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())
+
+    async def _describe_picture(self, request: Request) -> Response:
+        return await _answered(lambda: self.store.files.picture(request.path_params["key"]).described())
 
     async def _open_palette(self, request: Request) -> Response:
         return await self._sent(request, self.store.open_palette)
@@ -98,7 +102,8 @@ class Server:
     async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
         """Take a file that a page sends, up to the limit."""
         self._used()
-        too_large = PlainTextResponse(f"the file has over {MOST_BYTES} bytes", 413)
+        most = f"{MOST_BYTES / 1e6:.0f} MB, more than the page takes; use the command line, or name it there to open it"
+        too_large = PlainTextResponse(f"the file has over {most}", 413)
         announced = request.headers.get("content-length", "0")
         if not announced.isdigit() or int(announced) > MOST_BYTES:
             return too_large
@@ -114,6 +119,9 @@ class Server:
         if number >= len(self._paths):
             return PlainTextResponse("there is no such image", 404)
         return await _answered(lambda: self.store.open_file(self._paths[number]).described())
+
+    async def _open_sample(self, request: Request) -> Response:
+        return await _answered(lambda: self.store.open_sent("sample.png", _sample()).described())
 
     async def _curve(self, request: Request) -> Response:
         key, space = request.path_params["picture"], request.path_params["space"]
@@ -153,6 +161,16 @@ class Server:
         finally:
             self._n_pages -= 1
             self._used()
+
+
+def _sample() -> bytes:
+    """Return a photograph in the public domain that comes with scikit-image."""
+    from PIL import Image
+    from skimage.data import astronaut
+
+    stream = BytesIO()
+    Image.fromarray(astronaut()).save(stream, "PNG")
+    return stream.getvalue()
 
 
 async def _answered(make: Callable[[], dict[str, Any]]) -> Response:

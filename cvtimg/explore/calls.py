@@ -30,11 +30,11 @@ class Call:
     arguments: tuple[Any, ...] = ()  # Those after the image
     keywords: Mapping[str, Any] = field(default_factory=dict)  # Keyword arguments
 
-    def run(self, image: Any, **more: Any) -> Any:
+    def run(self, image: Any) -> Any:
         """Call the function."""
         function = reduce(getattr, self.function.split("."), cvtimg)
         keywords = {name: _value(value) for name, value in self.keywords.items()}
-        return function(image, *map(_value, self.arguments), **keywords, **more)  # type: ignore[operator]
+        return function(image, *map(_value, self.arguments), **keywords)  # type: ignore[operator]
 
     def text(self, image: str = "image") -> str:
         """Write the call in Python."""

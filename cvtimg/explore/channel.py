@@ -1,16 +1,20 @@
 """The WebSocket of a page: requests for drafts, results and the picture itself, the newest of each.
 
 A person who drags a slider sends more requests than there is time to answer. In each lane one request is under way, and
-of those that come meanwhile only the newest waits. Drafts overtake results; a new draft ends the search for a result.
+of those that come meanwhile only the newest waits. Drafts overtake results; a new draft ends the search for a result,
+and so does a person who has waited long enough.
 """
 
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import json
 import logging
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NoReturn
+from threading import Lock, Thread
+from typing import Any, Generic, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -30,8 +34,48 @@ EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 16
 
 
+T = TypeVar("T")
+
+
 class OvertakenError(Exception):
-    """A newer request makes this one pointless."""
+    """A newer request makes this one pointless, or nobody waits for it any longer."""
+
+
+class Work(Generic[T]):
+    """A function in a thread of its own that can be ended while it runs."""
+
+    def __init__(self, function: Callable[[], T]) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.result: asyncio.Future[T] = self._loop.create_future()
+        self._lock, self._runs = Lock(), True
+        self._thread = Thread(target=self._run, args=(function,), daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Wait no longer, and let the thread raise an exception as soon as it is back from compiled code."""
+        if not self.result.done():
+            self.result.set_exception(OvertakenError())
+            with self._lock:  # so that no other thread has its number by now
+                if self._runs:
+                    number, raised = ctypes.c_ulong(self._thread.ident or 0), ctypes.py_object(OvertakenError)
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(number, raised)
+
+    def _run(self, function: Callable[[], T]) -> None:
+        with suppress(OvertakenError):
+            try:
+                value = function()
+            except OvertakenError:
+                raise
+            except Exception as error:
+                self._report(self.result.set_exception, error)
+            else:
+                self._report(self.result.set_result, value)
+            with self._lock:
+                self._runs = False
+
+    def _report(self, tell: Callable[[Any], None], what: Any) -> None:
+        with suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(lambda: self.result.done() or tell(what))
 
 
 class Channel:
@@ -41,22 +85,27 @@ class Channel:
         self._socket, self._store = socket, store
         self._waiting: dict[str, dict[str, Any]] = {}
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
-        self._newest = 0
+        self._search: Work[Any] | None = None
         self._last: tuple[Any, str, Outcome] | None = None
         self._weighing: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Answer requests until the page goes."""
-        await self._socket.accept()
+        await self._socket.accept("cvtimg")
         jobs = [asyncio.create_task(self._work(lane)) for lane in self._woken]
         try:
             with suppress(WebSocketDisconnect):
                 while True:
                     await self._take(await self._socket.receive_text())
         finally:
-            self._newest = -1
+            self._end_search()
             for job in (*jobs, *self._weighing):
                 job.cancel()
+
+    def _end_search(self) -> None:
+        self._waiting.pop("exact", None)
+        if self._search is not None:
+            self._search.end()
 
     async def _take(self, text: str) -> None:
         try:
@@ -65,11 +114,13 @@ class Channel:
             request = None
         asked: dict[str, Any] = request if isinstance(request, dict) else {}
         number, lane = asked.get("seq"), asked.get("lane")
-        if not isinstance(number, int) or not 0 <= number < 1 << 31 or lane not in ("draft", "exact", "before"):
+        if not isinstance(number, int) or not 0 <= number < 1 << 31 or lane not in ("cancel", *self._woken):
             await self._refuse(0, "", "this request is not understood")
             return
         if lane != "before":
-            self._newest = number
+            self._end_search()
+        if lane == "cancel":
+            return
         self._waiting[lane] = asked
         self._woken[lane].set()
 
@@ -77,7 +128,9 @@ class Channel:
         while True:
             await self._woken[lane].wait()
             self._woken[lane].clear()
-            request = self._waiting.pop(lane)
+            request = self._waiting.pop(lane, None)
+            if request is None:  # it is no longer wanted
+                continue
             try:
                 await self._answer(lane, request)
             except OvertakenError:
@@ -113,12 +166,7 @@ class Channel:
         settings = parse_settings(tab.controls, asked.get("settings"))
         window = Window.of(view, picture.size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
-        def watch(step: int, energy: float) -> bool:
-            if self._newest != number:
-                _overtaken()
-            return False
-
-        request = Request(picture, settings, self._store.files, window, watch)
+        request = Request(picture, settings, self._store.files, window)
 
         def answered() -> tuple[bytes, Outcome | None, str]:
             key, outcome = "", None
@@ -139,7 +187,10 @@ class Channel:
             about |= {"facts": outcome.facts, "result": key}
             return packed(number, about, outcome.layer, window, outcome.drawn), outcome, key
 
-        reply, outcome, key = await run_in_threadpool(answered)
+        work = Work(answered)
+        if lane == "exact":
+            self._search = work
+        reply, outcome, key = await work.result
         if outcome is None:
             await self._socket.send_text(key)
             return
@@ -155,7 +206,3 @@ class Channel:
             named = await run_in_threadpool(outcome.file, outcome.outputs[0].key)
             if named is not None:
                 await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "bytes": len(named[1])}))
-
-
-def _overtaken() -> NoReturn:
-    raise OvertakenError

@@ -1,14 +1,16 @@
 """Who may talk to the server: pages that came from it, on this machine, with its token.
 
-Any page in the browser can send requests to 127.0.0.1, and any name can be made to point there. So a request needs the
-cookie that the address with the token gives, the server's own name as its host, and, where the browser says where it
-comes from, the server's own pages as its origin.
+Any page in the browser can send requests to 127.0.0.1, any name can be made to point there, and other users of the
+machine can connect to it. So a request needs the session that the entrance gives for a token, the server's own name as
+its host, and, where the browser says where it comes from, the server's own pages as its origin. The session is no
+cookie, since browsers send cookies to all ports of a machine. Only the files of the page, which are no secret, go to
+all.
 """
 
 from __future__ import annotations
 
 import secrets
-from typing import NamedTuple
+from collections.abc import Collection
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
@@ -18,37 +20,59 @@ from starlette.websockets import WebSocketClose
 
 __all__ = ["Credentials", "Guard"]
 
-#: The only address that is open to all: it takes the token and gives the cookie.
+#: Takes a token and gives the session.
 ENTRANCE = "/enter"
+#: The header that carries the session.
+SESSION = "x-cvtimg-session"
 _REFUSED = 4403  # code of a closed WebSocket
 
 
-class Credentials(NamedTuple):
-    """What lets a page in: the port of the server and the token."""
+class Credentials:
+    """What lets a page in: the port of the server, tokens for its entrance, and the session that they give."""
 
-    port: int
-    token: str
-
-    @property
-    def cookie(self) -> str:
-        """Name of the cookie; servers on other ports have others."""
-        return f"cvtimg_{self.port}"
+    def __init__(self, port: int, token: str) -> None:
+        self.port = port
+        self.session = secrets.token_urlsafe(24)
+        self._token = token  # is printed, and opens any number of pages
+        self._once: set[str] = set()
 
     @property
     def hosts(self) -> tuple[str, str]:
         """Names that the server has."""
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
-    def fits(self, token: str) -> bool:
-        """Whether a token is the right one, compared in constant time."""
-        return secrets.compare_digest(token.encode(), self.token.encode())
+    def entrance(self, once: bool = False) -> str:
+        """Return an address that lets a page in, once or any number of times."""
+        token = self._token
+        if once:
+            self._once.add(token := secrets.token_urlsafe(24))
+        return f"http://{self.hosts[0]}{ENTRANCE}?token={token}"
+
+    def admit(self, token: str) -> bool:
+        """Whether a token lets in; one that does so once is used up."""
+        found = [one for one in (self._token, *self._once) if _same(one, token)]
+        self._once.difference_update(found)
+        return bool(found)
+
+    def knows(self, request: HTTPConnection) -> bool:
+        """Whether a request has the session: in a header, or a socket as the second of its protocols."""
+        given = request.headers.get(SESSION, "")
+        if request.scope["type"] == "websocket":
+            given = (request.scope.get("subprotocols") or [""])[-1]
+        return _same(self.session, given)
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two texts are equal, compared in constant time."""
+    return secrets.compare_digest(one.encode(), other.encode())
 
 
 class Guard:
     """Middleware that refuses what does not come from a page of the server, and says what its pages may do."""
 
-    def __init__(self, app: ASGIApp, own: Credentials) -> None:
+    def __init__(self, app: ASGIApp, own: Credentials, free: Collection[str]) -> None:
         self._app, self._own = app, own
+        self._free = {ENTRANCE, *free}  # paths that need no session
         sockets = " ".join(f"ws://{host}" for host in own.hosts)
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
@@ -91,10 +115,11 @@ class Guard:
             return 403, "the request comes from another page"
         if is_socket and "origin" not in headers:
             return 403, "the request comes from no page"
-        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+        is_free = request.scope["path"] in self._free and not is_socket
+        # A person may come from anywhere, for example from the file that opened the browser; a script may not.
+        is_visit = is_free and headers.get("sec-fetch-mode") == "navigate"
+        if not is_visit and headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return 403, "the request comes from another site"
-        if request.scope["path"] == ENTRANCE and not is_socket:
-            return None
-        if not self._own.fits(request.cookies.get(self._own.cookie, "")):
+        if not is_free and not self._own.knows(request):
             return 403, "open the address that cvtimg explore printed"
         return None

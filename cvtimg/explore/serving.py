@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import secrets
 import signal
 import socket
+import tempfile
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import current_thread, main_thread
 
 from cvtimg._shared.messages import one_line
-from cvtimg.explore.guard import ENTRANCE, Credentials
+from cvtimg.explore.guard import Credentials
 
 __all__ = ["serve"]
 
@@ -27,6 +29,7 @@ def serve(
     *,
     port: int = 0,
     browser: bool = True,
+    keep: bool = True,
     idle_minutes: float = IDLE_MINUTES,
     say: Callable[[str], None] = print,
 ) -> None:
@@ -40,6 +43,8 @@ def serve(
         Port of the server; 0 takes a free one.
     browser : bool
         Open the page in the browser.
+    keep : bool
+        Whether the browser keeps settings while its page is open, so that a reload finds them again.
     idle_minutes : float
         End after so many minutes without an open page.
     say : callable
@@ -58,8 +63,7 @@ def serve(
 
     listener = _bound(port)
     own = Credentials(listener.getsockname()[1], secrets.token_urlsafe(24))
-    server = Server(own, paths)
-    address = f"http://{own.hosts[0]}{ENTRANCE}?token={own.token}"
+    server = Server(own, paths, keep)
 
     async def run() -> None:
         config = uvicorn.Config(
@@ -74,10 +78,9 @@ def serve(
         )
         running = uvicorn.Server(config)
         watch = asyncio.create_task(_end_when_idle(running, server, idle_minutes * 60))
-        say(address)
-        if browser:
-            webbrowser.open(address)
-        await running.serve(sockets=[listener])
+        say(own.entrance())
+        with _door(own) if browser else nullcontext():
+            await running.serve(sockets=[listener])
         watch.cancel()
 
     try:
@@ -85,6 +88,26 @@ def serve(
             asyncio.run(run())
     finally:
         server.store.close()
+
+
+@contextmanager
+def _door(own: Credentials) -> Iterator[None]:
+    """Open the browser through a file that only this user can read: all users see the arguments of programs.
+
+    It lies in the home folder under a name without a dot, since confined browsers read no other files.
+    """
+    home = Path.home()
+    number, name = tempfile.mkstemp(".html", "cvtimg-explore-", home if os.access(home, os.W_OK) else None)
+    os.close(number)
+    door, address = Path(name), own.entrance(once=True)
+    try:
+        door.write_text(
+            f'<!doctype html><meta http-equiv="refresh" content="0;url={address}"><a href="{address}">Open</a>\n'
+        )
+        webbrowser.open(door.as_uri())
+        yield
+    finally:
+        door.unlink(missing_ok=True)
 
 
 @contextmanager

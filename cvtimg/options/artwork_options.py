@@ -45,9 +45,12 @@ def _tiles() -> Sequence[str]:
 
 STIPPLE = (
     common.IMAGES,
-    common.number_of("dots", 1 << 28, "--dot-count -n").on_page(
-        "Dots", slider=(100, 100_000), log=True, most=10**6, default=5000
-    ),
+    Option(
+        "number",
+        Whole(1, 1 << 28),
+        "Number of dots; by default 20000, or a quarter of the pixels of small images.",
+        "--dot-count -n",
+    ).on_page("Dots", slider=(100, 100_000), log=True, most=10**6, default="auto"),
     common.output(common.IMAGE_OUTPUT, _dots, standard=".png"),
     common.OUT_DIR,
     passed(

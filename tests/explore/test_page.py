@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -237,13 +238,62 @@ def test_hostile_files_get_a_message_and_the_session_lives(visit: Go, folder: Pa
     one = visit()
     for name in ("hostile.png", "empty.png"):
         one.page.set_input_files("#open", str(folder / name))
-        one.until(f"document.getElementById('problem').textContent.includes('{name}')")
-        assert one.page.is_visible("#problem")
+        one.until(f"document.getElementById('troubles').textContent.includes('{name}')")
     one.said.clear()  # the browser tells of each answer that is an error
     one.page.select_option("#c-dither", "blue-noise")
     one.settled()
-    assert not one.page.is_visible("#problem")
+    assert one.page.locator(".trouble").count() == 2  # until they are read
+    one.page.locator(".trouble button").first.click()
+    assert one.page.locator(".trouble").count() == 1
     assert "--dither blue-noise" in one.page.inner_text("#command")
+
+
+def test_a_reload_finds_images_settings_and_steps_back(visit: Go, folder: Path) -> None:
+    one = visit()
+    one.settled()
+    one.page.set_input_files("#open", str(folder / "scan_0.png"))
+    one.until("document.getElementById('pictures').options.length === 2")
+    one.page.select_option("#c-dither", "blue-noise")
+    one.settled()
+    one.page.reload()
+    one.until("document.body.dataset.ready === 'true'")
+    one.settled()
+    assert one.page.evaluate("document.getElementById('pictures').selectedOptions[0].textContent") == "scan_0.png"
+    assert "--dither blue-noise" in one.page.inner_text("#command")
+    one.page.click("#undo")
+    one.settled()
+    assert "blue-noise" not in one.page.inner_text("#command")
+
+
+def test_a_page_without_a_server_says_so_and_counts_no_seconds(chromium: Any, folder: Path) -> None:
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        one = Visit(chromium.new_page())
+        one.page.goto(program.stdout.readline().strip())
+        one.settled()
+        program.terminate()
+    one.until("document.getElementById('problem').textContent.includes('ended')")
+    one.page.select_option("#c-dither", "blue-noise")
+    one.page.click("#tab-segments")
+    time.sleep(0.8)
+    assert "working" not in one.page.inner_text("#facts")
+    assert "ended" in one.page.inner_text("#problem")
+    one.page.close()
+
+
+def test_where_nothing_is_open_a_sample_can_be_tried(chromium: Any, tmp_path: Path) -> None:
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser"]
+    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        one = Visit(chromium.new_page())
+        one.page.goto(program.stdout.readline().strip())
+        one.until("document.body.dataset.ready === 'true'")
+        one.page.click("#sample")
+        one.settled()
+        assert one.page.inner_text("#facts").startswith("512 × 512")
+        one.page.close()
+        program.terminate()
 
 
 def test_pictures_and_palettes_are_dropped_and_pasted(visit: Go, folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import json
 import os
@@ -11,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Timer
+from threading import Event, Timer
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,12 +29,14 @@ from starlette.websockets import WebSocketDisconnect
 
 from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import Server, static_files
-from cvtimg.explore.guard import Credentials
+from cvtimg.explore.channel import OvertakenError, Work
+from cvtimg.explore.guard import SESSION, Credentials
 
 OWN = Credentials(8123, "right")
 HOST = "http://127.0.0.1:8123"
 ORIGIN = {"origin": HOST}
 LIVE = "ws://127.0.0.1:8123/live"
+PROTOCOLS = ["cvtimg", OWN.session]
 
 
 @pytest.fixture
@@ -50,7 +53,7 @@ def stranger(server: Server) -> TestClient:
 
 @pytest.fixture
 def page(stranger: TestClient) -> TestClient:
-    assert stranger.get("/enter?token=right").status_code == 303
+    stranger.headers[SESSION] = OWN.session
     return stranger
 
 
@@ -83,7 +86,7 @@ class Reply(NamedTuple):
 def request(page: TestClient, picture: str, tab: str = "colors", lane: str = "exact", **more: Any) -> Reply:
     """Request for a result by a socket of its own."""
     settings = more.pop("settings", {})
-    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
         message = socket.receive()
     if message.get("text"):
@@ -103,29 +106,50 @@ def opened(page: TestClient, content: bytes, name: str = "a.png") -> dict[str, A
 # Who is let in
 
 
-def test_only_the_token_gives_the_cookie_that_opens_the_page(stranger: TestClient) -> None:
-    assert stranger.get("/").status_code == 403
+def test_only_a_token_gives_the_session_that_opens_the_page(stranger: TestClient) -> None:
     assert stranger.get("/enter?token=wrong").status_code == 403
     assert stranger.get("/enter").status_code == 403
-    assert stranger.get("/").status_code == 403
     answer = stranger.get("/enter?token=right")
-    cookie = answer.headers["set-cookie"].lower()
-    assert (answer.status_code, answer.headers["location"]) == (303, "/")
-    assert "httponly" in cookie
-    assert "samesite=strict" in cookie
-    assert stranger.get("/").status_code == 200
+    assert answer.status_code == 303
+    place, _, session = answer.headers["location"].partition("#session=")
+    assert place == "/"
+    assert stranger.get("/about", headers={SESSION: session}).status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/", "/about", "/page.js", "/curve/x/rgb", "/file/x/o.png", "/nowhere"])
-def test_without_the_cookie_nothing_is_told(path: str, stranger: TestClient) -> None:
-    assert stranger.get(path).status_code == 403
-    assert stranger.get(path, headers={"cookie": "cvtimg_8123=wrong"}).status_code == 403
-    assert stranger.get(path, headers={"cookie": "cvtimg_8123=\xe9\x00;;=".encode("latin-1")}).status_code == 403
+def test_the_session_is_no_cookie_which_browsers_send_to_other_ports(stranger: TestClient) -> None:
+    assert "set-cookie" not in stranger.get("/enter?token=right").headers
+    assert stranger.get("/about", headers={"cookie": f"{SESSION}={OWN.session}"}).status_code == 403
 
 
-def test_cookies_of_other_servers_do_not_matter(stranger: TestClient) -> None:
-    cookies = 'other={"a": "b;c"}; x; =; "; cvtimg_8123=right; last=[1,2]'
-    assert stranger.get("/", headers={"cookie": cookies}).status_code == 200
+def test_a_token_for_one_visit_lets_in_once(stranger: TestClient) -> None:
+    address = OWN.entrance(once=True).removeprefix(HOST)
+    assert [stranger.get(address).status_code for _ in range(2)] == [303, 403]
+    assert [stranger.get(OWN.entrance().removeprefix(HOST)).status_code for _ in range(2)] == [303, 303]
+
+
+@pytest.mark.parametrize("path", ["/about", "/curve/x/rgb", "/file/x/o.png", "/picture/x", "/nowhere"])
+def test_without_the_session_nothing_is_told(path: str, stranger: TestClient) -> None:
+    for given in ("", "right", "wrong", "\xe9\x00".encode("latin-1")):
+        assert stranger.get(path, headers={SESSION: given}).status_code == 403
+
+
+def test_the_browser_is_opened_through_a_file_of_this_user_that_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def open_browser(address: str) -> None:
+        path = Path(address.removeprefix("file://"))
+        seen.append((path.stat().st_mode & 0o777, path.read_text()))
+
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    monkeypatch.setattr("webbrowser.open", open_browser)
+    serve(idle_minutes=0, say=seen.append)
+    (mode, text), printed = seen[1], seen[0]
+    assert mode == 0o600
+    assert "/enter?token=" in text
+    assert printed not in text
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -149,17 +173,16 @@ def test_requests_of_other_pages_and_under_other_names_are_refused(
     assert page.get("/", headers=headers).status_code == status
     assert page.post("/picture", content=b"x", headers=headers).status_code == status
     assert page.get("/enter?token=right", headers=headers).status_code == status
-    with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE, headers={**ORIGIN, **headers}):
+    with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE, PROTOCOLS, headers={**ORIGIN, **headers}):
         pass
 
 
-def test_a_socket_needs_an_origin_and_the_cookie(server: Server, page: TestClient) -> None:
-    with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE):
-        pass
-    other = TestClient(server.app, base_url=HOST)
-    with pytest.raises(WebSocketDisconnect), other.websocket_connect(LIVE, headers=ORIGIN):
-        pass
-    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+def test_a_socket_needs_an_origin_and_the_session(page: TestClient) -> None:
+    for protocols, headers in ((PROTOCOLS, {}), (None, ORIGIN), (["cvtimg", "wrong"], ORIGIN), (["cvtimg"], ORIGIN)):
+        with pytest.raises(WebSocketDisconnect), page.websocket_connect(LIVE, protocols, headers=dict(headers)):
+            pass
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
+        assert socket.accepted_subprotocol == "cvtimg"
         socket.send_text("?")
         assert "not understood" in socket.receive_text()
 
@@ -184,7 +207,7 @@ def test_no_path_leads_out_of_the_page(path: str, page: TestClient) -> None:
 
 def test_the_page_is_small_and_names_nothing_outside() -> None:
     files = {address: path.read_text() for address, path in static_files().items()}
-    assert sum(map(len, files.values())) <= 60_000
+    assert sum(map(len, files.values())) <= 66_000
     for text in files.values():
         outside = text.replace("http://www.w3.org/2000/svg", "")
         assert "http" not in outside
@@ -277,7 +300,7 @@ NO_REQUESTS = (
 
 def test_requests_that_make_no_sense_get_a_message(page: TestClient) -> None:
     for request in NO_REQUESTS:
-        with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+        with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
             socket.send_text(request)
             assert json.loads(socket.receive_text())["error"] == "this request is not understood", request[:40]
 
@@ -357,7 +380,7 @@ def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monk
 
 def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 3, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": 4}})
         first = socket.receive_bytes()
         second = json.loads(socket.receive_text())
@@ -372,7 +395,7 @@ def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]
 def test_pages_share_the_pictures_of_the_command_line(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(png(np.zeros((4, 5))))
     server = Server(OWN, [tmp_path / "a.png"])
-    page = TestClient(server.app, base_url=HOST, headers={"cookie": "cvtimg_8123=right"})
+    page = TestClient(server.app, base_url=HOST, headers={SESSION: OWN.session})
     first, second = (page.post("/given/0").json() for _ in range(2))
     assert first == second
     assert first["name"] == str(tmp_path / "a.png")
@@ -403,7 +426,10 @@ def test_palettes_are_opened_and_used(page: TestClient, photograph: NDArray[Any]
 
 def test_several_pages_are_answered_each_by_itself(page: TestClient, photograph: NDArray[Any]) -> None:
     first, second = (opened(page, png(part))["id"] for part in (photograph[:128], photograph[128:]))
-    with page.websocket_connect(LIVE, headers=ORIGIN) as one, page.websocket_connect(LIVE, headers=ORIGIN) as other:
+    with (
+        page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as one,
+        page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as other,
+    ):
         for socket, picture, k in ((one, first, 3), (other, second, 5)):
             socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": k}})
         replies = [socket.receive_bytes() for socket in (one, other)]
@@ -416,7 +442,7 @@ def test_of_many_requests_the_last_is_answered_and_others_are_left_out(
 ) -> None:
     picture = opened(page, png(photograph))["id"]
     answered = []
-    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         for number in range(60):
             asked = {"seq": number, "lane": "draft", "picture": picture, "tab": "colors", "settings": {"k": 2 + number}}
             socket.send_json(asked)
@@ -426,8 +452,59 @@ def test_of_many_requests_the_last_is_answered_and_others_are_left_out(
     assert len(answered) < 60
 
 
+def test_a_search_that_is_canceled_ends(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = opened(page, png(np.zeros((4, 5))))["id"]
+    begun, ended = Event(), Event()
+
+    def endless(*_: Any) -> None:
+        begun.set()
+        try:
+            while True:
+                sum(range(100))
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(type(TABS["colors"]), "exact", endless)
+    for over in ({"lane": "cancel"}, {"lane": "draft", "picture": picture, "tab": "colors", "settings": {}}):
+        begun.clear()
+        ended.clear()
+        with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
+            socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {}})
+            assert begun.wait(20)
+            socket.send_json({"seq": 2, **over})
+            assert json.loads(socket.receive_text()) == {"seq": 1, "lane": "exact", "error": ""}
+            assert ended.wait(20)
+
+
+def test_work_that_has_ended_is_what_it_was() -> None:
+    async def run() -> None:
+        done, failed = Work(lambda: 3), Work(lambda: int("x"))
+        assert await done.result == 3
+        with pytest.raises(ValueError, match="invalid literal"):
+            await failed.result
+        done.end()
+        assert await done.result == 3
+        slow = Work(lambda: time.sleep(0.05))
+        slow.end()
+        with pytest.raises(OvertakenError):
+            await slow.result
+
+    asyncio.run(run())
+
+
+def test_images_that_were_opened_are_told_again_to_a_page_that_is_reloaded(page: TestClient) -> None:
+    about = opened(page, png(np.zeros((4, 5))))
+    assert page.get(f"/picture/{about['id']}").json() == about
+    assert page.get("/picture/other").status_code == 422
+
+
+def test_there_is_a_sample_to_try(page: TestClient) -> None:
+    about = page.post("/sample").json()
+    assert (about["width"], about["height"]) == (512, 512)
+
+
 def test_a_server_is_idle_when_its_last_page_has_gone(page: TestClient, server: Server) -> None:
-    with page.websocket_connect(LIVE, headers=ORIGIN) as socket:
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_text("?")
         socket.receive_text()
         assert server.idle_seconds == 0

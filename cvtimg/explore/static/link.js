@@ -1,21 +1,39 @@
-// The socket to the server: requests carry numbers, and replies to requests that are no longer wanted are dropped.
+// Requests to the server, all with the session that the entrance gives.
+// The socket: requests carry numbers, and replies to requests that are no longer wanted are dropped.
 // Three lanes: "draft" while a control moves, "exact" when it rests, "before" for the picture itself.
 
+const given = location.hash.match(/^#session=(.+)/);
+if (given) { sessionStorage.session = given[1]; history.replaceState(null, "", "/"); }
+const session = sessionStorage.session ?? "none";
+
+export async function get(address, body) {
+	const answer = await fetch(address, {method: body === undefined ? "GET" : "POST", body, headers: {"x-cvtimg-session": session}});
+	if (!answer.ok) throw new Error(await answer.text());
+	return answer;
+}
+export const send = async (address, body = "") => (await get(address, body)).json();
+
 export class Link {
-	constructor(receive, lost) {
-		this.receive = receive;
-		this.lost = lost;
-		this.seq = 0;
-		this.newest = 0; // number of the newest draft or result asked for
-		this.sent = new Map();
-		this.socket = new WebSocket(`ws://${location.host}/live`);
-		this.socket.binaryType = "arraybuffer";
-		this.ready = new Promise(done => { this.socket.onopen = done; });
-		this.socket.onmessage = event => this.take(event.data);
-		this.socket.onclose = () => this.lost();
+	constructor(receive, lost, back) {
+		Object.assign(this, {receive, lost, back, seq: 0, newest: 0, gone: false, sent: new Map()}); // newest: of drafts and results
+		this.connect();
 	}
 
+	connect() {
+		this.socket = new WebSocket(`ws://${location.host}/live`, ["cvtimg", session]);
+		this.socket.binaryType = "arraybuffer";
+		this.ready = new Promise(done => { this.socket.onopen = () => { done(); if (this.gone) { this.gone = false; this.back(); } }; });
+		this.socket.onmessage = event => this.take(event.data);
+		this.socket.onclose = () => { // a machine that slept, or a server that ended
+			if (!this.gone) { this.gone = true; this.sent.clear(); this.lost(); }
+			setTimeout(() => this.connect(), 1500);
+		};
+	}
+
+	cancel() { this.ask("cancel", {}); }
+
 	async ask(lane, request, about = {}) {
+		if (this.gone) return;
 		const seq = ++this.seq;
 		if (lane !== "before") this.newest = seq;
 		this.sent.set(seq, {lane, request, ...about});
@@ -49,10 +67,4 @@ function unpacked(buffer) {
 	} else if (reply.kind === "pixels") reply.pixels = new Uint8ClampedArray(buffer, start);
 	else if (reply.kind === "svg") reply.svg = new Blob([new Uint8Array(buffer, start)], {type: "image/svg+xml"});
 	return reply;
-}
-
-export async function send(address, body) {
-	const answer = await fetch(address, {method: "POST", body});
-	if (!answer.ok) throw new Error(await answer.text());
-	return answer.json();
 }

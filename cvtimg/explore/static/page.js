@@ -2,7 +2,7 @@
 
 import {Controls, defaults, element} from "/controls.js";
 import {Curve} from "/curve.js";
-import {Link, send} from "/link.js";
+import {Link, get, send} from "/link.js";
 import {Shades, hex} from "/shades.js";
 import {Viewer} from "/viewer.js";
 
@@ -17,9 +17,47 @@ const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file));
 const shades = new Shades(index => { state.spot = index; repaint(); drawShades(); }, toggleLock);
 const curve = new Curve($("curve"), (k, live) => change("k", k, live, {aim: "k"}));
-const link = new Link(receive, () => problem("The server has ended. Start it again and open the new address."));
+const link = new Link(receive, lost, back);
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
+
+// A server that is gone
+
+function lost() {
+	rest();
+	problem("The server has ended, or this machine was asleep. The page goes on once the server answers; where it was started again, open its new address.");
+	$("problem").dataset.lost = "true";
+}
+
+function back() {
+	delete $("problem").dataset.lost;
+	problem("");
+	if (state.picture) { link.ask("before", {picture: state.picture.id, view: viewer.visible()}, {main: true}); want(); }
+}
+
+// What a reload finds again: settings and steps back in this tab of the browser, images and palettes on the server.
+
+function keep() {
+	if (!state.keep) return;
+	const {tab, settings, palettes, pictures, picture} = state;
+	sessionStorage.page = JSON.stringify({tab, settings, palettes, past, future, pictures: pictures.map(one => one.id), shown: picture?.id});
+}
+
+async function found() {
+	const then = JSON.parse(sessionStorage.page ?? "null");
+	if (!then || !state.keep) return;
+	for (const id of then.pictures) {
+		if (!state.pictures.some(one => one.id === id)) await get(`/picture/${id}`).then(answer => answer.json()).then(added, () => {});
+	}
+	state.palettes = then.palettes;
+	for (const [name, values] of Object.entries(then.settings)) Object.assign(state.settings[name] ?? {}, values);
+	[past, future] = [then.past, then.future];
+	$("undo").disabled = !past.length;
+	$("redo").disabled = !future.length;
+	const shown = state.pictures.find(one => one.id === then.shown);
+	state.tab = then.tab;
+	if (shown) show(shown); else showTab(then.tab);
+}
 
 // Choosing
 
@@ -67,7 +105,8 @@ function toggleLock(color) {
 const asked = () => ({picture: state.picture.id, tab: state.tab, settings: settings(), view: viewer.visible()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
-	if (!state.picture) return;
+	keep();
+	if (!state.picture || link.gone) return;
 	clearTimeout(timer);
 	result = "";
 	$("download").ariaDisabled = "true";
@@ -94,8 +133,22 @@ function working() {
 	working.timer = setInterval(() => {
 		if (!started) return clearInterval(working.timer);
 		const seconds = (performance.now() - started) / 1000;
-		if (seconds > .6) $("facts").textContent = `working… ${seconds.toFixed(1)} s`;
+		if (seconds > .5) { $("facts").textContent = `working… ${seconds.toFixed(1)} s`; $("cancel").hidden = false; }
 	}, 200);
+}
+
+function rest() {
+	started = 0;
+	clearInterval(working.timer);
+	$("cancel").hidden = true;
+}
+
+function cancel() {
+	if (!started) return;
+	link.cancel();
+	rest();
+	facts();
+	problem("Canceled. Change a setting to begin again.");
 }
 
 function moved() { // finer pixels of what is now in sight
@@ -109,12 +162,17 @@ function moved() { // finer pixels of what is now in sight
 
 function receive(reply, about) {
 	if (reply.error !== undefined) {
-		if (reply.error) { problem(reply.error); if (about.lane === "exact") { started = 0; facts(); } }
+		if (!reply.error) return;
+		problem(reply.error);
+		if (about.lane === "before") return;
+		rest();
+		$("recipe").hidden = $("save").hidden = true; // what was asked for has none
+		$("facts").textContent = "";
 		return;
 	}
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
-	if (reply.bytes !== undefined) { started = 0; facts(reply.bytes); return; }
+	if (reply.bytes !== undefined) { rest(); facts(reply.bytes); return; }
 	problem("");
 	recipes(reply.recipes);
 	if (reply.none) return;
@@ -123,7 +181,7 @@ function receive(reply, about) {
 	$("stage").classList.toggle("old", about.lane === "draft");
 	const drawn = repaint();
 	drawShades();
-	if (result) { started = 0; offer(); }
+	if (result) { rest(); offer(); }
 	facts();
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
@@ -184,20 +242,32 @@ function drawShades() {
 }
 
 function facts(bytes) {
-	if (!state.picture || !last) return;
+	if (!state.picture || !last) { $("facts").textContent = ""; return; }
 	const {width, height, distinct} = state.picture, f = last.facts, parts = [`${width} × ${height}`];
 	const draft = result ? "" : "≈ ";
 	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
 	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segments`);
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
-	if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}`);
+	const saved = 1 - bytes / state.picture.bytes;
+	if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }
 
 const size = bytes => bytes < 1e6 ? `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 
-function problem(text) { $("problem").textContent = text; $("problem").hidden = !text; }
+function problem(text) { // of the settings; it goes with the next result
+	if ($("problem").dataset.lost) return;
+	$("problem").textContent = text;
+	$("problem").hidden = !text;
+}
+
+function report(text) { // of a file; it stays until it is read
+	const close = element("button", {type: "button", ariaLabel: "Close the message"}, "×");
+	const line = element("p", {className: "trouble"}, element("span", {}, text), close);
+	close.onclick = () => line.remove();
+	$("troubles").append(line);
+}
 
 function recipes(list) {
 	const select = $("output"), chosen = recipes.tab === state.tab ? select.value : "";
@@ -207,7 +277,7 @@ function recipes(list) {
 		select.replaceChildren(...list.map(one => new Option(one.label, one.key)));
 	}
 	select.value = list.some(one => one.key === chosen) ? chosen : list[0].key;
-	$("recipe").hidden = false;
+	$("recipe").hidden = $("save").hidden = false;
 	showRecipe();
 }
 
@@ -219,10 +289,19 @@ function showRecipe() {
 }
 
 function offer() {
-	const one = recipes.list.find(recipe => recipe.key === $("output").value);
-	$("download").href = `/file/${result}/${one.key}`;
-	$("download").download = one.file;
+	$("download").href = "#";
 	$("download").ariaDisabled = "false";
+}
+
+async function download(event) {
+	event.preventDefault();
+	if (!result) return;
+	const one = recipes.list.find(recipe => recipe.key === $("output").value);
+	try {
+		const answer = await get(`/file/${result}/${one.key}`), href = URL.createObjectURL(await answer.blob());
+		element("a", {href, download: one.file}).click();
+		setTimeout(() => URL.revokeObjectURL(href), 60_000);
+	} catch (error) { report(`${one.file}: ${error.message}`); }
 }
 
 function showTab(name) {
@@ -238,13 +317,15 @@ function showTab(name) {
 	$("panel").setAttribute("aria-labelledby", `tab-${name}`);
 	$("about").textContent = tab().about;
 	$("energy").hidden = name !== "colors" || !state.picture;
-	$("shades").hidden = $("recipe").hidden = true;
+	$("shades").hidden = $("recipe").hidden = $("save").hidden = true;
 	$("note").textContent = "";
 	problem("");
 	if (name === "restore" && !settings().versions.length) state.settings.restore = {...settings(), versions: sameSize().map(one => one.id)};
 	if (viewer.picking && name !== "colors") pick(false);
 	drawControls();
 	viewer.right.clear();
+	$("rightname").textContent = "";
+	if (!link.gone) rest();
 	want();
 }
 
@@ -254,7 +335,8 @@ async function open(files) {
 	for (const file of files) {
 		if (PALETTE.test(file.name)) { await openPalette(file); continue; }
 		$("facts").textContent = `reading ${file.name}…`;
-		try { added(await send(`/picture?name=${encodeURIComponent(file.name || "pasted.png")}`, file)); } catch (error) { problem(error.message); facts(); }
+		try { added(await send(`/picture?name=${encodeURIComponent(file.name || "pasted.png")}`, file)); } catch (error) { report(error.message); }
+		facts();
 	}
 }
 
@@ -264,7 +346,7 @@ async function openPalette(file) {
 		state.palettes.push(palette);
 		if (state.tab !== "colors") showTab("colors");
 		change("palette", [palette.id], false, {aim: "palette"});
-	} catch (error) { problem(error.message); }
+	} catch (error) { report(error.message); }
 }
 
 function added(picture) {
@@ -299,9 +381,11 @@ function show(picture) {
 async function measure() {
 	const {id} = state.picture, space = state.settings.colors.space;
 	curve.set(null);
-	const answer = await fetch(`/curve/${id}/${space}`);
-	if (state.picture.id !== id || state.settings.colors.space !== space) return;
-	if (answer.ok) { curve.set(await answer.json()); drawControls(); document.dispatchEvent(new CustomEvent("curve")); }
+	const answer = await get(`/curve/${id}/${space}`).catch(() => null);
+	if (!answer || state.picture.id !== id || state.settings.colors.space !== space) return;
+	curve.set(await answer.json());
+	drawControls();
+	document.dispatchEvent(new CustomEvent("curve"));
 }
 
 // A and B
@@ -359,6 +443,9 @@ $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
 $("fill").onchange = repaint;
 $("output").onchange = showRecipe;
+$("download").onclick = download;
+$("cancel").onclick = cancel;
+$("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
 	button.onclick = async () => { await navigator.clipboard.writeText($(button.dataset.copy).textContent); button.textContent = "Copied"; };
@@ -373,7 +460,7 @@ const KEYS = {
 	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
 	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => state.tab === "colors" && pick(!viewer.picking),
 	v: () => { const modes = ["divider", "beside", "result"]; viewer.mode = modes[(modes.indexOf(viewer.mode) + 1) % 3]; },
-	"?": () => $("keys").showModal(), Escape: () => pick(false),
+	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : cancel(),
 };
 addEventListener("keydown", event => {
 	const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
@@ -390,8 +477,9 @@ addEventListener("keydown", event => {
 addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && viewer.peek) { viewer.peek = false; viewer.place(); } });
 
 async function start() {
-	const about = await (await fetch("/about")).json();
-	state.tabs = about.tabs;
+	let about;
+	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
+	Object.assign(state, {tabs: about.tabs, keep: false});
 	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
 	for (const one of about.tabs) {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);
@@ -412,8 +500,11 @@ async function start() {
 	showTab("colors");
 	for (let number = 0; number < about.given.length; number++) {
 		$("facts").textContent = `reading ${about.given[number]}…`;
-		try { added(await send(`/given/${number}`)); } catch (error) { problem(error.message); }
+		try { added(await send(`/given/${number}`)); } catch (error) { report(error.message); }
 	}
+	state.keep = about.keep;
+	await found();
+	facts();
 	document.body.dataset.ready = "true";
 }
 

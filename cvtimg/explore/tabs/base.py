@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -48,8 +48,6 @@ class Request:
     settings: Settings  # Values of all controls of the tab
     files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
-    # Called now and then with two numbers; it raises an exception when the result is not wanted any more.
-    watch: Callable[[int, float], bool]
 
 
 class Tab:

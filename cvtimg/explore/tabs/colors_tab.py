@@ -205,9 +205,8 @@ class ColorsTab(Tab):
 
     def exact(self, request: Request) -> Outcome:
         """Quantize the picture."""
-        call = self._call(request)
-        watch = {} if "palette" in call.keywords else {"callback": request.watch}
-        return self._outcome(request.picture, call.run(request.picture.array, **watch), self.outputs(request))
+        result: Quantized = self._call(request).run(request.picture.array)
+        return self._outcome(request.picture, result, self.outputs(request))
 
     def _outcome(self, picture: Picture, result: Quantized, outputs: Sequence[Output] = ()) -> Outcome:
         colors = picture.colors_seen(result.palette, alpha=result.alpha)

@@ -72,17 +72,10 @@ class MosaicTab(Tab):
 
     def _outcome(self, request: Request, settings: Settings, window: Window, outputs: Sequence[Output] = ()) -> Outcome:
         image = request.picture.array[window.rows, window.columns]  # an array of a file with alpha says so
-        result: Mosaic = self._call(settings).run(image, **_heard(request))
+        result: Mosaic = self._call(settings).run(image)
         svg = written_as("drawing.svg", lambda path: result.save(path, outline=settings["outline"]))
         facts: dict[str, Any] = {"k": len(result.colors), "noun": "tiles"}
         return Outcome(result, Drawing(svg), facts, outputs, request.picture.stem)
-
-
-def _heard(request: Request) -> dict[str, Any]:
-    def listen(step: int, energy: float) -> None:
-        request.watch(step, energy)
-
-    return {"callback": listen}
 
 
 def _save(result: Mosaic, path: Path, outline: float) -> None:

@@ -42,7 +42,7 @@ class StippleTab(Tab):
     verb = "stipple"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
-        ("number", {"name": "n_dots"}),
+        ("number", {"name": "n_dots", "always": False}),
         "dots",
         Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
         _radius("least", "Least radius", 0.5, 10),
@@ -101,7 +101,8 @@ def _call(tab: StippleTab, settings: Settings) -> Call:
         keywords["radius_range"] = (settings["least"], settings["greatest"])
     if settings["layers"] != "one":
         keywords["layers"] = "cmyk" if settings["layers"] == "cmyk" else settings["pens"]
-    return Call("stipple", (settings["n_dots"],), keywords)
+    number = () if settings["n_dots"] == "auto" else (settings["n_dots"],)
+    return Call("stipple", number, keywords)
 
 
 def _drawing(settings: Settings) -> dict[str, Any]:
