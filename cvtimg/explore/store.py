@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import shutil
 import tempfile
 import threading
 from collections import OrderedDict
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +29,8 @@ MOST_BYTES = 1 << 28
 _MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
 #: Pixels of all pictures together; a picture takes about 12 bytes for each.
 _MOST_PIXELS = 1 << 28
+#: Folders of files that were sent begin so, and go on with the number of the process.
+_FOLDERS = "cvtimg-explore-"
 #: Longest name that is kept.
 _LONGEST_NAME = 120
 
@@ -39,7 +44,8 @@ class Store:
     """
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="cvtimg-explore-")
+        _remove_left()
+        self._folder = tempfile.TemporaryDirectory(prefix=f"{_FOLDERS}{os.getpid()}-")
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
@@ -125,6 +131,25 @@ class Store:
         return path
 
 
+def _remove_left() -> None:
+    """Remove folders of servers of this user that were killed."""
+    if os.name == "nt":  # where processes are not found by their numbers
+        return
+    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDERS}*-*"):
+        number = folder.name.removeprefix(_FOLDERS).partition("-")[0]
+        with suppress(OSError):
+            if number.isdigit() and folder.is_dir() and folder.lstat().st_uid == os.getuid() and not _runs(int(number)):
+                shutil.rmtree(folder)
+
+
+def _runs(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def _plain(name: str) -> str:
     """Return the name of a file without folders, and without characters that cannot be seen."""
     last = name.replace("\\", "/").rpartition("/")[2]
@@ -136,4 +161,5 @@ def _reason(path: Path, error: Exception) -> str:
     """Return why a file cannot be used, without the name that it has here."""
     if isinstance(error, MemoryError):
         return "needs more memory than there is"
-    return one_line(error).replace(f"{path}: ", "").replace(str(path), "the file")
+    why = one_line(error).replace(f"{path}: ", "").replace(str(path), "the file")
+    return why.replace("--max-pixels raises it", "the command line has --max-pixels")

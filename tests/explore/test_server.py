@@ -8,6 +8,8 @@ import json
 import os
 import signal
 import struct
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -521,6 +523,20 @@ def test_all_tabs_are_described(page: TestClient) -> None:
         for control in tab["controls"]:
             assert control["label"]
             assert set(control["when"]) <= set(names)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="processes are not found by their numbers")
+def test_what_a_killed_server_left_goes_at_the_next_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        ended.wait()
+    gone = tmp_path / f"cvtimg-explore-{ended.pid}-abc"
+    others = [tmp_path / f"cvtimg-explore-{os.getpid()}-abc", tmp_path / "cvtimg-explore-x-abc"]
+    for folder in (gone, *others):
+        folder.mkdir()
+        (folder / "a.png").write_bytes(b"x")
+    store.Store().close()
+    assert sorted(tmp_path.iterdir()) == sorted(others)
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
