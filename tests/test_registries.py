@@ -38,7 +38,7 @@ def dark(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         return np.sqrt(rgb)
 
     gray = (1.0, 1.0, 1.0)
-    monkeypatch.setitem(SPACES, "dark", ColorSpace(forward, np.square, grey=gray))
+    monkeypatch.setitem(SPACES, "dark", ColorSpace(forward, np.square, gray=gray))
     yield asked
     assert asked
 

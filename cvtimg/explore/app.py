@@ -169,7 +169,8 @@ def _sample() -> bytes:
     from skimage.data import astronaut
 
     stream = BytesIO()
-    Image.fromarray(astronaut()).save(stream, "PNG")
+    photograph = astronaut()  # type: ignore[no-untyped-call]
+    Image.fromarray(photograph).save(stream, "PNG")
     return stream.getvalue()
 
 

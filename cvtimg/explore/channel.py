@@ -74,8 +74,12 @@ class Work(Generic[T]):
                 self._runs = False
 
     def _report(self, tell: Callable[[Any], None], what: Any) -> None:
+        def first() -> None:
+            if not self.result.done():
+                tell(what)
+
         with suppress(RuntimeError):  # the server has ended
-            self._loop.call_soon_threadsafe(lambda: self.result.done() or tell(what))
+            self._loop.call_soon_threadsafe(first)
 
 
 class Channel:

@@ -287,6 +287,10 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
         "alpha": True,
         "distinct_colors": n_distinct(RGBA),
         "input_bytes": Path("pictures/rgba.png").stat().st_size,
+        "axes": "YX",
+        "shape": [],
+        "channels": [],
+        "pixel_size": None,
     }
     assert (rows["deep"]["bits"], rows["deep"]["bands"]) == (16, ["I"])
     assert rows["few"]["distinct_colors"] == 7
@@ -295,9 +299,23 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
 def test_info_as_a_table(run: Run, here: Path) -> None:
     outcome = run("info", "pictures/grey.png", "pictures/rgba.png")
     head, grey, rgba = (line.split() for line in outcome.out.splitlines())
-    assert head == ["input", "width", "height", "mode", "bands", "bits", "alpha", "colors", "icc"]
-    assert grey == ["pictures/grey.png", "32", "24", "L", "L", "8", "no", str(n_distinct(GREY)), "-"]
-    assert rgba[3:7] == ["RGBA", "R,G,B,A", "8", "yes"]
+    names = [
+        "input",
+        "width",
+        "height",
+        "frames",
+        "axes",
+        "mode",
+        "bands",
+        "bits",
+        "alpha",
+        "colors",
+        "pixel_size",
+        "icc",
+    ]
+    assert head == names
+    assert grey == ["pictures/grey.png", "32", "24", "1", "YX", "L", "L", "8", "no", str(n_distinct(GREY)), "-", "-"]
+    assert rgba[5:9] == ["RGBA", "R,G,B,A", "8", "yes"]
 
 
 # Bad files
@@ -470,7 +488,7 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "--max-bytes", "0"], ["'0' must be a number of bytes >= 1"]),
         ([PICTURE, "-k", "4", "--lock", "loud"], ["'loud' must be a color as '#rgb', '#rrggbb'", "or a palette file"]),
         ([PICTURE, "-k", "4", "--space", "hsv"], ["--space': 'hsv' must be one of rgb, linear, lab, oklab"]),
-        ([PICTURE, "-k", "4", "--dither", "bayer"], ["--dither': 'bayer' must be one of none, floyd-steinberg"]),
+        ([PICTURE, "-k", "4", "--dither", "bayes"], ["--dither': 'bayes' must be one of none, floyd-steinberg"]),
         ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
         ([PICTURE, "-k", "4", "--dither", "blue-noise", "--dither-strength", "2"], ["'2' must be a number in 0..1"]),
         ([PICTURE, "-k", "4", "--depth", "12"], ["--depth': '12' must be one of 8, 16"]),
@@ -871,7 +889,7 @@ def test_a_table_that_fails_is_one_line_and_nothing_is_written(
 @pytest.mark.parametrize(
     ("options", "parts"),
     [
-        ([], ["Missing option '-k'"]),
+        ([], ["Missing option '--clusters' / '-k'"]),
         (["-k", "0"], ["'0' must be auto or a whole number in 1.."]),
         (["-k", "3", "--missing", "guess"], ["--missing': 'guess' must be one of error, drop"]),
         (["-k", "3", "--effort", "heroic"], ["--effort': 'heroic' must be one of fast, balanced, best"]),

@@ -43,7 +43,7 @@ def test_each_file_goes_its_way() -> None:
         found[target] = (result.kind, result.n_images, result.n_colors)
         np.testing.assert_array_equal(np.sort(read_palette(f"{target}.hex"), axis=0), np.sort(result.palette, axis=0))
     assert found == {
-        "b.png": ("picture", 1, 8),
+        "b.png": ("image", 1, 8),
         "b.gif": ("frames", 3, 8),
         "b.tif": ("pages", 3, 8),
         "c.tif": ("tiles", 1, 8),
