@@ -26,12 +26,13 @@ class Report:
 
     # Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. Errors, and
     # the summary of several inputs, go to stderr; if quiet, only errors.
+    # A note follows the table, on stderr.
 
-    def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False) -> None:
+    def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False, note: str = "") -> None:
         if as_json and quiet:
             raise WrongUsageError("--json and --quiet exclude each other")
         self.as_json, self.quiet = as_json, quiet
-        self._columns = columns
+        self._columns, self._note = columns, note
         self._rows: list[Row] = []
         self._counts = {"done": 0, "skipped": 0, "failed": 0}
 
@@ -66,6 +67,8 @@ class Report:
         if not (self.as_json or self.quiet):
             if self._counts["done"] and self._columns:
                 self._print_table([row for row in self._rows if row["status"] == "done"])
+                if self._note:
+                    print(self._note, file=sys.stderr, flush=True)
             if len(self._rows) > 1 or self._counts["skipped"]:
                 print(self._summary(), file=sys.stderr, flush=True)
         return 1 if self._counts["failed"] else 0

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg._shared.extras import needs
-from cvtimg.batch import Plan, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
+from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.report import reason
 from cvtimg.batch.runner import check_plan
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cvtimg.colors.samples import ColorSamples
 
 EXAMPLES = """\
+  cvtimg quantize photo.jpg
   cvtimg quantize photo.jpg -k 16 -o small.png
   cvtimg quantize photos/ 'scans/*.tif' -k 256 --out-dir small
   cvtimg quantize logo.png -k 8 --lock '#ffffff' --lock '#e4002b'
@@ -40,6 +41,9 @@ EXAMPLES = """\
 _FINDING = ("n_colors", "locked", "effort", "method", "init", "volume_power", "rng")
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
+#: Said where nothing tells what is wanted.
+_CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least squared error"
+
 #: Options by their names in Python, where these differ.
 _FLAGS = {
     "weights": "--weight-map",
@@ -53,8 +57,8 @@ def quantize(given: Given) -> int:
     """Reduce images to the N colors that represent them with the least error.
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
-    take all colors from --palette. With --goal eyes or --quality, images get 256 colors and the file is made small
-    where the eye does not see it.
+    take all colors from --palette. With --quality or --goal eyes, and if nothing is given, images get up to 256 colors,
+    and the file is made small where the eye does not see it.
 
     Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
     become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after
@@ -67,9 +71,11 @@ def quantize(given: Given) -> int:
     from cvtimg import read_palette, write_palette
     from cvtimg.pictures.files import lossless_suffixes
 
-    aims = (given.palette, given.number, given.psnr, given.max_bytes, given.quality)
-    if given.goal == "error" and all(aim is None for aim in aims):
-        raise WrongUsageError("one of -k, --goal eyes, --quality, --psnr, --max-bytes and --palette must be given")
+    aims = (given.palette, given.number, given.psnr, given.max_bytes)
+    chosen = given.goal is None and given.quality is None and all(aim is None for aim in aims)
+    for_eyes = chosen or given.goal == "eyes" or given.quality is not None
+    if given.goal == "error" and all(aim is None for aim in (*aims, given.quality)):
+        raise WrongUsageError("one of -k, --quality, --psnr, --max-bytes and --palette must be given with --goal error")
     if given.optimize:
         _check_optimize(given.output)
     if given.ext is not None:
@@ -90,7 +96,7 @@ def quantize(given: Given) -> int:
         ],
         joint=saved if given.shared_palette else None,
     )
-    how = given.arguments | {"overwrite": given.overwrite}
+    how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes else "error"}
     if given.dither == "none":
         del how["dither"]
     if given.weight_map:
@@ -108,9 +114,10 @@ def quantize(given: Given) -> int:
     if palette is not None:
         how = {"palette": palette, **{name: value for name, value in how.items() if name not in _FINDING}}
     columns: tuple[str, ...] = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
-    if given.goal == "eyes" or given.quality is not None:
+    if for_eyes:
         columns = tuple("quality" if name == "energy" else name for name in columns)
-    return run_plan(plan, partial(_quantize, options=how), columns, given)
+    report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
+    return run_plan(plan, partial(_quantize, options=how), report, given)
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
@@ -137,7 +144,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         "energy": result.energy,
         "mse": result.mse,
         "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
-        **({"quality": result.quality} if given.goal == "eyes" or given.quality is not None else {}),
+        **({"goal": "eyes", "quality": result.quality} if options["goal"] == "eyes" else {}),
         "n_iter": max((one.n_iter for one in result.tessellations), default=0),
         "converged": all(one.converged for one in result.tessellations),
     }

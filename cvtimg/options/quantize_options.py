@@ -41,9 +41,9 @@ QUANTIZE = (
     passed(
         "goal",
         Choice(get_args(GoalName)),
-        "What the result is for: error, the least squared error, or eyes, a small file that looks the same.",
+        "What the result is for: error, the least squared error, or eyes, a small file that looks the same; by default "
+        "eyes if nothing else says what is wanted.",
         metavar="NAME",
-        default="error",
         excludes=("number=auto", "psnr"),
     ),
     passed(

@@ -480,7 +480,7 @@ PICTURE = "pictures/rgb.png"
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        ([PICTURE], ["one of -k, --goal eyes, --quality, --psnr, --max-bytes and --palette must be given"]),
+        ([PICTURE, "--goal", "error"], ["one of -k, --quality, --psnr, --max-bytes and --palette must be given"]),
         ([PICTURE, "--palette", "p.gpl", "-k", "4"], ["--palette and -k exclude each other"]),
         ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
         ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),

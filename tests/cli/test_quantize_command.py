@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -257,3 +258,20 @@ def test_a_transparent_image_is_quantized_and_not_segmented(run: Run, capsys: py
     assert run("in.png", "-k", "4")["k"] == 1
     assert cli.main(["segment", "in.png", "-k", "2", "-o", "out.png", "--overwrite"]) == 1
     assert "in.png: has no pixel that counts: all are transparent" in capsys.readouterr().err
+
+
+def test_without_an_aim_images_are_for_eyes_and_the_output_says_so(
+    run: Run, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = run("in.png", "--effort", "fast")
+    assert row["goal"] == "eyes"
+    np.testing.assert_array_equal(read_image("out.png"), quantize(picture, goal="eyes", effort="fast").image)
+    assert cli.main(["quantize", "in.png", "--effort", "fast"]) == 0
+    assert "goal: eyes, a small file that looks the same" in capsys.readouterr().err
+    assert "goal" not in run("in.png", "-k", "9")
+
+
+def test_a_quality_that_is_not_reached_says_what_is_and_writes_nothing(run: Run, picture: NDArray[Any]) -> None:
+    answer = run("in.png", "--quality", "99", "-k", "8", "--effort", "fast")
+    assert re.search(r"--quality 99.0 must be at most \d\d\.\d, which 8 colors reach", answer["error"])
+    assert not Path("out.png").exists()
