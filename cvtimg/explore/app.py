@@ -22,7 +22,7 @@ from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
-from cvtimg.explore.store import MOST_BYTES, Store
+from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
 __all__ = ["Server", "static_files"]
@@ -88,7 +88,15 @@ class Server:
 
     async def _about(self, request: Request) -> Response:
         given = [path.name for path in self._paths]
-        return JSONResponse({"tabs": [tab.described() for tab in TABS.values()], "given": given, "keep": self._keep})
+        palettes = [{"id": name, "name": name} for name in KNOWN]
+        return JSONResponse(
+            {
+                "tabs": [tab.described() for tab in TABS.values()],
+                "given": given,
+                "keep": self._keep,
+                "palettes": palettes,
+            }
+        )
 
     async def _open_picture(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())

@@ -7,7 +7,7 @@ import secrets
 import shutil
 import tempfile
 import threading
-from collections import OrderedDict
+from collections import ChainMap, OrderedDict
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +21,7 @@ from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome
 from cvtimg.explore.tabs.base import OpenFiles
+from cvtimg.palettes.known import known_palettes
 
 __all__ = ["MOST_BYTES", "Store"]
 
@@ -33,6 +34,9 @@ _MOST_PIXELS = 1 << 28
 _FOLDERS = "cvtimg-explore-"
 #: Longest name that is kept.
 _LONGEST_NAME = 120
+
+#: Palettes that are always there, by their names.
+KNOWN = {name: (name, colors) for name, colors in known_palettes().items()}
 
 T = TypeVar("T")
 
@@ -50,7 +54,7 @@ class Store:
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
-        self.files = OpenFiles(self._pictures, self._palettes)
+        self.files = OpenFiles(self._pictures, ChainMap(self._palettes, KNOWN))
 
     def close(self) -> None:
         """End what is computed in the background, and remove the files that were sent."""

@@ -73,7 +73,11 @@ QUANTIZE = (
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength", step=0.05
     ),
-    file("palette", "Use the colors of a palette file or of an image.", excludes=(*_AIMS, "lock", "weight_map")),
+    file(
+        "palette",
+        "Use the colors of a palette file or of an image, or a palette by name: cga, game-boy, nes, pico-8, web-safe.",
+        excludes=(*_AIMS, "lock", "weight_map"),
+    ),
     Option(
         "lock",
         Text(common.color_or_file),

@@ -19,6 +19,7 @@ from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
 from cvtimg.palettes.formats.aseprite import read_aseprite, write_aseprite
 from cvtimg.palettes.formats.picture import read_picture, write_picture
+from cvtimg.palettes.known import known_palettes
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
@@ -61,7 +62,8 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     ----------
     path : str or path-like
         Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .pal (JASC, RIFF), .txt (paint.net) or
-        .aseprite; any other file is read as an image.
+        .aseprite; any other file is read as an image. Or the name of a palette: "cga", "game-boy", "nes", "pico-8",
+        "web-safe".
 
     Returns
     -------
@@ -92,6 +94,9 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     ...     read_palette(f"{folder}/flag.hex").tolist()
     [[0, 0, 255], [255, 255, 0]]
     """
+    known = known_palettes()
+    if str(path) in known and not Path(path).exists():
+        return known[str(path)]
     form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
     with reading(path) as file:
         return form.read(file.read())

@@ -436,3 +436,13 @@ def test_formats_of_other_programs_are_read(tmp_path: Path) -> None:
     for _ in range(2):
         assert read_palette(tmp_path / "named.css").tolist() == expected
         Image.new("RGB", (1, 1), "white")  # Pillow then keeps the color in its table of names in another form
+
+
+def test_palettes_are_known_by_name_unless_a_file_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    sizes = {name: len(read_palette(name)) for name in ("pico-8", "game-boy", "cga", "nes", "web-safe")}
+    assert sizes == {"pico-8": 16, "game-boy": 4, "cga": 16, "nes": 55, "web-safe": 216}
+    assert read_palette("game-boy")[0].tolist() == [15, 56, 15]
+    assert all(len(np.unique(read_palette(name), axis=0)) == size for name, size in sizes.items())
+    Image.new("RGB", (1, 1), (1, 2, 3)).save(tmp_path / "cga", "PNG")
+    assert read_palette("cga").tolist() == [[1, 2, 3]]

@@ -110,6 +110,7 @@ function want(t0 = performance.now(), rest = AT_ONCE) {
 	clearTimeout(timer);
 	result = "";
 	$("download").ariaDisabled = "true";
+	$("copyimage").disabled = true;
 	$("download").removeAttribute("href");
 	want.t0 ??= t0;
 	want.rest = rest;
@@ -289,8 +290,17 @@ function showRecipe() {
 }
 
 function offer() {
+	$("copyimage").hidden = !recipes.list.some(recipe => recipe.file.endsWith(".png"));
+	$("copyimage").textContent = "Copy";
+	$("copyimage").disabled = false;
 	$("download").href = "#";
 	$("download").ariaDisabled = "false";
+}
+
+async function copyImage() {
+	const one = recipes.list.find(recipe => recipe.file.endsWith(".png"));
+	const pixels = get(`/file/${result}/${one.key}`).then(async answer => new Blob([await answer.arrayBuffer()], {type: "image/png"}));
+	try { await navigator.clipboard.write([new ClipboardItem({"image/png": pixels})]); $("copyimage").textContent = "Copied"; } catch (error) { report(error.message); }
 }
 
 async function download(event) {
@@ -445,6 +455,7 @@ $("fill").onchange = repaint;
 $("output").onchange = showRecipe;
 $("download").onclick = download;
 $("cancel").onclick = cancel;
+$("copyimage").onclick = copyImage;
 $("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
@@ -479,7 +490,7 @@ addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && view
 async function start() {
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
-	Object.assign(state, {tabs: about.tabs, keep: false});
+	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
 	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
 	for (const one of about.tabs) {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);

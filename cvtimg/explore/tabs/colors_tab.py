@@ -85,10 +85,10 @@ class ColorsTab(Tab):
         ),
         Files(
             name="palette",
-            label="Palette file",
+            label="Palette",
             of="palettes",
             when={"aim": ["palette"]},
-            about="A .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
+            about="One of these, or a .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
         ),
         "space",
         "dither",
@@ -106,8 +106,9 @@ class ColorsTab(Tab):
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the picture, as PNG where that holds its samples, and its palette in several formats."""
         suffix = _suffix(request.picture)
-        image = Output(f"Picture, {suffix[1:].upper()}", "-o", "{}-quantized" + suffix, saved, SAVED)
-        return [image, *(_palette_output(end, label) for end, label in _PALETTES.items())]
+        suffixes = [suffix] if suffix != ".png" else [".png", ".webp", ".gif"]
+        images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in suffixes]
+        return [*images, *(_palette_output(end, label) for end, label in _PALETTES.items())]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
