@@ -37,7 +37,9 @@ def command_line(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_script_of_the_gallery_draws_its_figure(script: Path) -> None:
     with contextlib.chdir(GALLERY):
         left = runpy.run_path(script.name)
-    if "figure" in left:
+    if hasattr(left.get("figure"), "savefig"):
+        assert left["figure"].axes
+    elif "figure" in left:
         assert left["figure"].startswith(b"\x89PNG")
     else:
         assert left["sheet"].ndim == 3
@@ -70,6 +72,15 @@ def test_groff_reads_the_manual_pages_without_a_warning(command_line: Any) -> No
         done = subprocess.run(words, input=command_line.as_manual(command), capture_output=True, text=True, timeout=20)
         assert done.returncode == 0
         assert done.stderr == ""
+
+
+def test_on_a_package_index_every_link_of_the_readme_is_absolute() -> None:
+    absolute = runpy.run_path(str(ROOT / ".ci" / "absolute_links.py"))["absolute"]
+    text = (ROOT / "README.md").read_text()
+    links = re.findall(r"(!?)\[[^\]]*\]\(([^)]+)\)", absolute(text, "https://example.org/cvtimg/", "v1"))
+    assert ("!", "https://example.org/cvtimg/raw/v1/docs/hero.webp") in links
+    assert ("", "https://example.org/cvtimg/blob/v1/docs/faq.md") in links
+    assert all(target.startswith(("https://", "#")) for _, target in links)
 
 
 def test_the_version_has_one_source() -> None:

@@ -11,14 +11,16 @@ import cvtimg
 
 
 def scrape_sheets(block: tuple[str, str, int], variables: dict[str, Any], gallery: dict[str, Any]) -> str:
-    """Write the `sheet` (an image) or the `figure` (bytes of a PNG) of a block, and return the text that shows it."""
+    """Write the `sheet` (an image) or the `figure` (of matplotlib, or a PNG) of a block, and return what shows it."""
     names = variables["example_globals"]
     images = variables["image_path_iterator"]
     shown = []
     for name in ("sheet", "figure"):
         if f"\n{name} = " in f"\n{block[1]}":
             path = Path(next(images))
-            if name == "figure":
+            if hasattr(names[name], "savefig"):
+                names[name].savefig(path)
+            elif name == "figure":
                 path.write_bytes(names[name])
             else:
                 cvtimg.write_image(path, names[name], overwrite=True)

@@ -6,7 +6,6 @@ A drawn texture like bone, segmented into struts and pores, and one mesh for bot
 phases, and each phase keeps its area.
 """
 
-from io import BytesIO
 from pathlib import Path
 
 from matplotlib.collections import LineCollection, PolyCollection
@@ -26,8 +25,8 @@ mesh = cvtimg.mesh_labels(labels, n=4000, tolerance=1)
 # The border over the image, the mesh in the colors of its phases, and a quarter of it.
 
 PORES, STRUTS, LINES = "#8c4a4a", "#f3ead7", "#22304a"
-drawing = Figure(figsize=(13, 4.6), layout="constrained")
-with_border, whole, part = drawing.subplots(1, 3)
+figure = Figure(figsize=(13, 4.6), layout="constrained")
+with_border, whole, part = figure.subplots(1, 3)
 with_border.imshow(bone, extent=(0, 256, 256, 0), cmap="gray")
 with_border.add_collection(LineCollection(list(mesh.points[mesh.edges]), colors="#ffd21f", linewidths=1.2))
 for axes, thickness in ((whole, 0.25), (part, 0.6)):
@@ -40,7 +39,3 @@ for axes, title in zip((with_border, whole, part), titles, strict=True):
     axes.set(xlim=(0, 256), ylim=(256, 0), aspect="equal", title=title)
     axes.axis("off")
 part.set(xlim=(0, 100), ylim=(190, 90))
-
-content = BytesIO()
-drawing.savefig(content, format="png")
-figure = content.getvalue()

@@ -1,0 +1,39 @@
+"""
+Key frames
+==========
+
+An animation of three scenes, and the frames that represent them: each is the one nearest to the mean of its scene.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import cvtimg
+from cvtimg.plotting import Panel, contact_sheet
+
+SAMPLES = Path("../../sample_images")
+N_FRAMES = 12  # of each scene
+
+# %%
+# Each scene is a photograph that moves to the left, under noise.
+
+rng = np.random.default_rng(0)
+frames = []
+for name in ("coffee.png", "chelsea.png", "rocket.jpg"):
+    photograph = Image.fromarray(cvtimg.read_image(SAMPLES / name)).resize((240, 160))
+    still = np.asarray(photograph, np.float64)
+    frames += [still[:, shift : shift + 216] + rng.normal(0, 8, (160, 216, 3)) for shift in range(0, 2 * N_FRAMES, 2)]
+animation = np.clip(frames, 0, 255).astype(np.uint8)
+
+# %%
+# Of 36 frames, three are chosen.
+
+found = cvtimg.key_frames(animation, 3)
+shown = [Panel(animation[number], (f"frame {number}",)) for number in range(0, len(animation), 6)]
+chosen = [
+    Panel(animation[number], (f"key frame {number}", f"represents {np.sum(found.labels == scene)} frames"))
+    for scene, number in enumerate(found.indices)
+]
+sheet = contact_sheet([shown, chosen], panel_width=216)
