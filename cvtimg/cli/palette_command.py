@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import run_plan
-from cvtimg.options.quantize_options import DEFAULT_COLORS
+from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -17,16 +17,21 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   cvtimg palette photo.jpg -k 8
   cvtimg palette sprite.png --save-palette sprite.hex
+  cvtimg palette photo.jpg --main --save-palette main.svg
+  cvtimg palette photo.jpg -k 12 --sort hue
   cvtimg palette photos/ --json
 """
 _MOST_OWN = 256
+#: Chroma in Oklab, of which both coordinates are doubled, below which a color is gray.
+_GRAY = 0.04
 
 
 def palette(given: Given) -> int:
     """Print the palette of images, and the share of the pixels that has each color.
 
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
-    cvtimg quantize. The most frequent color comes first.
+    cvtimg quantize. With --main, the few colors that stand out are listed, such as a small red flower in a green
+    field.
     """
     plan = plan_each(given.inputs, {"--save-palette": given.save_palette})
     return run_plan(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
@@ -39,6 +44,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
     from cvtimg.pictures.known import read_whole
+    from cvtimg.quantization import main_palette, map_to_palette
 
     image = read_whole(task.source)
     stopwatch.lap("read")
@@ -46,16 +52,33 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise ValueError(f"has {image.shape[2]} bands, which are no colors")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
-    wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
-    result = quantize(image, wanted)
+    if given.main:
+        result = map_to_palette(image, main_palette(image, given.number or MAIN_COLORS).colors, space="oklab")
+    else:
+        wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
+        result = quantize(image, wanted, space=given.space)
     counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
-    order = np.argsort(-counts, kind="stable")
+    order = _order(result.palette, counts, given.sort)
     found, counts = result.palette[order], counts[order]
     stopwatch.lap("cluster")
     if "--save-palette" in task.outputs:
         write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=given.overwrite)
         stopwatch.lap("write")
     return {"distinct_colors": n_distinct, "k": len(found), "colors": _entries(found, counts)}
+
+
+def _order(palette: NDArray[Any], counts: NDArray[np.int64], sort: str) -> NDArray[np.intp]:
+    """Return the order of colors; colors of hardly any chroma, of which the hue says nothing, come before others."""
+    import numpy as np
+
+    from cvtimg.colors.spaces import to_space
+
+    if sort == "share":
+        return np.argsort(-counts, kind="stable")
+    channels = [0, 0, 0] if palette.shape[1] < 3 else [0, 1, 2]
+    lightness, a, b = to_space(palette[:, channels], "oklab").T
+    hue = np.where(np.hypot(a, b) < _GRAY, -1, np.arctan2(b, a) % (2 * np.pi))
+    return np.lexsort((lightness, hue)) if sort == "hue" else np.argsort(lightness, kind="stable")
 
 
 def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:

@@ -12,7 +12,7 @@ from cvtimg._shared.choices import AutoEffortName, AveragingName, EffortName, In
 from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
-PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .pal, .txt, .aseprite or .png"
+PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt, .aseprite or .png"
 
 
 def color(text: str) -> str:

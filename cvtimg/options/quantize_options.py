@@ -11,8 +11,8 @@ from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 
-#: Colors of `cvtimg palette` for images that have more than it lists.
-DEFAULT_COLORS = 16
+#: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
+DEFAULT_COLORS, MAIN_COLORS = 16, 6
 #: Short names of ways to dither, which other programs have, too.
 _SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg", "bayer": "bayer-8"}
 _AIMS = ("number", "psnr", "max_bytes")
@@ -130,6 +130,19 @@ PALETTE = (
         f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
         "--colors -k",
     ),
+    switch(
+        "main",
+        f"Find the few colors that stand out, {MAIN_COLORS} by default: small vivid parts count, large areas do not "
+        "count more than they must.",
+        excludes=("space",),
+    ),
+    Option(
+        "sort",
+        Choice(("share", "lightness", "hue")),
+        "Order of the colors: by share, the largest first, lightness, the darkest first, or hue, grays first.",
+        default="share",
+    ),
+    common.SPACE,
     common.PALETTE_OUTPUT,
     common.SKIP_EXISTING,
     common.MAX_PIXELS,

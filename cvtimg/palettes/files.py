@@ -48,6 +48,8 @@ PALETTE_FORMATS = {
     ".act": PaletteFormat(adobe.read_act, adobe.write_act),
     ".ase": PaletteFormat(adobe.read_ase, adobe.write_ase),
     ".css": PaletteFormat(text.read_css, text.write_css),
+    ".scss": PaletteFormat(text.read_scss, text.write_scss),
+    ".svg": PaletteFormat(text.read_svg, text.write_svg),
     ".pal": PaletteFormat(text.read_jasc, text.write_jasc),
     ".txt": PaletteFormat(text.read_paintnet, text.write_paintnet),
     ".aseprite": PaletteFormat(read_aseprite, write_aseprite),
@@ -61,9 +63,9 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     Parameters
     ----------
     path : str or path-like
-        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .pal (JASC, RIFF), .txt (paint.net) or
-        .aseprite; any other file is read as an image. Or the name of a palette: "cga", "game-boy", "nes", "pico-8",
-        "web-safe".
+        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .scss, .svg (fills), .pal (JASC, RIFF),
+        .txt (paint.net) or .aseprite; any other file is read as an image. Or the name of a palette: "cga", "game-boy",
+        "nes", "pico-8", "web-safe".
 
     Returns
     -------
@@ -111,8 +113,8 @@ def write_palette(
     ----------
     path : str or path-like
         Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
-        properties), .pal (JASC), .txt (paint.net), .aseprite or .png (an image with one square per color). The
-        palette is named after the file.
+        properties), .scss (variables), .svg (a drawing of swatches), .pal (JASC), .txt (paint.net), .aseprite or .png
+        (an image with one square per color). The palette is named after the file.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
         Gray, RGB or RGBA, in sRGB. uint8 is written unchanged; other integers up to their largest value, and
         floating point in 0..1, are rounded to the 8 bits that these formats store.

@@ -10,6 +10,7 @@ from .images import quantize_to_size as quantize_to_size
 from .palette_search import EngineOptions as EngineOptions
 from .palette_search import Palette as Palette
 from .palette_search import find_palette as find_palette
+from .palette_search import main_palette as main_palette
 from .palette_search import shared_palette as shared_palette
 from .remapping import Quantized as Quantized
 from .remapping import map_to_palette as map_to_palette

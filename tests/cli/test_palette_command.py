@@ -105,3 +105,24 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
         error = capsys.readouterr().err
         assert reason in error
         assert len(error.splitlines()) == 1
+
+
+def test_main_colors_have_small_vivid_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    field = np.zeros((50, 100, 3), np.uint8)
+    field[:, :, 1] = np.linspace(100, 220, 100)
+    field[:4, :4] = 220, 20, 30
+    write_image(tmp_path / "a.png", field)
+    red = "#dc141e"
+    assert red not in dict(palette_of(capsys, tmp_path / "a.png", "-k", 3))
+    assert red in dict(palette_of(capsys, tmp_path / "a.png", "-k", 3, "--main"))
+
+
+def test_colors_are_sorted_as_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    codes = ["#ffffff", "#ff0000", "#000080", "#808080", "#00ff00"]
+    write_image(tmp_path / "a.png", np.array([[list(bytes.fromhex(code[1:])) for code in codes]], np.uint8))
+
+    def sorted_by(key: str) -> list[str]:
+        return [code for code, _ in palette_of(capsys, tmp_path / "a.png", "--sort", key)]
+
+    assert sorted_by("lightness") == ["#000080", "#808080", "#ff0000", "#00ff00", "#ffffff"]
+    assert sorted_by("hue") == ["#808080", "#ffffff", "#ff0000", "#00ff00", "#000080"]

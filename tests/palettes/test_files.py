@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import struct
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,18 @@ def read_css(path: Path) -> NDArray[Any]:
     assert (lines[0], lines[-1]) == (":root {", "}")
     assert [line.split(":")[0] for line in lines[1:-1]] == [f"  --a-{number}" for number in range(1, len(lines) - 1)]
     return np.array([list(bytes.fromhex(line.partition("#")[2].rstrip(";"))) for line in lines[1:-1]])
+
+
+def read_scss(path: Path) -> NDArray[Any]:
+    lines = path.read_text().splitlines()
+    assert [line.split(":")[0] for line in lines] == [f"$a-{number}" for number in range(1, len(lines) + 1)]
+    return np.array([list(bytes.fromhex(line.partition("#")[2].rstrip(";"))) for line in lines])
+
+
+def read_svg(path: Path) -> NDArray[Any]:
+    squares = ElementTree.parse(path).getroot().findall("{*}rect")
+    assert len({(square.get("x"), square.get("y")) for square in squares}) == len(squares)
+    return np.array([list(bytes.fromhex(square.get("fill", "")[1:])) for square in squares])
 
 
 def read_act(path: Path) -> NDArray[Any]:
@@ -109,6 +122,8 @@ READERS: dict[str, Reader] = {
     ".gpl": read_gpl,
     ".hex": read_hex,
     ".css": read_css,
+    ".scss": read_scss,
+    ".svg": read_svg,
     ".act": read_act,
     ".ase": read_ase,
     ".png": read_png,

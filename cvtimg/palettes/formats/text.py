@@ -14,6 +14,8 @@ from cvtimg.pictures.formats.opening import UnfitContentError
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
+_VARIABLE = re.compile(r"\$[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;!]|$)")
+_FILL = re.compile(r"fill\s*[=:]\s*[\"']?(#[0-9a-fA-F]+|[a-zA-Z]+)")
 #: RIFF, size, "PAL data", size, version, number of colors.
 _RIFF_HEADER = 24
 
@@ -113,11 +115,44 @@ def _css_property(code: str) -> tuple[int, ...] | None:
         return None
 
 
+def _css_name(swatches: Swatches) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
+
+
 def write_css(swatches: Swatches) -> bytes:
     """Write CSS custom properties ``--name-1: #rrggbb;`` in one ``:root`` rule."""
-    name = re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
-    rows = (f"  --{name}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
+    rows = (f"  --{_css_name(swatches)}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
     return f":root {{\n{''.join(rows)}}}\n".encode()
+
+
+def read_scss(content: bytes) -> NDArray[np.uint8]:
+    """Read variables of SCSS that are colors."""
+    text = _COMMENT.sub("", content.decode("utf-8-sig", "replace"))
+    return as_palette(color for code in _VARIABLE.findall(text) if (color := _css_property(code)))
+
+
+def write_scss(swatches: Swatches) -> bytes:
+    """Write SCSS variables ``$name-1: #rrggbb;``."""
+    rows = (f"${_css_name(swatches)}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
+    return "".join(rows).encode()
+
+
+def read_svg(content: bytes) -> NDArray[np.uint8]:
+    """Read the distinct colors that shapes of an SVG drawing are filled with, in the order of the file."""
+    found = _FILL.findall(content.decode("utf-8-sig", "replace"))
+    return as_palette(dict.fromkeys(color for code in found if (color := _css_property(code))))
+
+
+def write_svg(swatches: Swatches) -> bytes:
+    """Write a drawing of squares in rows of 16, each with its code as a title."""
+    side, codes = 40, swatches.hexes()
+    squares = "".join(
+        f'<rect x="{i % 16 * side}" y="{i // 16 * side}" width="{side}" height="{side}" fill="{code}">'
+        f"<title>{code}</title></rect>\n"
+        for i, code in enumerate(codes)
+    )
+    width, height = min(len(codes), 16) * side, -(-len(codes) // 16) * side
+    return f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}">\n{squares}</svg>\n'.encode()
 
 
 def read_json(content: bytes) -> NDArray[np.uint8]:
