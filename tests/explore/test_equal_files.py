@@ -130,7 +130,7 @@ def opened(store: Store, pixels: NDArray[Any], name: str = "my scene.png", **opt
 def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, Any]) -> Request:
     checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
     window = Window.of(None, picture.size, 1 << 20)
-    return Request(picture, checked, store.files, window, lambda step, energy: False)
+    return Request(picture, checked, store.files, window)
 
 
 def check_equal(
