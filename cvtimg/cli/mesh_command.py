@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
+from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
 from cvtimg.cli.running import run_plan
 from cvtimg.options.mesh_options import GRADE
@@ -29,14 +29,13 @@ def mesh(given: Given) -> int:
     """Divide masks, label images and polygons into triangles that are nearly equilateral.
 
     Vertices are generators of a centroidal Voronoi tessellation. Segments side by side share the vertices on their
-    border, and triangles are tagged by labels. Give -n, --edge-length, --size, or -n and --size.
+    border, and triangles are tagged by labels. Give -n, --edge-length, --size, -n and --size, or nothing for as many
+    vertices as borders need.
 
     Stacks of voxels are filled with tetrahedra (experimental); they take -n or --edge-length, and -o .vtu or .msh.
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-mesh.vtu beside it.
     """
-    if given.n is None and given.edge_length is None and given.size is None:
-        raise WrongUsageError("give -n, --edge-length, --size, or -n and --size")
     output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
     outputs = {"-o": output, "--plot": given.plot}
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])

@@ -28,7 +28,7 @@ _PARTS, _LEAST_PASSES, _PASSES = 256, 3, 12
 _NEAR, _NEAR_PIXELS = 0.4, 0.5
 #: Edges at a corner that meet at less than this angle, in degrees, where their lines do at one so much larger, are too
 #: long; but on contours of pixels none are made shorter than this.
-_NARROW, _WIDER, _PIXELS = 12.0, 1.5, 2.0
+_NARROW, _WIDER, _PIXELS = 25.0, 1.5, 2.0
 #: But where two lines meet at an angle with less than this sine, sizes that grow from the corner are as good as can be
 #: within so many lengths of the edge: shorter edges there would only move what is narrow nearer to the corner.
 _SHARP, _TIP = 0.42, 5.0

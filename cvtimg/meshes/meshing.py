@@ -24,6 +24,7 @@ from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
+from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
 from cvtimg.meshes.projection import project_to_borders
 from cvtimg.meshes.relaxation import Relaxed, relax
@@ -34,6 +35,8 @@ from cvtimg.placement import as_region
 
 Points = NDArray[np.float64]
 
+#: Where nothing is said of sizes, edges are no longer than the diagonal of the region by this number.
+_PARTS = 70
 #: More vertices than this need more memory than machines have.
 _MOST_VERTICES = 1 << 26
 #: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
@@ -50,19 +53,20 @@ _COARSER = (1.1, 1.25, 1.5, 2.0, 4.0, 10.0, 100.0)
 
 @dataclass(frozen=True, slots=True)
 class MeshEffort:
-    """How long vertices move: moves at most, when they rest, sweeps that even edges, and trials for small meshes."""
+    """Moves of vertices at most, when they rest, sweeps that even edges, trials of small meshes, rounds of mending."""
 
     moves: int
     tolerance: float
     sweeps: int
     trials: int
+    mends: int
 
 
 #: The registry: names for `effort`.
 EFFORTS: dict[str, MeshEffort] = {
-    "fast": MeshEffort(10, 1e-2, 2, 1),
-    "balanced": MeshEffort(15, 1e-3, 2, 4),
-    "best": MeshEffort(300, 1e-4, 5, 24),
+    "fast": MeshEffort(10, 1e-2, 2, 1, 4),
+    "balanced": MeshEffort(15, 1e-3, 2, 4, 10),
+    "best": MeshEffort(300, 1e-4, 5, 24, 20),
 }
 #: How vertices come to the boundary.
 BOUNDARIES = ("placed", "projected")
@@ -79,6 +83,8 @@ _SHARES = (1.0, 0.95, 1.0, 0.9)
 #: Where sizes vary, sweeps in the end lower the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
 _SMOOTHING, _POWER = 2, 8
+#: No edge on a border between pixels is made shorter than this, in pixels, to mend small angles.
+_SHORTEST = 1.0
 #: and a last sweep makes edges even again by this part of its steps: with 0 mean quality is best, with 1 lengths are.
 _EVEN_AGAIN = 0.55
 
@@ -107,12 +113,14 @@ def mesh_region(
         or by 10 between long sides, become vertices. The contour of a mask is smoothed by up to 0.7 pixels, and keeps
         its area.
     n : int, optional
-        Number of vertices. With `size`, only the ratios of sizes count then.
+        Number of vertices. With `size`, only the ratios of sizes count then. If nothing is said of sizes, edges are up
+        to 1/70 of the diagonal long, and shorter where borders need that for angles of 30 degrees: the number of
+        vertices fits the region.
     edge_length : float, optional
-        Length of edges, the same everywhere.
+        Length of edges, the same everywhere, but shorter where borders need that.
     size : (H, W) array or callable, optional
         Length of edges at each place: an image, at places (x, y) in pixels; or a function from (M, 2) points to (M,)
-        sizes, such as a `MeshSize`. Give `n`, `edge_length`, `size`, or `n` and `size`.
+        sizes, such as a `MeshSize`. Give `n`, `edge_length`, `size`, `n` and `size`, or none of them.
     grade : float
         How much sizes may grow for each unit of length, > 0; more where `n` is too small for that.
     min_size : float
@@ -149,7 +157,9 @@ def mesh_region(
     Vertices on the boundary are placed first, at equal steps by the sizes, and closer where two parts of the boundary
     are near to each other. A constrained Delaunay triangulation follows, in which inner vertices move to the centers
     of mass of their cells, with density size^-4, while edges flip. In the end vertices move a little so that edges are
-    even; those on the boundary of a polygon slide along it, but for corners. Small meshes of one size are made several
+    even; those on the boundary of a polygon slide along it, but for corners. Where angles below 30 degrees are left at
+    borders, edges there are split, as in Delaunay refinement, and vertices inside move; with `n`, others are taken away
+    where edges are short. Angles that the borders themselves have stay. Small meshes of one size are made several
     times, with more or fewer vertices on the boundary, and the most regular one is returned.
 
     References
@@ -158,6 +168,9 @@ def mesh_region(
     Mathematics and Computation 133 (2002) 591-607, doi 10.1016/S0096-3003(01)00260-0.
 
     M. Gunzburger, Centroidal Voronoi tessellations, lecture.
+
+    J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh generation, Journal of Algorithms 18
+    (1995) 548-585, doi 10.1006/jagm.1995.1021.
 
     Examples
     --------
@@ -170,7 +183,7 @@ def mesh_region(
     optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
     outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
     check_choice("boundary", boundary, BOUNDARIES)
-    wanted = _Wanted.checked(n, edge_length, size, grade, least, metric)
+    wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     if boundary == "projected":
         check_that("metric", metric is None, "not be given with boundary='projected'")
         return _projected(outline, wanted, fixed, np.random.default_rng(rng))
@@ -230,7 +243,8 @@ def mesh_labels(
     segments = check_labels("labels", labels)
     least = check_non_negative("min_size", min_size)
     outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
-    return _mesh(outline, _Wanted.checked(n, edge_length, size, grade, least), None, effort, rng)
+    wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter)
+    return _mesh(outline, wanted, None, effort, rng)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -251,21 +265,21 @@ class _Wanted:
         size: SizeLike | None,
         grade: float,
         least: float,
+        diameter: float,
         metric: MatrixFunction | None = None,
     ) -> _Wanted:
         if n is not None:
             check_count("n", n, _MOST_VERTICES, "what memory holds")
         ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
         given = [name for name, value in ways.items() if value is not None]
-        is_enough = given in (["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
-        demand = "be n, edge_length, size, metric, n and size, or n and metric"
-        check_that(" and ".join(given) or "nothing", is_enough, demand)
+        is_clear = given in ([], ["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
+        check_that(" and ".join(given), is_clear, "be n, edge_length, size, metric, n and size, or n and metric")
         if edge_length is not None:
             check_positive("edge_length", edge_length)
         check_positive("grade", grade)
-        return cls(
-            n, next((each for each in (edge_length, size) if each is not None), 1.0), float(grade), least, metric
-        )
+        otherwise = 1.0 if given else diameter / _PARTS
+        wanted = next((each for each in (edge_length, size) if each is not None), otherwise)
+        return cls(n, wanted, float(grade), least, metric)
 
 
 def _mesh(
@@ -314,6 +328,10 @@ def _made(
         if varies:
             mesh.even(field.metric(mesh.points), _EVEN_AGAIN)
             mesh.flip(None)
+        shortest = 0.0 if outline.mask is None else _SHORTEST
+        mesh = mend(
+            mesh, field, wanted.grade, shortest=shortest, rounds=settings.mends, keep_number=wanted.n is not None
+        )
     return [*made, _result(mesh, relaxed, wanted.n)]
 
 

@@ -135,9 +135,13 @@ class PlaneTriangulation(HalfEdges):
         """Go back to what `state` returned."""
         self.points, self.triangles, self.twins, self.borders, self.outgoing = state
 
+    def half_edges_on_borders(self) -> NDArray[np.intp]:
+        """Return one half-edge (E,) of each edge that stays."""
+        return np.flatnonzero(self._each_once() & (self.borders.ravel() > 0))
+
     def border_edges(self) -> Triangles:
         """Return the (E, 2) edges that stay, each once."""
-        return self.edges[self._each_once() & (self.borders.ravel() > 0)]
+        return self.edges[self.half_edges_on_borders()]
 
     def _each_once(self) -> NDArray[np.bool_]:
         """Select one half-edge of each edge."""

@@ -105,7 +105,6 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "status", "message"),
     [
-        (["mesh", "mask.png"], 2, "give -n, --edge-length, --size"),
         (["mesh", "mask.png", "-n", "9", "--edge-length", "1"], 2, "-n and --edge-length exclude each other"),
         (["mesh", "mask.png", "-n", "9", "--over", "mask.png"], 2, "--over needs --plot"),
         (["mesh", "mask.png", "-n", "9", "-o", "a.txt"], 2, ".vtu"),

@@ -323,7 +323,6 @@ def test_energy_falls() -> None:
         ({"region": [[0, 0], [1, 1]], "n": 9}, r"\(N, 2\) coordinates, N >= 3"),
         ({"region": np.zeros((4, 4), bool), "n": 9}, "region is empty"),
         ({"region": L_SHAPE, "n": 5}, "n=5 must be at least 6"),
-        ({"region": L_SHAPE}, "nothing must be n, edge_length"),
         ({"region": L_SHAPE, "n": 9, "edge_length": 1}, "n and edge_length must be"),
         ({"region": L_SHAPE, "edge_length": 0}, "edge_length=0 must be"),
         ({"region": L_SHAPE, "edge_length": np.nan}, "edge_length=nan must be"),
@@ -413,6 +412,33 @@ def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
 def test_fixed_points_at_one_place_are_refused() -> None:
     with pytest.raises(ValueError, match="fixed has points 0 and 1, nearer to each other than"):
         mesh_region(L_SHAPE, n=100, fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]])
+
+
+def blobs(seed: int) -> NDArray[np.int64]:
+    fields = gaussian_filter(np.random.default_rng(seed).normal(size=(3, 160, 160)), (0, 6, 6))
+    return 1 + fields.argmax(axis=0)
+
+
+def test_small_angles_at_borders_are_mended_with_exact_numbers_and_areas() -> None:
+    labels = blobs(0)
+    mesh = mesh_labels(labels, n=3000)
+    each = measure_triangles(mesh.points, mesh.triangles)
+    assert len(mesh.points) == 3000
+    assert each.least_angles.min() > 20
+    assert (each.least_angles < 30).mean() < 0.002
+    areas = np.bincount(mesh.tags, each.areas)
+    assert areas == pytest.approx(np.bincount(labels.ravel()), rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_without_sizes_a_mesh_has_the_vertices_that_its_borders_need(seed: int) -> None:
+    mesh = mesh_labels(blobs(seed))
+    measures = mesh.measures()
+    assert measures.least_angle > 20
+    assert measures.below_30 < 0.001
+    assert measures.mean_quality > 0.95
+    assert mesh.n_wanted is None
+    assert len(mesh_region(L_SHAPE).points) < len(mesh.points)
 
 
 @pytest.mark.slow

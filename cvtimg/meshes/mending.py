@@ -1,0 +1,154 @@
+"""Small angles at borders: edges there are split and vertices added, as in Delaunay refinement, and others taken away.
+
+J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh generation, Journal of Algorithms 18 (1995)
+548-585, doi 10.1006/jagm.1995.1021.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.halfedges import measure_triangles
+from cvtimg.meshes.fields import Field
+from cvtimg.meshes.relaxation import relax
+from cvtimg.meshes.triangulation import FREE, Borders, PlaneTriangulation
+
+Points = NDArray[np.float64]
+
+#: Triangles with a smaller angle, in degrees, are mended.
+_SMALL = 30.0
+#: Edges at corners of borders with less than this are not split, for that never ends.
+_TIP = 15.0
+#: Rounds without a gain before it is given up.
+_PATIENCE = 3
+#: In each round, vertices move so often, and triangles are smoothed so often by this power of their cost.
+_MOVES, _SMOOTHING, _POWER = 8, 2, 8
+#: Vertices are taken away where new ones are nearer than this part of the new edges, then where edges are short.
+_NEAR = 0.7
+
+
+def mend(
+    mesh: PlaneTriangulation, field: Field, grade: float, *, shortest: float, rounds: int, keep_number: bool
+) -> PlaneTriangulation:
+    """Return a mesh with fewer small angles, and, if asked, as many vertices.
+
+    New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay. Sizes grow by
+    `grade` from there.
+    """
+    best, least, since = mesh, _badness(mesh), 0
+    for _ in range(rounds):
+        ends = mesh.border_edges()
+        split, added, radii = _refined(mesh, ends, shortest)
+        a, b = mesh.points[ends[split]].transpose(1, 0, 2)
+        places = np.concatenate([(a + b) / 2, added])
+        sizes = np.concatenate([np.linalg.norm(b - a, axis=1) / 2, radii])
+        if not len(places) or since == _PATIENCE:
+            break
+        inner = _thinned(mesh, field, places, sizes) if keep_number else mesh.points[mesh.fixed == FREE]
+        if inner is None:
+            break
+        mesh = PlaneTriangulation.constrained(_with_middles(mesh, split), np.concatenate([inner, added]))
+        field = field.lowered(places, sizes, grade)
+        relax(mesh, field.metric, isotropic=True, most=_MOVES, tolerance=0.0)
+        for _ in range(_SMOOTHING):
+            mesh.smooth(field.metric(mesh.points), _POWER)
+            mesh.flip(None)
+        badness, since = _badness(mesh), since + 1
+        if badness < least:
+            best, least, since = mesh, badness, 0
+    return best
+
+
+def _badness(mesh: PlaneTriangulation) -> float:
+    """Sum the degrees by which least angles are too small."""
+    angles = measure_triangles(mesh.points, mesh.triangles).least_angles
+    return float(np.maximum(_SMALL - angles, 0).sum())
+
+
+def _refined(
+    mesh: PlaneTriangulation, ends: NDArray[np.int32], shortest: float
+) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
+    """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
+
+    They are the circumcenters of bad triangles; where one is in the circle over a border edge, that is split instead.
+    """
+    from scipy.spatial import cKDTree
+
+    a, b = mesh.points[ends].transpose(1, 0, 2)
+    middles, halves = (a + b) / 2, np.linalg.norm(b - a, axis=1) / 2
+    bad, centers, radii, tips = _bad(mesh)
+    may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1)
+    near = cKDTree(middles).query_ball_point(centers, halves.max())
+    found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
+    split, added = np.zeros(len(ends), bool), np.zeros(len(bad), bool)
+    taken = np.zeros(len(mesh.points), bool)
+    for k, triangle in enumerate(mesh.triangles[bad]):
+        if taken[triangle].any():
+            continue
+        hit = np.array(near[k], np.intp)
+        hit = hit[np.linalg.norm(middles[hit] - centers[k], axis=1) < halves[hit]]
+        added[k] = not len(hit) and shares[k].min() > 0
+        hit = hit[may_split[hit]]
+        split[hit] = True
+        if added[k] or len(hit):
+            taken[triangle] = taken[ends[hit]] = True
+            taken[mesh.triangles[found[k]]] |= added[k]
+    return split, centers[added], radii[added]
+
+
+def _bad(mesh: PlaneTriangulation) -> tuple[NDArray[np.intp], Points, NDArray[np.float64], NDArray[np.int32]]:
+    """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
+    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+    sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)
+    shortest, each = sides.argmin(axis=1), np.arange(len(sides))
+    is_corner = (mesh.borders[each, shortest - 1] > 0) & (mesh.borders[each, shortest - 2] > 0)
+    angles = measure_triangles(mesh.points, mesh.triangles).least_angles
+    tips = mesh.triangles[each, shortest - 1][is_corner & (angles < _TIP)]
+    bad = np.flatnonzero((angles < _SMALL) & ~is_corner)
+    bad = bad[np.argsort(angles[bad], kind="stable")]
+    (bx, by), (cx, cy) = (b[bad] - a[bad]).T, (c[bad] - a[bad]).T
+    bb, cc = bx * bx + by * by, cx * cx + cy * cy
+    steps = np.stack([cy * bb - by * cc, bx * cc - cx * bb], axis=1) / (2 * (bx * cy - by * cx))[:, None]
+    return bad, a[bad] + steps, np.linalg.norm(steps, axis=1), tips
+
+
+def _thinned(mesh: PlaneTriangulation, field: Field, places: Points, sizes: NDArray[np.float64]) -> Points | None:
+    """Return the vertices inside but for as many as there are new places; None if there are not so many apart."""
+    from scipy.spatial import cKDTree
+
+    n, free = len(mesh.points), mesh.fixed == FREE
+    start, end = mesh.edges.T
+    lengths = np.linalg.norm(mesh.points[start] - mesh.points[end], axis=1) * np.sqrt(
+        field.metric(mesh.points)[start, 0]
+    )
+    shortest = np.full(n, np.inf)
+    np.minimum.at(shortest, start, lengths)
+    gaps, new = cKDTree(places).query(mesh.points)
+    shortest[gaps < _NEAR * sizes[new]] = 0
+    # No two of them are neighbors: each has shorter edges than all around.
+    rank = np.full(n, n)
+    rank[np.argsort(np.where(free, shortest, np.inf), kind="stable")] = np.arange(n)
+    least = np.full(n, n)
+    np.minimum.at(least, start, rank[end])
+    apart = np.flatnonzero(free & (rank < least))
+    if len(apart) < len(places):
+        return None
+    free[apart[np.argsort(rank[apart])[: len(places)]]] = False
+    return mesh.points[free]
+
+
+def _with_middles(mesh: PlaneTriangulation, split: NDArray[np.bool_]) -> Borders:
+    """Return the borders of a mesh, with some edges (E,) in two halves."""
+    edges = mesh.half_edges_on_borders()
+    kept = mesh.fixed != FREE
+    number = np.cumsum(kept, dtype=np.int32) - 1
+    a, b = number[mesh.edges[edges]].T
+    beyond = mesh.twins.ravel()[edges]
+    sides = np.stack([mesh.tags[edges // 3], np.where(beyond < 0, 0, mesh.tags[beyond // 3])], axis=1).astype(np.int32)
+    points = np.concatenate([mesh.points[kept], mesh.points[mesh.edges[edges[split]]].mean(axis=1)])
+    middle = np.arange(kept.sum(), len(points), dtype=np.int32)
+    halves = [[a[~split], b[~split]], [a[split], middle], [middle, b[split]]]
+    return Borders(
+        points, np.concatenate(halves, axis=1).T, np.concatenate([sides[~split], sides[split], sides[split]])
+    )
