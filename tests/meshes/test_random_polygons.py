@@ -217,6 +217,7 @@ if __name__ == "__main__":  # python tests/meshes/test_random_polygons.py 1000: 
         try:
             outcome = outcome_of(seed)
         except Exception as error:  # all are told, and the rest go on
-            outcome = f"seed {seed}: {error!r}"
+            outcome = "a fault"
+            print(f"seed {seed}: {error!r}", flush=True)
         outcomes[outcome] = outcomes.get(outcome, 0) + 1
     print(*(f"{count:5} {outcome}" for outcome, count in sorted(outcomes.items())), sep="\n")
