@@ -182,7 +182,7 @@ VOLUME_POWER = passed(
 AVERAGING_NAMES = ("none", *get_args(AveragingName))
 AVERAGING = Option(
     "averaging",
-    Choice(AVERAGING_NAMES, {"before": "of the picture, before", "after": "of the segments, after"}),
+    Choice(AVERAGING_NAMES, {"before": "of the image, before", "after": "of the segments, after"}),
     "Smooth noise, before or after pixels are assigned to segments.",
     default="none",
 ).on_page("Averaging", about="Against noise.")
