@@ -57,8 +57,8 @@ def quantize(given: Given) -> int:
     """Reduce images to the N colors that represent them with the least error.
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
-    take all colors from --palette. With --quality or --goal eyes, and if nothing is given, images get up to 256 colors,
-    and the file is made small where the eye does not see it.
+    take the colors of --palette, or with -k the best of them. With --quality or --goal eyes, and if nothing is given,
+    images get up to 256 colors, and the file is made small where the eye does not see it.
 
     Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
     become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after
@@ -112,7 +112,8 @@ def quantize(given: Given) -> int:
             write_palette(given.save_palette, palette, overwrite=running.overwrite or given.skip_existing)
             plan.joint = {}
     if palette is not None:
-        how = {"palette": palette, **{name: value for name, value in how.items() if name not in _FINDING}}
+        known = _FINDING if given.shared_palette else _FINDING[1:]
+        how = {"palette": palette, **{name: value for name, value in how.items() if name not in known}}
     columns: tuple[str, ...] = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     if for_eyes:
         columns = tuple("quality" if name == "energy" else name for name in columns)

@@ -75,8 +75,9 @@ QUANTIZE = (
     ),
     file(
         "palette",
-        "Use the colors of a palette file or of an image, or a palette by name: cga, game-boy, nes, pico-8, web-safe.",
-        excludes=(*_AIMS, "lock", "weight_map"),
+        "Use the colors of a palette file or of an image, or a palette by name: cga, game-boy, nes, pico-8, web-safe; "
+        "with -k, the best of them.",
+        excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
     ),
     Option(
         "lock",

@@ -18,7 +18,7 @@ from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
 from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
-from cvtimg.quantization.palette_search import EngineOptions, Palette, check_room, find_palette, fixed_colors
+from cvtimg.quantization.palette_search import EngineOptions, Palette, best_of, check_room, find_palette, fixed_colors
 from cvtimg.quantization.remapping import MAX_COLORS
 
 #: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
@@ -71,7 +71,9 @@ class QuantizeOptions:
     def check(self, **others: object) -> None:
         """Require an aim, and refuse aims and other options that exclude each other."""
         if self.palette is not None:
-            found = {"n_colors": self.n_colors, "locked": self.locked, "psnr": self.psnr, **others, **self.engine}
+            if self.n_colors == "auto":
+                refuse("n_colors", self.n_colors, "a number with palette")
+            found = {"locked": self.locked, "psnr": self.psnr, **others, **self.engine}
             check_alone("palette", [name for name, value in found.items() if value is not None])
         elif self.psnr is None:
             check_given("n_colors, psnr or palette", self.n_colors)
@@ -125,6 +127,9 @@ def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     if how.palette is None:
         n_colors: Any = how.n_colors
         return partial(find_palette, n_colors=n_colors, space=how.space, locked=how.locked, **how.engine)
+    if how.n_colors is not None:
+        n_colors = how.n_colors
+        return partial(best_of, palette=how.palette, n_colors=n_colors, space=how.space)
     colors = np.array(how.palette)
     given = Palette(colors, None, colors.shape[1:] == (4,))
     return lambda samples: given

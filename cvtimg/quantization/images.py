@@ -65,7 +65,7 @@ def quantize(
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
         the transparent color. "auto" uses the elbow of the energy curve, which the result then contains; see
-        `EnergyCurve.elbow`. With `psnr`, optional and the maximum size. Not allowed with `palette`.
+        `EnergyCurve.elbow`. With `psnr`, optional and the maximum size.
     alpha : bool, optional
         Whether the last channel is alpha. Then colors count as far as they are visible, opaque pixels stay opaque, and
         fully transparent pixels stay so. By default that of a Pillow image with alpha, and of an array that
@@ -80,7 +80,8 @@ def quantize(
         Color space in which distances are measured and means taken. All but "rgb" need gray or RGB, with or without
         alpha.
     palette : (K, C) array, optional
-        Colors to map the image to, in its units, instead of finding a palette.
+        Colors to map the image to, in its units, instead of finding a palette. With `n_colors`, those of them that
+        represent it best.
     palette_hint : (K, C) array, optional
         The palette of an indexed file, from `read_palette`. If it has at most `n_colors` colors and the image no
         others, it is kept, so that indices keep their meaning; otherwise it plays no part.

@@ -28,6 +28,8 @@ from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
 _SHOWN = 256
 #: Side of the cubes of Oklab in which colors count together, and the power of their number that counts.
 _CUBE, _POWER = 0.05, 0.4
+#: Places of which colors of a palette are chosen; the error of 4096 is that of all within a few percent.
+_MOST_PLACES = 4096
 _REST = Stopping(tolerance=1e-4, max_iterations=100)
 #: Moves to the means of cells would undo the effect of their weights.
 _AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
@@ -207,6 +209,54 @@ def main_palette(image: ColorSamples | ArrayLike, n_colors: int = 6, **engine: U
     masses = np.bincount(cubes, samples.density)[cubes]
     evened = samples.density * np.where(masses > 0, masses, 1) ** (_POWER - 1)
     return find_palette(replace(samples, density=evened), n_colors, space="oklab", **engine)
+
+
+def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: SpaceName) -> Palette:
+    """Choose the colors of a palette that represent samples with the least error, in the order of the palette.
+
+    They are added one by one, and then exchanged as long as that lowers the error (M. B. Teitz, P. Bart, Operations
+    Research 16 (1968) 955-961).
+    """
+    from scipy.spatial.distance import cdist
+
+    given = check_colors("palette", palette, samples.colors.dtype)
+    check_count("n_colors", n_colors, len(given), "the number of colors of the palette")
+    samples, colors = agree(samples, given)
+    if n_colors == len(given):
+        return Palette(colors, None, samples.alpha)
+    if len(given) > _MOST_PLACES:
+        raise ValueError(f"palette must have at most {_MOST_PLACES} colors to choose from, not {len(given)}")
+    places, ends = (to_places(some, space, samples.alpha).astype(float) for some in (samples.colors, colors))
+    places, density = _merged(places, samples.density)
+    errors = density[:, None] * cdist(places, ends, "sqeuclidean")
+    chosen: list[int] = []
+    least = np.full(len(places), np.inf)
+    for _ in range(n_colors):
+        sums = np.minimum(least[:, None], errors).sum(axis=0)
+        sums[chosen] = np.inf
+        chosen.append(int(sums.argmin()))
+        least = np.minimum(least, errors[:, chosen[-1]])
+    left_out = 0
+    while left_out < n_colors:  # none of the last exchanges helped
+        others = errors[:, chosen[1:]].min(axis=1, initial=np.inf)
+        sums = np.minimum(others[:, None], errors).sum(axis=0)
+        sums[chosen[1:]] = np.inf
+        best = int(sums.argmin())
+        left_out = left_out + 1 if sums[best] >= sums[chosen[0]] else 0
+        chosen = [*chosen[1:], best if not left_out else chosen[0]]
+    return Palette(colors[sorted(chosen)], None, samples.alpha)
+
+
+def _merged(places: NDArray[Any], density: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the means and masses of places in cubes, as small as keeps these few."""
+    size = np.ptp(places, axis=0).max() / _MOST_PLACES
+    while len(places) > _MOST_PLACES:
+        cubes = np.unique(np.floor(places / size), axis=0, return_inverse=True)[1].reshape(-1)
+        masses = np.bincount(cubes, density)
+        sums = np.stack([np.bincount(cubes, density * column) for column in places.T], axis=1)
+        places, density = sums[masses > 0] / masses[masses > 0, None], masses[masses > 0]
+        size *= 2
+    return places, density
 
 
 def shared_palette(

@@ -481,7 +481,7 @@ PICTURE = "pictures/rgb.png"
     ("arguments", "parts"),
     [
         ([PICTURE, "--goal", "error"], ["one of -k, --quality, --psnr, --max-bytes and --palette must be given"]),
-        ([PICTURE, "--palette", "p.gpl", "-k", "4"], ["--palette and -k exclude each other"]),
+        ([PICTURE, "--palette", "p.gpl", "-k", "auto"], ["--palette and -k auto exclude each other"]),
         ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
         ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
         ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),

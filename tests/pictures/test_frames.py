@@ -356,8 +356,8 @@ def test_a_quantized_animation_comes_back(
 def test_a_given_palette_is_taken(photograph: NDArray[Any]) -> None:
     result = quantize_frames(film(photograph), palette=PALETTE)
     assert all((one.palette == PALETTE).all() for one in result.results)
-    with pytest.raises(ValueError, match="palette must not be given with n_colors"):
-        quantize_frames(film(photograph), 4, palette=PALETTE)
+    with pytest.raises(ValueError, match="palette must not be given with locked"):
+        quantize_frames(film(photograph), locked=PALETTE, palette=PALETTE)
     with pytest.raises(TypeError, match="n_colors, psnr or palette must be given"):
         quantize_frames(film(photograph))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import reference
 from numpy.typing import NDArray
 
 from cvtimg import find_palette, quantize
+from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors import SPACES, color_samples, merge_samples
 from cvtimg.colors.spaces import to_space
@@ -201,9 +203,9 @@ def test_more_than_256_colors_of_16_bits(photograph: NDArray[Any]) -> None:
     assert result.psnr > 40
 
 
-@pytest.mark.parametrize("name", ["n_colors", "psnr", "locked", "weights", "effort"])
+@pytest.mark.parametrize("name", ["psnr", "locked", "weights", "effort"])
 def test_a_given_palette_leaves_nothing_to_find(name: str, photograph: NDArray[Any]) -> None:
-    value = {"n_colors": 4, "psnr": 30, "locked": LOCKED, "weights": np.ones((8, 8)), "effort": "best"}[name]
+    value = {"psnr": 30, "locked": LOCKED, "weights": np.ones((8, 8)), "effort": "best"}[name]
     with pytest.raises(ValueError, match=f"palette must not be given with {name}"):
         quantize(photograph[:8, :8], palette=LOCKED, **{name: value})
 
@@ -258,3 +260,19 @@ def test_a_callback_that_returns_true_stops_with_the_best_colors_so_far(photogra
     assert stopped.tessellation is not None
     assert whole.tessellation is not None
     assert stopped.tessellation.energy > whole.tessellation.energy
+
+
+@pytest.mark.parametrize("space", ["rgb", "oklab"])
+def test_the_best_colors_of_a_palette_have_the_least_error_of_all_choices(space: SpaceName) -> None:
+    rng = np.random.default_rng(3)
+    image, palette = rng.integers(0, 256, (12, 9, 3), np.uint8), rng.integers(0, 256, (8, 3), np.uint8)
+    result = quantize(image, 3, palette=palette, space=space)
+    places, ends = (to_space(some.reshape(-1, 3), space).astype(float) for some in (image, palette))
+    errors = ((places[:, None] - ends) ** 2).sum(axis=2)
+    best = min(combinations(range(8), 3), key=lambda chosen: errors[:, chosen].min(axis=1).sum())
+    np.testing.assert_array_equal(result.palette, palette[list(best)])
+
+
+def test_more_colors_than_a_palette_has_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"n_colors=4 must be .*1\.\.3"):
+        quantize(np.zeros((2, 2, 3), np.uint8), 4, palette=np.eye(3, dtype=np.uint8))
