@@ -22,8 +22,20 @@ from cvtimg._shared.extras import Extra, needs
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
-    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "oxipng"),
-    *("pyarrow", "pythoncdt", "shapely", "sklearn", "starlette", "trimesh", "uvicorn", "websockets", "zarr"),
+    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
+    *(
+        "oxipng",
+        "pyarrow",
+        "pymetis",
+        "pythoncdt",
+        "shapely",
+        "sklearn",
+        "starlette",
+        "trimesh",
+        "uvicorn",
+        "websockets",
+        "zarr",
+    ),
 )
 #: An installation without them.
 BARE = """

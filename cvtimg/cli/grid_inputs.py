@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.extras import optional
 from cvtimg.files.remote import exists, local_copy
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from cvtimg.sphere import CellWidth
 
 #: How far points of a file may be from their sphere, by its radius.
 _OFF_THE_SPHERE = 1e-6
@@ -44,6 +47,43 @@ def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
     return parts or None
 
 
+def read_width(width: float | Path, circles: list[tuple[Any, ...]]) -> CellWidth:
+    """Return widths of cells in km: one, or a map of them, with circles of finer cells."""
+    from cvtimg.sphere import CellWidth, WidthCircle
+
+    return CellWidth(_width_map(width) if isinstance(width, Path) else width, [WidthCircle(*one) for one in circles])
+
+
+def _width_map(path: Path) -> NDArray[np.float64]:
+    from cvtimg.sphere import width_map
+
+    if path.suffix.lower() != ".nc":
+        return read_globe("--cell-width", path)
+    if not exists(path):
+        raise FileNotFoundError(f"--cell-width {path}: no such file")
+    with local_copy(path) as file:
+        table = read_netcdf(file, ("lon", "lat", "cellWidth"))
+    try:
+        return width_map(table["lon"], table["lat"], table["cellWidth"])
+    except ValueError as error:
+        raise ValueError(f"--cell-width {path}: {error}") from error
+
+
+def read_netcdf(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+    """Read variables of a netCDF file; netCDF4 reads those in the format of HDF5."""
+    import numpy as np
+    from scipy.io import netcdf_file
+
+    with path.open("rb") as file:
+        is_classic = file.read(3) == b"CDF"
+    opened = netcdf_file(path, "r", mmap=False) if is_classic else optional("netCDF4", "globe").Dataset(path)
+    with opened as content:
+        missing = [name for name in names if name not in content.variables]
+        if missing:
+            raise ValueError(f"{path} must have the variables {', '.join(names)}; it has no {missing[0]}")
+        return {name: np.array(content.variables[name][:], np.float64) for name in names}
+
+
 def read_grid_points(path: Path) -> NDArray[np.float64]:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np
@@ -67,10 +107,8 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
 
 def _from_netcdf(path: Path) -> NDArray[np.float64]:
     import numpy as np
-    from scipy.io import netcdf_file
 
-    with netcdf_file(path, "r", mmap=False) as content:
-        return np.stack([np.array(content.variables[f"{axis}Cell"][:], np.float64) for axis in "xyz"], axis=1)
+    return np.stack(list(read_netcdf(path, ("xCell", "yCell", "zCell")).values()), axis=1)
 
 
 def _from_table(path: Path) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   cvtimg sphere -n 40962 -o globe.nc
   cvtimg sphere -n 20000 --refine 10,50,20,4 -o europe.nc --plot europe.png --view 10 50
+  cvtimg sphere --cell-width 240km --refine -40,45,2000km,60km -o atlantic.nc
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
   cvtimg sphere -n 10000 --refine lights.png,6 -o cities.vtu
   cvtimg sphere -n 40962 --coast land.png -o ocean.nc
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
-COLUMNS = ("n", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
+COLUMNS = ("n", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
 
 
 def sphere(given: Given) -> int:
@@ -34,10 +36,15 @@ def sphere(given: Given) -> int:
 
     if not given.output.name.lower().endswith(tuple(GRID_FORMATS)):
         raise WrongUsageError(f"-o {given.output} must end in {', '.join(GRID_FORMATS)}")
-    given.finer = [_refinement(text) for text in given.refine or []]
+    if given.number is None and (given.cell_width is None or given.parent is not None):
+        raise WrongUsageError("give -n, the number of points" + (" or --cell-width" if given.parent is None else ""))
+    in_km = given.cell_width is not None
+    given.finer = [_circle_in_km(text) if in_km else _refinement(text) for text in given.refine or []]
+    given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
     pictures = [given.density, given.coast, given.parent, given.over]
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
+    pictures += [given.width] if isinstance(given.width, Path) else []
     plan = plan_alone({"-o": given.output, "--plot": given.plot}, also_read=pictures)
     return run_plan(plan, _sphere, COLUMNS, given)
 
@@ -50,6 +57,21 @@ def _refinement(text: str) -> tuple[Any, ...]:
             raise WrongUsageError(f"--refine {text} must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO")
         return Path(image), *_numbers("--refine", ratio, ("RATIO",))
     return _numbers("--refine", text, ("LON", "LAT", "RADIUS", "RATIO"))
+
+
+def _width(text: str) -> float | Path:
+    """Read a number of km, or the name of a file."""
+    with suppress(ValueError):
+        return float(text.removesuffix("km"))
+    return Path(text)
+
+
+def _circle_in_km(text: str) -> tuple[float, ...]:
+    """Read LON,LAT,RADIUS,WIDTH or LON,LAT,RADIUS,WIDTH,TRANSITION, lengths in km."""
+    names = ("LON", "LAT", "RADIUS", "WIDTH", "TRANSITION")
+    parts = text.split(",")
+    plain = ",".join(parts[:2] + [part.removesuffix("km") for part in parts[2:]])
+    return _numbers("--refine", plain, names[: 5 if len(parts) == 5 else 4])
 
 
 def _numbers(option: str, text: str, names: tuple[str, ...]) -> tuple[float, ...]:
@@ -66,21 +88,24 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.cli.grid_inputs import read_densities, read_globe, read_grid_points
+    from cvtimg.cli.grid_inputs import read_densities, read_globe, read_grid_points, read_width
     from cvtimg.sphere import Cap, coastal_grid, nested_grid
 
-    making = {"effort": given.effort, "rng": given.seed, "density": read_densities(given.density, given.finer)}
+    width = None if given.width is None else read_width(given.width, given.finer)
+    density = read_densities(given.density, given.finer) if width is None else width
+    making = {"effort": given.effort, "rng": given.seed, "density": density}
+    number = width.n_points if width is not None and given.number is None else given.number
     land = None if given.coast is None else read_globe("--coast", given.coast)
     old = None if given.parent is None else read_grid_points(given.parent)
     image = None if given.over is None else cvtimg.read_image(given.over)
     stopwatch.lap("read")
     found: SphereGrid
     if land is not None:
-        found = coastal_grid(given.number, land, **making)
+        found = coastal_grid(number, land, **making)
     elif old is not None and given.circle is not None:
         found = nested_grid(old, given.number, within=Cap(*given.circle), **making)
     else:
-        found = cvtimg.sphere_grid(given.number, **making)
+        found = cvtimg.sphere_grid(number, **making)
     stopwatch.lap("place")
     found.save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
     if "--plot" in task.outputs:
@@ -93,7 +118,15 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": found.energy,
         "offset": found.offset,
         **asdict(found.measures()),
+        **dict(zip(("least_width_km", "median_width_km", "largest_width_km"), _widths(found), strict=True)),
     }
+
+
+def _widths(grid: SphereGrid) -> list[float]:
+    import numpy as np
+
+    widths: list[float] = np.quantile(grid.widths(), (0, 0.5, 1)).tolist()
+    return widths
 
 
 def _plot(grid: SphereGrid, path: Path, given: Given, image: Any) -> None:

@@ -77,17 +77,25 @@ SPHERE = (
     Option(
         "number",
         Whole(1, 1 << 28),
-        "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids.",
+        "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids. "
+        "Optional with --cell-width, whose widths it scales.",
         "--points -n",
-        required=True,
+    ),
+    Option(
+        "cell_width",
+        Text(),
+        "Width of cells on the earth in km, such as 30km: the mean distance from a point to its neighbors. Or a map of "
+        "widths: .nc with cellWidth, lat and lon, or an image, twice as wide as high.",
+        metavar="KM|FILE",
+        excludes=("density",),
     ),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
     Option(
         "refine",
         Text(),
-        "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. Repeat it "
-        "for more.",
+        "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. With "
+        "--cell-width: LON,LAT,RADIUS,WIDTH and perhaps TRANSITION, lengths in km. Repeat it for more.",
         metavar="LON,LAT,RADIUS,RATIO",
         many=True,
     ),

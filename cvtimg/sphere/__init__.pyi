@@ -17,3 +17,7 @@ from .result import measure_grid as measure_grid
 from .triangulation import LEAST_DISTANCE as LEAST_DISTANCE
 from .triangulation import SphereCells as SphereCells
 from .triangulation import triangulate as triangulate
+from .widths import EARTH_RADIUS as EARTH_RADIUS
+from .widths import CellWidth as CellWidth
+from .widths import WidthCircle as WidthCircle
+from .widths import width_map as width_map

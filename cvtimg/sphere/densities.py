@@ -166,7 +166,8 @@ def as_sphere_density(density: SphereDensityLike) -> SphereDensity | None:
     if density is None or isinstance(density, (Refinement, GlobePicture, Refined, FunctionDensity)):
         return density
     if callable(density):
-        return FunctionDensity(density)
+        # Cells of one width are placed by exact moments.
+        return None if getattr(density, "is_even", False) else FunctionDensity(density)
     if isinstance(density, (list, tuple)) and density and all(map(callable, density)):
         return Refined(tuple(density))
     if np.ndim(density) == 0:  # type: ignore[arg-type]

@@ -15,6 +15,7 @@ from cvtimg._shared.checks import (
     check_fewer,
     check_in_range,
     check_shape,
+    check_that,
     hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName
@@ -34,6 +35,7 @@ from cvtimg.sphere.triangulation import (
     uniform_cells,
     unit,
 )
+from cvtimg.sphere.widths import CellWidth
 
 #: More points than this have more edges than 32 bits number.
 MOST_POINTS = 1 << 28
@@ -86,7 +88,7 @@ EFFORTS: dict[str, GridEffort] = {
 
 @hints_at_keywords
 def sphere_grid(
-    n: int,
+    n: int | None = None,
     *,
     density: SphereDensityLike = None,
     fixed: ArrayLike | None = None,
@@ -101,13 +103,14 @@ def sphere_grid(
 
     Parameters
     ----------
-    n : int
-        Number of points, >= 4. With 12, 42, 162, ... 10 * 4^k + 2 and no density, all cells but twelve are hexagons.
-    density : callable, (H, 2 H) array, Refinement or sequence of these, optional
+    n : int, optional
+        Number of points, >= 4; by default that of `density`, a `CellWidth`. With 12, 42, 162, ... 10 * 4^k + 2 and no
+        density, all cells but twelve are hexagons.
+    density : callable, (H, 2 H) array, CellWidth, Refinement or sequence of these, optional
         A function from (N, 3) unit vectors to (N,) values >= 0; an equirectangular image, longitudes -180..180 from
         left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
         size of cells goes as density^(-1/4); by an image, it grows by at most 15 % through a cell and is at most 10
-        times that of the finest. 1 everywhere by default.
+        times that of the finest. `CellWidth` says it in km. 1 everywhere by default.
     fixed : (L, 3) array, optional
         Unit vectors that become the first L of the n points, with the same bits.
     start : {"auto", "icosahedron", "random", "lattice", "spiral"} or (n, 3) array
@@ -135,7 +138,7 @@ def sphere_grid(
 
     See Also
     --------
-    cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid, cvtimg.sphere.move_in_patches
+    cvtimg.sphere.CellWidth, cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid, cvtimg.sphere.move_in_patches
 
     Notes
     -----
@@ -154,6 +157,9 @@ def sphere_grid(
     >>> grid, grid.measures().n_pentagons, grid.measures().n_obtuse
     (SphereGrid(642 points, 1280 triangles), 12, 0)
     """
+    if n is None:
+        check_that("n", isinstance(density, CellWidth), "be given, unless the density is a CellWidth")
+        n = density.n_points  # type: ignore[union-attr]
     check_at_least("n", n, 4, "the corners of a tetrahedron")
     check_in_range("n", n, n <= MOST_POINTS, f"at most {MOST_POINTS}")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]

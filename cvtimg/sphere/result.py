@@ -14,6 +14,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.triangulation import Points, SphereCells, SphereTriangulation
+from cvtimg.sphere.widths import EARTH_RADIUS
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +140,13 @@ class SphereGrid(ReadOnly):
     def cells(self) -> SphereCells:
         """Return the Voronoi cells of the points."""
         return SphereTriangulation(self.points, self.triangles).cells()
+
+    def widths(self, *, radius: float = EARTH_RADIUS) -> NDArray[np.float64]:
+        """Return the widths (N,) of cells: means of the distances to their neighbors, in km on the earth by default."""
+        starts, ends = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
+        distances = 2 * np.arcsin(np.linalg.norm(self.points[starts] - self.points[ends], axis=1) / 2)
+        n = len(self.points)
+        return radius * np.bincount(starts, distances, n) / np.bincount(starts, minlength=n)
 
     def measures(self) -> GridMeasures:
         """Measure how good the grid is."""

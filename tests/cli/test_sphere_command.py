@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.io import netcdf_file
 
 from cvtimg import sphere_grid
 from cvtimg.cli.app import main
 from cvtimg.cli.grid_inputs import read_grid_points
+from cvtimg.sphere import CellWidth
 
 
 @pytest.fixture(autouse=True)
@@ -43,6 +45,26 @@ def test_points_gather_in_circles_and_where_maps_are_bright(capsys: pytest.Captu
         row_of(capsys, "-n", "500", *options, "-o", "grid.csv", "--overwrite")
         points = read_grid_points(Path("grid.csv"))
         assert (points[:, 2] > 0).mean() > 0.65
+
+
+def test_widths_in_km_say_how_many_points(capsys: pytest.CaptureFixture[str]) -> None:
+    row = row_of(capsys, "--cell-width", "1500km", "--refine", "0,90,2000km,800km,900", "-o", "a.csv")
+    assert 300 < row["n"] < 500
+    assert row["least_width_km"] == pytest.approx(800, rel=0.1)
+    assert row["largest_width_km"] == pytest.approx(1500, rel=0.1)
+    lat, lon = np.linspace(-90, 90, 19), np.linspace(-180, 180, 37)
+    with netcdf_file("widths.nc", "w") as file:
+        for name, dimensions, values in (
+            ("lat", ("lat",), lat),
+            ("lon", ("lon",), lon),
+            ("cellWidth", ("lat", "lon"), np.full((19, 37), 1500.0)),
+        ):
+            if name in dimensions:
+                file.createDimension(name, len(values))
+            file.createVariable(name, "d", dimensions)[:] = values
+    by_file = row_of(capsys, "--cell-width", "widths.nc", "-o", "b.csv")
+    assert by_file["n"] == CellWidth(1500).n_points
+    assert row_of(capsys, "--cell-width", "1500", "-n", "99", "-o", "c.csv")["n"] == 99
 
 
 def test_a_nested_grid_keeps_the_points_outside(capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,6 +105,10 @@ def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path
             "must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO",
         ),
         (["-n", "99", "-o", "a.nc", "--plot", "a.png", "--view", "10", "100"], 2, "'100' must be a number in -90..90"),
+        (["-o", "a.nc", "--cell-width", "30km", "--refine", "1,2,3"], 2, "must be LON,LAT,RADIUS,WIDTH"),
+        (["-o", "a.nc", "--cell-width", "-3"], 1, "width=-3.0 must be a finite number > 0, in km"),
+        (["-o", "a.nc", "--cell-width", "thirty"], 1, "thirty"),
+        (["-o", "a.nc", "--cell-width", "bare.nc"], 1, "it has no lon"),
         (["-n", "3", "-o", "a.nc"], 1, "n=3 must be an integer >= 4"),
         (["-n", "100", "-o", "a.nc", "--refine", "0,0,10,0.5"], 1, "ratio=0.5 must be in 1..100"),
         (["-n", "100", "-o", "a.nc", "--density", "square.png"], 1, "must be twice as wide as high"),
@@ -118,6 +144,7 @@ def test_wrong_usage_and_bad_files_are_one_line(
     tables = {"twice": np.concatenate([corners, corners[:1]]), "off": off, "few": corners[:3], "empty": corners[:0]}
     for name, points in tables.items():
         np.savetxt(f"{name}.csv", points, delimiter=",", header="x,y,z", comments="")
+    netcdf_file("bare.nc", "w").close()
     Path("bad.csv").write_text("a,b\n1,2\n")
     assert main(["sphere", *arguments]) == status
     error = capsys.readouterr().err

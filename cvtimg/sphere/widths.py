@@ -1,0 +1,205 @@
+"""Sizes of cells in kilometers on the earth: how wide cells are, and how many points that takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
+from cvtimg.sphere._sphere import limit_growth
+from cvtimg.sphere.densities import GlobePicture, Points, check_globe, fibonacci, from_degrees, to_radians
+
+#: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
+EARTH_RADIUS = 6371.229
+#: By how much cells of maps and circles may widen on the way through a cell.
+_GROWTH = 0.15
+#: The steepest slope of a transition, by the mean one.
+_STEEPEST = 1.5
+#: Places that the number of points is summed over, a few at a time.
+_PLACES, _PARTS = 1 << 19, 8
+#: Hexagons whose neighbors are 1 apart have this area.
+_HEXAGON = np.sqrt(3) / 2
+
+#: What a width may be: km, a function of longitudes and latitudes in degrees, or a map of the globe.
+WidthLike: TypeAlias = "float | Callable[[Any, Any], Any] | ArrayLike"
+
+
+@dataclass(frozen=True, slots=True)
+class WidthCircle:
+    """A circle on the earth whose cells have one width.
+
+    Parameters
+    ----------
+    lon, lat : float
+        Its center in degrees.
+    radius : float
+        In km. Cells have their width as far as that.
+    width : float
+        Of cells inside, in km.
+    transition : float, optional
+        Length in km, beyond the radius, on which cells widen to what they are outside. By default they widen by at most
+        15 % on the way through a cell.
+    """
+
+    lon: float
+    lat: float
+    radius: float
+    width: float
+    transition: float | None = None
+
+    def __post_init__(self) -> None:
+        check_in_range("lon", self.lon, -360 <= self.lon <= 360, "in -360..360 degrees")
+        check_in_range("lat", self.lat, -90 <= self.lat <= 90, "in -90..90 degrees")
+        check_in_range("radius", self.radius, 0 < self.radius <= np.pi * EARTH_RADIUS, "in 0..20015 km, > 0")
+        check_positive("width", self.width, "in km")
+        if self.transition is not None:
+            check_positive("transition", self.transition, "in km")
+
+    def within(self, outside: NDArray[np.float64], points: Points) -> NDArray[np.float64]:
+        """Return widths (N,) at points, where they are `outside` without the circle: the finer counts."""
+        center = from_degrees(self.lon, self.lat)[0]
+        beyond = EARTH_RADIUS * np.arccos(np.clip(points @ center, -1, 1)) - self.radius
+        wider = np.maximum(outside - self.width, 0)
+        length = np.maximum(_STEEPEST / _GROWTH * wider, 1e-9) if self.transition is None else self.transition
+        part = np.clip(beyond / length, 0, 1)
+        return np.minimum(outside, self.width + wider * part**2 * (3 - 2 * part))
+
+
+class CellWidth:
+    """How wide cells are in km, as a density on the sphere that says how many points it takes.
+
+    Parameters
+    ----------
+    width : float, callable or (H, 2 H) array
+        In km: one width; a function of (N,) longitudes and (N,) latitudes in degrees; or a map of the globe,
+        longitudes -180..180 from left to right and latitudes 90..-90 from top to bottom. Cells widen by at most 15 % on
+        the way through one of a map; how fast they do by a function is up to the function.
+    circles : sequence of WidthCircle
+        Circles of finer cells.
+
+    Attributes
+    ----------
+    n_points : int
+        Number of points for which cells have these widths.
+    is_even : bool
+        Whether there is one width everywhere.
+
+    See Also
+    --------
+    cvtimg.sphere_grid, width_map
+
+    Notes
+    -----
+    The width of a cell is the mean of the distances from its point to those of its neighbors: what MPAS-Tools calls
+    ``cellWidth``, and JIGSAW ``hfun``, the length of edges of triangles. A hexagon of width w has the area
+    sqrt(3) / 2 w^2, from which the number of points follows. With another number of points, all widths change by the
+    same factor.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import sphere_grid
+    >>> from cvtimg.sphere import CellWidth, WidthCircle
+    >>> CellWidth(30).n_points
+    654460
+    >>> grid = sphere_grid(density=CellWidth(1000, [WidthCircle(-40, 45, radius=2000, width=500)]), effort="fast")
+    >>> near = np.hypot(grid.lon + 40, grid.lat - 45) < 10
+    >>> bool(abs(grid.widths()[near] / 500 - 1).max() < 0.1)
+    True
+    """
+
+    def __init__(self, width: WidthLike, circles: Sequence[WidthCircle] = ()) -> None:
+        self.circles = tuple(circles)
+        self._outside = _outside(width)
+        self.is_even = not callable(width) and np.ndim(width) == 0 and not self.circles
+        sums, finest = 0.0, np.inf
+        for part in np.array_split(fibonacci(_PLACES), _PARTS):
+            widths = self.at(part)
+            sums, finest = sums + float((widths**-2.0).sum()), min(finest, float(widths.min()))
+        self._finest = min([finest, *(circle.width for circle in self.circles)])
+        self.n_points = round(4 * np.pi * EARTH_RADIUS**2 / _HEXAGON * sums / _PLACES)
+
+    def at(self, points: Points) -> NDArray[np.float64]:
+        """Return widths in km at (N, 3) unit vectors."""
+        widths = self._outside(points)
+        for circle in self.circles:
+            widths = circle.within(widths, points)
+        return widths
+
+    def __call__(self, points: Points) -> NDArray[np.float64]:
+        """Return the density at (N, 3) unit vectors: 1 where cells are finest."""
+        return np.asarray((self._finest / self.at(points)) ** 4)
+
+    def __repr__(self) -> str:
+        return f"CellWidth(from {self._finest:g} km, {self.n_points} points)"
+
+
+def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> NDArray[np.float64]:
+    """Return a map of the globe, as `CellWidth` takes it, of widths that are given along longitudes and latitudes.
+
+    Parameters
+    ----------
+    lon : (X,) array
+        In degrees, increasing, around the globe.
+    lat : (Y,) array
+        In degrees, increasing or decreasing.
+    widths : (Y, X) array
+        In km.
+
+    Returns
+    -------
+    (H, 2 H) float64 array
+        Interpolated bilinearly, with pixels about as large as the steps that were given.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import width_map
+    >>> width_map([-180, 0, 180], [-90, 90], [[60, 60, 60], [30, 30, 30]]).tolist()
+    [[37.5, 37.5, 37.5, 37.5], [52.5, 52.5, 52.5, 52.5]]
+    """
+    from scipy.interpolate import RegularGridInterpolator
+
+    x, y, table = (np.asarray(values, np.float64) for values in (lon, lat, widths))
+    check_shape("widths", table.shape, table.shape == (y.size, x.size) and min(table.shape) > 1, "(Y, X), Y, X >= 2")
+    if y[0] > y[-1]:
+        y, table = y[::-1], table[::-1]
+    check_that("lon and lat", (np.diff(x) > 0).all() and (np.diff(y) > 0).all(), "be in order")
+    check_that("lon", x[-1] - x[0] <= 360 < x[-1] - x[0] + 2 * np.diff(x).max() + 1e-9, "go around the globe")
+    # What is beyond both ends is at the other one; above the last latitude widths are those at it.
+    around = np.concatenate([x[-2:] - 360, x, x[:2] + 360])
+    around, kept = np.unique(around.round(9), return_index=True)
+    table = np.concatenate([table[:, -2:], table, table[:, :2]], axis=1)[:, kept]
+    height = max(int(np.ceil(180 / min(np.median(np.diff(x)), np.median(np.diff(y))) - 1e-6)), 2)
+    rows, columns = 90 - 180 * (np.arange(height) + 0.5) / height, 180 * (np.arange(2 * height) + 0.5) / height - 180
+    columns = (columns - x[0]) % 360 + x[0]
+    places = np.stack(np.meshgrid(np.clip(rows, y[0], y[-1]), columns, indexing="ij"), axis=-1)
+    return np.asarray(RegularGridInterpolator((y, around), table)(places))
+
+
+def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
+    """Return a checked function from points to widths."""
+    if callable(width):
+        return lambda points: _checked_widths(width(*np.degrees(to_radians(points))), points)
+    if np.ndim(width) == 0:
+        one = check_positive("width", float(np.asarray(width)), "in km")
+        return lambda points: np.full(len(points), one)
+    table = check_globe("width", np.atleast_2d(np.array(width, np.float64)))
+    check_that("width", bool((np.isfinite(table) & (table > 0)).all()), "be finite and > 0 km everywhere")
+    sizes = np.ascontiguousarray(table)
+    limit_growth(sizes, _GROWTH * EARTH_RADIUS)
+    picture = GlobePicture.padded(sizes.astype(np.float32))
+    return lambda points: picture(points).astype(np.float64)
+
+
+def _checked_widths(values: Any, points: Points) -> NDArray[np.float64]:
+    widths = np.asarray(values, np.float64)
+    check_returned("width", widths, len(points))
+    wrong = ~((widths > 0) & (widths < np.inf))
+    if wrong.any():
+        lon, lat = (float(np.degrees(angles)[wrong][0]) for angles in to_radians(points))
+        refuse(f"width at longitude {lon:g} and latitude {lat:g}", float(widths[wrong][0]), "finite and > 0 km")
+    return widths
