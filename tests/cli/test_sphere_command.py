@@ -49,9 +49,9 @@ def test_points_gather_in_circles_and_where_maps_are_bright(capsys: pytest.Captu
 
 def test_widths_in_km_say_how_many_points(capsys: pytest.CaptureFixture[str]) -> None:
     row = row_of(capsys, "--cell-width", "1500km", "--refine", "0,90,2000km,800km,900", "-o", "a.csv")
-    assert 300 < row["n"] < 500
+    assert 250 < row["n"] < 320
     assert row["least_width_km"] == pytest.approx(800, rel=0.1)
-    assert row["largest_width_km"] == pytest.approx(1500, rel=0.1)
+    assert row["largest_width_km"] == pytest.approx(1500, rel=0.15)
     lat, lon = np.linspace(-90, 90, 19), np.linspace(-180, 180, 37)
     with netcdf_file("widths.nc", "w") as file:
         for name, dimensions, values in (
