@@ -32,8 +32,8 @@ _FOR_SHORT = {
 #: Tasks that a worker takes at a time, at most, and how often each of its threads takes some.
 _MOST_AT_A_TIME = 16
 _GROUPS_PER_THREAD = 16
-#: Seconds to wait for the scheduler.
-_PATIENCE = 10
+#: Seconds to wait for the scheduler, at the start and after it is lost.
+_PATIENCE = 8
 
 
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:

@@ -25,7 +25,7 @@ MESH = (
         "Number of vertices, otherwise as many as borders need.",
         "--vertices -n",
         excludes=("edge_length",),
-    ).on_page("Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default=2000),
+    ).on_page("Vertices", slider=(100, 20_000), log=True, least=3, most=10**6, default="auto"),
     passed(
         "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
     ).on_page("Edge length", slider=(2, 100), step=0.5, unit="px", least=0.1, most=10_000, default=10.0),

@@ -49,7 +49,7 @@ class MeshTab(Tab):
             when={"of": ["segments"]},
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
-        ("n", {"when": {"by": ["n"]}}),
+        ("n", {"when": {"by": ["n"]}, "always": False, "keyword": ""}),
         ("edge_length", {"when": {"by": ["edge"]}}),
         "grade",
         "min_size",
@@ -79,8 +79,8 @@ class MeshTab(Tab):
 
     def _call(self, request: Request) -> Call:
         keywords = self.keywords(request.settings)
-        for name in ("n", "edge_length"):  # one of them is needed
-            if name in self.in_effect(request.settings):
+        for name in {"n", "edge_length"} & self.in_effect(request.settings):
+            if request.settings[name] != "auto":
                 keywords[name] = request.settings[name]
         return Call("mesh_region" if _is_mask(request) else "mesh_labels", (), keywords)
 
