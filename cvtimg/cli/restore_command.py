@@ -97,7 +97,10 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
-            result = restore(read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, **given.arguments)
+            align = given.motion if given.align else False
+            result = restore(
+                read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, align=align, **given.arguments
+            )
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
@@ -116,6 +119,9 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "noise": [noise if math.isfinite(noise) else None for noise in result.noise.tolist()],
         "weights": result.weights.tolist(),
         "shifts": result.shifts.tolist(),
+        "transforms": result.transforms.tolist(),
+        "motion": list(result.models),
+        "misfits": [misfit if math.isfinite(misfit) else None for misfit in result.misfits.tolist()],
         "edge_weight": result.edge_weight,
         "energy": result.energy,
         "n_iter": len(result.energies) - 1,
@@ -133,6 +139,7 @@ def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
 
 def _with_names(message: str, read: VersionFiles) -> str:
     """Replace names of arguments in a message by those of files."""
+    message = message.replace("align=True", "--align")
     message = re.sub(r"images\[(\d+)\]", lambda match: read.names[int(match[1])], message)
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import replace
+from typing import get_args
 
+from cvtimg._shared.choices import AlignName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
@@ -38,7 +40,16 @@ RESTORE = (
         "Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0
     ),
     passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
-    switch("align", "Shift each version onto the first.", keyword="align").on_page("Align versions"),
+    switch("align", "Move each version onto the first.").on_page("Align versions"),
+    Option(
+        "motion",
+        Choice(
+            ("auto", *get_args(AlignName)[1:]), {"auto": "the simplest that fits", "euclidean": "rotation, translation"}
+        ),
+        "How versions moved; euclidean is rotation and translation, auto the simplest that fits.",
+        default="auto",
+        needs=("align",),
+    ).on_page("Motion"),
     switch(
         "channels", "Versions share segments but not colors, as channels do; the first is restored.", keyword="channels"
     ).on_page("Versions are channels", "They share segments but not colors; the first is restored."),

@@ -1,7 +1,14 @@
-"""Alignment: each version is moved to the place of the first by a translation."""
+"""Alignment: each version is moved to the place of the first, by a translation or up to a homography.
+
+A transform maps pixels (x, y) of the first version to those of another. It is found from coarse to fine on a pyramid:
+phase correlation at the top, then least squares at each level, with little weight where versions disagree, and with a
+gain and an offset for their exposures.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,89 +16,328 @@ from numpy.typing import NDArray
 
 from cvtimg.restoration.versions import Floats, Versions, fill
 
-#: Steps of least squares: each reduces the error to a fifth or less.
-_STEPS = 6
-#: Images of less contrast than this, as a share of their values, have nothing to align.
-_FLAT = 1e-5
-#: Differences of this many medians count half.
-_OUTLYING = 3.0
-#: A shifted pixel is known if at least this share of what it is interpolated from is.
-_KNOWN_FROM = 0.5
-#: Blur, in pixels, that removes noise which would outvote the image.
+_Doubles = NDArray[np.float64]
+_Bools = NDArray[np.bool_]
+
+#: Models of motion, from simple to rich, and how many of the generators below each has.
+MODELS = {"translation": 2, "euclidean": 3, "affine": 6, "homography": 8}
+#: Generators of motions: translations, rotation, scale, stretch, shear, perspectives. Each model is a group.
+_GENERATORS = np.zeros((8, 3, 3))
+_GENERATORS[0, 0, 2] = _GENERATORS[1, 1, 2] = 1
+_GENERATORS[2, :2, :2] = [[0, -1], [1, 0]]
+_GENERATORS[3, :2, :2] = [[1, 0], [0, 1]]
+_GENERATORS[4, :2, :2] = [[1, 0], [0, -1]]
+_GENERATORS[5, :2, :2] = [[0, 1], [1, 0]]
+_GENERATORS[6, 2, 0] = _GENERATORS[7, 2, 1] = -1
+
+#: The top of the pyramid is at most this long.
+_TOP = 192
+#: Blur, in pixels of each level, that removes noise which would outvote the image.
 _BLUR = 1.0
+#: Blurs between which the structure lies that phase correlation compares.
+_FINE, _COARSE = 1.0, 8.0
+#: Steps of least squares at each level, the length in pixels at which they end, and pixels that they look at.
+_STEPS, _SHORT, _SAMPLED = 12, 0.003, 1 << 16
+#: Differences of this many standard deviations count half.
+_OUTLYING = 3.0
+#: Images of less contrast than this, as a share of their values, have nothing to align; nor have fewer pixels.
+_FLAT, _FEWEST = 1e-5, 64
+#: A pixel is compared, and a moved pixel is known, if at least this share of what it is made from is.
+_COMPARED_FROM, _KNOWN_FROM = 0.3, 0.5
+#: A richer model must explain this many times what the Bayesian information criterion asks for.
+_CAUTION = 1.5
+#: No motion between versions changes areas by more than this factor.
+_LARGEST_ZOOM = 1.5
+#: Rows that are moved at once.
+_ROWS = 256
 
 
-def align(versions: Versions) -> tuple[Versions, NDArray[np.float64]]:
-    """Register versions and shift them to the place of the first; pixels that a shift uncovers are unknown."""
-    # Masked phase correlation finds whole pixels. Fractions, which it cannot find, follow by least squares over the
-    # pixels that both versions know, so that neither holes nor painted-over parts bias them. Return also (S, 2) pixels
-    # by which each version was moved, down and to the right.
-    # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for the correlation; B. Lucas
-    # and T. Kanade, IJCAI 1981, pp. 674-679, for the least squares.
-    shifts = np.zeros((versions.n_versions, 2))
-    pictures = [_grey(versions, version) for version in range(versions.n_versions)]
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """Where versions lie."""
+
+    transforms: _Doubles  # (S, 3, 3): from pixels (x, y, 1) of the first version to those of each
+    models: tuple[str, ...]  # (S,): model of the motion of each
+
+    @classmethod
+    def none(cls, n_versions: int) -> Alignment:
+        """Return versions where they are."""
+        return cls(np.tile(np.eye(3), (n_versions, 1, 1)), ("translation",) * n_versions)
+
+    def shifts(self, shape: tuple[int, ...]) -> _Doubles:
+        """(S, 2) pixels, down and to the right, by which the center of each version was moved."""
+        center = (np.array(shape[1::-1]) - 1) / 2
+        places = np.array([_mapped(transform, *center) for transform in self.transforms])
+        return (center - places)[:, ::-1]
+
+
+def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]:
+    """Find how versions moved and move them to the place of the first; pixels that this uncovers are unknown."""
+    # `model` is one of MODELS, or "auto" for the simplest that fits.
+    # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for masked correlation; S.
+    # Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
+    from threadpoolctl import threadpool_limits
+
     values, known = versions.values.copy(), versions.known.copy()
+    found = Alignment.none(versions.n_versions)
+    models = list(found.models)
+    fixed = _pyramid(versions, 0)
     for version in range(1, versions.n_versions):
-        shifts[version] = _shift_between(pictures[0], pictures[version], known[:, :, 0], versions.known[:, :, version])
+        with threadpool_limits(1, user_api="blas"):  # the matrices are small
+            found.transforms[version], models[version] = _transform(fixed, _pyramid(versions, version), model)
         bands = versions.version_of == version
-        values[:, :, bands], known[:, :, version] = _shifted(
-            versions.bands(version), versions.known[:, :, version], shifts[version]
+        values[:, :, bands], known[:, :, version] = _moved(
+            versions.bands(version), versions.known[:, :, version], found.transforms[version]
         )
-    return versions.moved(values, known), shifts
+    return versions.moved(values, known), Alignment(found.transforms, tuple(models))
 
 
-def _grey(versions: Versions, version: int) -> Floats:
-    """(H, W) mean of the bands of a version, with unknown pixels filled in."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Level:
+    """A gray image without its finest noise, and how far its pixels are known, 0..1."""
+
+    values: Floats
+    weight: Floats
+
+    @classmethod
+    def of(cls, values: Floats, weight: Floats) -> _Level:
+        """Blur an image by normalized convolution."""
+        from scipy.ndimage import gaussian_filter
+
+        share = gaussian_filter(weight, _BLUR)
+        blurred = fill(gaussian_filter(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
+        return cls(blurred[:, :, 0], share)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether there is nothing to align."""
+        seen = self.values[self.weight > _COMPARED_FROM]
+        return len(seen) < _FEWEST or float(np.ptp(seen)) <= _FLAT * float(np.abs(seen).max())
+
+
+def _pyramid(versions: Versions, version: int) -> list[_Level]:
+    """Levels of the mean of the bands of a version, from the finest to the coarsest."""
+    values: Floats = versions.bands(version).mean(axis=2)
     weight = versions.known[:, :, version].astype(np.float32)
-    return fill(versions.bands(version).mean(axis=2, keepdims=True), weight)[:, :, 0]
+    levels = [_Level.of(values, weight)]
+    while max(values.shape) > _TOP:
+        height, width = (side // 2 * 2 for side in values.shape)
+        parts = [(slice(down, height, 2), slice(right, width, 2)) for down in (0, 1) for right in (0, 1)]
+        sums = np.sum([weight[part] for part in parts], axis=0)
+        total = np.sum([weight[part] * values[part] for part in parts], axis=0)
+        values = np.divide(total, sums, out=np.zeros_like(sums), where=sums > 0)
+        weight = sums / 4
+        levels.append(_Level.of(values, weight))
+    return levels
 
 
-def _shift_between(
-    fixed: Floats, moving: Floats, fixed_known: NDArray[np.bool_], moving_known: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """(2,) shift that moves an image to the place of another."""
+def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_Doubles, str]:
+    """(3, 3) transform from pixels of one image to those of another, and its model."""
+    if fixed[-1].is_flat or moving[-1].is_flat:
+        return np.eye(3), "translation"
+    wanted = "euclidean" if model == "auto" else model
+    transform = _whole_shift(fixed[-1], moving[-1])
+    doubled = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])  # centers of pixels lie at 2 x + 1/2 of the finer level
+    for number in range(len(fixed) - 1, -1, -1):
+        pair = _Pair.of(fixed[number], moving[number])
+        coarsest = number == len(fixed) - 1
+        for name in dict.fromkeys(("translation", "euclidean", wanted) if coarsest else (wanted,)):
+            if MODELS[name] <= MODELS[wanted]:
+                transform = pair.improved(transform, MODELS[name])
+        if number:
+            transform = doubled @ transform @ np.linalg.inv(doubled)
+    return _simplest(pair, transform) if model == "auto" else (transform, model)
+
+
+def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
+    """(3, 3) translation by whole pixels."""
     from scipy.ndimage import gaussian_filter
     from skimage.registration import phase_cross_correlation
 
-    fixed, moving = gaussian_filter(fixed, _BLUR), gaussian_filter(moving, _BLUR)
-    if min(np.ptp(fixed), np.ptp(moving)) <= _FLAT * np.abs(fixed).max():
-        return np.zeros(2)
     correlate: Any = phase_cross_correlation
-    whole, _, _ = correlate(fixed, moving, reference_mask=fixed_known, moving_mask=moving_known)
-    whole = np.asarray(whole, np.float64)
-    shift = whole.copy()
-    for _ in range(_STEPS):
-        shift += _step(fixed, moving, fixed_known, moving_known, shift)
-    return shift if np.abs(shift - whole).max() <= 1 else whole
+    one, other = (
+        gaussian_filter(level.values, _FINE) - gaussian_filter(level.values, _COARSE) for level in (fixed, moving)
+    )
+    if min(fixed.weight.min(), moving.weight.min()) > 1 - 1e-3:
+        window = np.outer(*(np.hanning(side + 2)[1:-1] for side in one.shape))
+        shift, _, _ = correlate(one * window, other * window, normalization=None)
+    else:
+        masks = (level.weight > _COMPARED_FROM for level in (fixed, moving))
+        shift, _, _ = correlate(one, other, reference_mask=next(masks), moving_mask=next(masks))
+    transform = np.eye(3)
+    transform[:2, 2] = -np.asarray(shift, np.float64)[::-1]
+    return transform
 
 
-def _step(
-    fixed: Floats,
-    moving: Floats,
-    fixed_known: NDArray[np.bool_],
-    moving_known: NDArray[np.bool_],
-    shift: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """(2,) correction of a shift: least squares over known pixels, with little weight where the images disagree."""
-    from scipy.ndimage import shift as move
-
-    moved = move(moving, shift, order=1, mode="nearest")
-    known = fixed_known & (move(moving_known.astype(np.float32), shift, order=1) > _KNOWN_FROM)
-    difference = (moved - fixed)[known].astype(np.float64)
-    slopes = np.stack([slope[known] for slope in np.gradient((moved + fixed) / 2)], axis=1).astype(np.float64)
-    usual = _OUTLYING * np.median(np.abs(difference)) if len(difference) else 0.0
-    weights = 1 / (1 + (difference / usual) ** 2) if usual else np.ones(len(difference))
-    step, *_ = np.linalg.lstsq(slopes.T @ (weights[:, None] * slopes), slopes.T @ (weights * difference))
-    return np.clip(step, -1, 1)
+def _simplest(pair: _Pair, transform: _Doubles) -> tuple[_Doubles, str]:
+    """Return the simplest model that fits as well as richer ones, by the Bayesian information criterion."""
+    center = (np.array(pair.shape[::-1]) - 1) / 2
+    shift = np.eye(3)
+    shift[:2, 2] = np.array(_mapped(transform, *center)) - center
+    used, best = "translation", pair.improved(shift, MODELS["translation"])
+    for name in list(MODELS)[1:]:
+        richer = pair.improved(transform if used == "translation" else best, MODELS[name])
+        asked = _CAUTION * (MODELS[name] - MODELS[used]) * np.log(pair.n_independent)
+        if pair.evidence(best, richer) > asked:
+            used, best = name, richer
+    return best, used
 
 
-def _shifted(bands: Floats, known: NDArray[np.bool_], shift: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
-    """(H, W, C) values of a version at their new places, and where they are known."""
-    from scipy.ndimage import shift as move
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    """Pixels of one image that are to be found in another."""
 
-    share = move(known.astype(np.float32), shift, order=1, cval=0)
-    still_known = share >= _KNOWN_FROM
-    whole = not np.any(shift % 1)
-    filled = bands if whole else fill(bands, known.astype(np.float32))
-    moved = move(filled, (*shift, 0), order=0 if whole else 3, mode="nearest")
-    return np.where(still_known[:, :, None], moved, 0), still_known
+    shape: tuple[int, int]
+    places: _Doubles  # (2, N): x and y of pixels
+    values: Floats  # (N,)
+    weights: Floats  # (N,)
+    slopes: Floats  # (2, N): along x and y
+    spline: Floats  # of the other image
+    other_slopes: tuple[Floats, Floats]  # of the other image, along x and y
+    other_weight: Floats | None  # of the other image; None if all is known
+    n_independent: float  # number of pixels whose noise differs
+
+    @classmethod
+    def of(cls, fixed: _Level, moving: _Level) -> _Pair:
+        """Draw pixels that are known."""
+        from scipy.ndimage import spline_filter
+
+        inner = np.zeros(fixed.values.shape, np.bool_)
+        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _COMPARED_FROM
+        chosen = np.flatnonzero(inner)
+        n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
+        if len(chosen) > _SAMPLED:
+            chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
+        (down, right), (other_down, other_right) = _slopes(fixed.values), _slopes(moving.values)
+        y, x = np.divmod(chosen, fixed.values.shape[1])
+        return cls(
+            fixed.values.shape,
+            np.stack([x, y]).astype(np.float64),
+            fixed.values.ravel()[chosen],
+            fixed.weight.ravel()[chosen],
+            np.stack([right.ravel()[chosen], down.ravel()[chosen]]),
+            spline_filter(moving.values, 3, output=np.float32, mode="nearest"),
+            (other_right, other_down),
+            None if moving.weight.min() > 1 - 1e-3 else moving.weight,
+            n_independent,
+        )
+
+    def seen(self, transform: _Doubles) -> tuple[_Doubles, Floats, Floats]:
+        """(2, N) rows and columns of the pixels in the other image, (N,) values there, and weight behind both."""
+        from scipy.ndimage import map_coordinates
+
+        x, y = _mapped(transform, *self.places)
+        height, width = self.spline.shape
+        at = np.stack([y, x])
+        inside = (x >= 1) & (x <= width - 2) & (y >= 1) & (y <= height - 2)
+        values = map_coordinates(self.spline, at, order=3, mode="nearest", prefilter=False)
+        weights = inside * self.weights
+        if self.other_weight is not None:
+            weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
+        return at, values, np.where(weights > _COMPARED_FROM**2, weights, 0)
+
+    def improved(self, transform: _Doubles, n_generators: int) -> _Doubles:
+        """Take steps of least squares along some generators; the transform as it was if they lead nowhere."""
+        from scipy.linalg import expm
+        from scipy.ndimage import map_coordinates
+
+        # Coordinates from -1 to 1 along the longer side make all parameters alike.
+        half = max(self.shape) / 2
+        to_unit = np.array([[1, 0, (1 - self.shape[1]) / 2], [0, 1, (1 - self.shape[0]) / 2], [0, 0, half]]) / half
+        from_unit = np.linalg.inv(to_unit)
+        x, y = _mapped(to_unit, *self.places)
+        current, gain, offset = transform, 1.0, 0.0
+        for _ in range(_STEPS):
+            at, seen, weights = self.seen(current)
+            if np.count_nonzero(weights) < _FEWEST:
+                return transform
+            slopes = np.stack([map_coordinates(slope, at, order=1, mode="nearest") for slope in self.other_slopes])
+            along_x, along_y = half * (self.slopes + gain * (current[:2, :2].T @ slopes)) / 2
+            apart = gain * seen + offset - self.values
+            weights = weights * _robust(apart, _scale(apart[weights > 0]))
+            along = x * along_x + y * along_y
+            columns = [along_x, along_y, x * along_y - y * along_x, along, x * along_x - y * along_y]
+            columns += [y * along_x + x * along_y, x * along, y * along]
+            rows = np.stack([*columns[:n_generators], seen, np.ones_like(seen)]).astype(np.float64)
+            weighted = rows * weights
+            step, *_ = np.linalg.lstsq(weighted @ rows.T, -(weighted @ apart))
+            gain, offset = gain + step[-2], offset + step[-1]
+            motion = expm(np.tensordot(step[:n_generators], _GENERATORS[:n_generators], axes=1))
+            current = current @ from_unit @ motion @ to_unit
+            current /= current[2, 2]
+            zoom = np.linalg.det(current[:2, :2])
+            if not 1 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM:
+                return transform
+            if np.abs(step[:n_generators]).max() * half < _SHORT:
+                break
+        return current
+
+    def evidence(self, simple: _Doubles, rich: _Doubles) -> float:
+        """Twice the logarithm of the likelihood ratio of a richer transform and a simpler one."""
+        (_, one, seen), (_, other, also_seen) = self.seen(simple), self.seen(rich)
+        both = np.minimum(seen, also_seen)
+        left, right = (self._apart(values, both) for values in (one, other))
+        scale = _scale(left)
+        costs = [_OUTLYING**2 * np.log1p((apart / (_OUTLYING * scale)) ** 2).mean() for apart in (left, right)]
+        return float(self.n_independent * (costs[0] - costs[1]))
+
+    def _apart(self, values: Floats, weights: Floats) -> Floats:
+        """Differences to values of the other image where there is weight, at the gain and offset that fit best."""
+        seen, own = values[weights > 0].astype(np.float64), self.values[weights > 0]
+        rows = np.stack([seen, np.ones_like(seen)], axis=1)
+        likely, apart = np.ones_like(own), own
+        for _ in range(4):
+            fit, *_ = np.linalg.lstsq(rows.T @ (likely[:, None] * rows), rows.T @ (likely * own))
+            apart = (rows @ fit - own).astype(np.float32)
+            likely = _robust(apart, _scale(apart))
+        return apart
+
+
+def _slopes(values: Floats) -> tuple[Floats, Floats]:
+    """(H, W) slopes down and to the right."""
+    slopes: Any = np.gradient(values)
+    return slopes[0], slopes[1]
+
+
+def _scale(apart: Floats) -> float:
+    """Return the standard deviation, > 0, of differences some of which are not noise."""
+    size = np.abs(apart)
+    return max(1.4826 * float(np.median(size)), 1e-6 * float(size.max()), 1e-30)
+
+
+def _robust(apart: Floats, scale: float) -> Floats:
+    """Weight of differences: half at some standard deviations."""
+    return np.reciprocal(1 + np.square(apart / (_OUTLYING * scale))).astype(np.float32, copy=False)
+
+
+def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:
+    """Apply a transform to places."""
+    (a, b, c), (d, e, f), (g, h, i) = transform
+    scale = g * x + h * y + i
+    return (a * x + b * y + c) / scale, (d * x + e * y + f) / scale
+
+
+def _moved(bands: Floats, known: _Bools, transform: _Doubles) -> tuple[Floats, _Bools]:
+    """(H, W, C) values of a version at the place of the first, and where they are known."""
+    from scipy.ndimage import map_coordinates, spline_filter
+
+    is_whole = np.array_equal(transform[:2, :2], np.eye(2)) and not np.any(transform[:2] % 1)
+    order = 0 if is_whole else 3
+    filled = bands if is_whole else fill(bands, known.astype(np.float32))
+    sources = [band if is_whole else spline_filter(band, 3, np.float32, mode="nearest") for band in filled.T]
+    moved, still_known, share = np.zeros_like(bands), np.zeros_like(known), known.astype(np.float32)
+    for rows, at in _places(transform, known.shape):
+        still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= _KNOWN_FROM
+        for band, source in enumerate(sources):
+            values = map_coordinates(source.T, at, order=order, mode="nearest", prefilter=False)
+            moved[rows, :, band] = np.where(still_known[rows], values, 0)
+    return moved, still_known
+
+
+def _places(transform: _Doubles, shape: tuple[int, ...]) -> Iterator[tuple[slice, _Doubles]]:
+    """Rows of the first version, and (2, R, W) rows and columns at which another shows them."""
+    for start in range(0, shape[0], _ROWS):
+        rows = slice(start, min(start + _ROWS, shape[0]))
+        y, x = np.mgrid[rows, : shape[1]].astype(np.float64)
+        x, y = _mapped(transform, x, y)
+        yield rows, np.stack([y, x])

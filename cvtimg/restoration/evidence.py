@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg.restoration.agreement import HIDDEN
+from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.suspicion import Suspicion
@@ -101,7 +102,8 @@ class Evidence:
 
     placed: Versions  # all that is known, in place; and what is left of it where versions disagree
     versions: Versions
-    shifts: NDArray[np.float64]  # (S, 2): pixels by which each version was moved
+    alignment: Alignment  # how each version was moved
+    misfits: NDArray[np.float64]  # (S,): misfit of each version, in place, with the one that most fit
     #: (S,): standard deviation of the noise of each version, NaN where too little is known; and its weight
     noise: NDArray[np.float64]
     trust: NDArray[np.float64]
@@ -119,34 +121,38 @@ class Evidence:
         return found or [0.0]
 
 
-def prepare(given: Versions, weights: ArrayLike | None, *, align: bool, hidden: str, channels: bool) -> Evidence:
+def prepare(given: Versions, weights: ArrayLike | None, *, align: str | None, hidden: str, channels: bool) -> Evidence:
     """Measure the noise of versions, put them in place, and leave out where they disagree; options as in `restore`."""
     noise = noise_of(given, alike=not channels)  # before any interpolation, which smooths it
     trust = trust_in(given, weights, noise)
-    placed, shifts = align_versions(given) if align else (given, np.zeros((given.n_versions, 2)))
-    versions, suspicion = placed, None
+    placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
+    versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise)
-        versions = HIDDEN[hidden](_fitting(placed, usual, aligned=align, leaves_out=hidden != "none"), usual)
+        fitting, apart = _fitting(placed, usual, aligned=bool(align), leaves_out=hidden != "none")
+        versions = HIDDEN[hidden](fitting, usual)
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    return Evidence(placed, versions, shifts, noise, trust, suspicion, channels)
+    return Evidence(placed, versions, alignment, apart, noise, trust, suspicion, channels)
 
 
-def _fitting(versions: Versions, noise: NDArray[np.float64], *, aligned: bool, leaves_out: bool) -> Versions:
+def _fitting(
+    versions: Versions, noise: NDArray[np.float64], *, aligned: bool, leaves_out: bool
+) -> tuple[Versions, NDArray[np.float64]]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
+    # Return also the (S,) misfit with that one.
     apart = misfits(versions, noise)
     reference = int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
     is_out = apart[reference] > MOST_MISFIT
     if not is_out.any():
-        return versions
+        return versions, apart[reference]
     numbers = np.flatnonzero(is_out).tolist()
     names = ", ".join(f"images[{number}]" for number in numbers)
     values = ", ".join(f"{apart[reference, number]:.2f}" for number in numbers)
     done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
-    why = "align=True only shifts them" if aligned else "align=True shifts them into place"
+    why = "no alignment was found" if aligned else "align=True moves them into place"
     warnings.warn(
         f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}",
         UserWarning,
         stacklevel=4,
     )
-    return versions.knowing(versions.known & ~is_out) if leaves_out else versions
+    return (versions.knowing(versions.known & ~is_out) if leaves_out else versions), apart[reference]

@@ -16,9 +16,10 @@ from cvtimg._shared.checks import (
     check_non_negative,
     hints_at_keywords,
 )
-from cvtimg._shared.choices import AutoEffortName, AveragingName, SpaceName
+from cvtimg._shared.choices import AlignName, AutoEffortName, AveragingName, SpaceName
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
+from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoise_versions
 from cvtimg.restoration.evidence import prepare
 from cvtimg.restoration.merging import Merging, merge_versions
@@ -39,7 +40,7 @@ def restore(
     nodata: float | None = None,
     alpha: bool | None = None,
     weights: ArrayLike | None = None,
-    align: bool = False,
+    align: bool | AlignName = False,
     channels: bool = False,
     hidden: str | None = "outliers",
     space: SpaceName = "rgb",
@@ -73,8 +74,9 @@ def restore(
         Whether the last channel of versions of two or four channels is alpha; False makes it a band. By default it is.
     weights : (S,) array, optional
         Weight of each version, > 0; by default the inverse variance of its noise, which is estimated.
-    align : bool
-        Move each version to the place of the first, by whole pixels and fractions.
+    align : bool or {"auto", "translation", "euclidean", "affine", "homography"}
+        Move each version to the place of the first. The name is the model of the motion: "euclidean" is a rotation and
+        a translation, "homography" suits what is flat or far away. "auto", or True, takes the simplest that fits.
     channels : bool
         The versions are different channels of one scene, such as day and night: they share segments but no colors.
         They may differ in bands and type, and the image is that of the first.
@@ -84,7 +86,7 @@ def restore(
         fewer know a pixel, what is likelier to be such an addition than what is around it. "background": versions that
         show the background, the most frequent color, where another shows something else; the result is the union of
         what all versions show, whichever of them hide it. "none" or None: nothing. But for "none", versions that cannot
-        be laid over the others, as they are turned, distorted or of something else, are left out altogether.
+        be laid over the others, as they are out of place or of something else, are left out altogether.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. Floating point values are clipped to 0..1 except in "rgb".
     averaging : {"before", "after"} or Averaging, optional
@@ -162,11 +164,12 @@ def restore(
     check_choice("effort", effort, ("auto", *EFFORTS))
     rule = check_choice("renormalize", renormalize or "none", RENORMALIZATIONS)
     hiding = check_choice("hidden", hidden or "none", HIDDEN)
+    model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
     average = as_averaging(averaging)
     check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
-    evidence = prepare(given, weights, align=align, hidden=hiding, channels=channels)
+    evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
     if isinstance(n_generators, str):
         check_choice("n_generators", n_generators, ("auto",))
         number = None

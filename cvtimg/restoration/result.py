@@ -44,7 +44,14 @@ class Restoration(ReadOnly):
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
-        Pixels by which each version was moved, down and to the right.
+        Pixels by which the center of each version was moved, down and to the right.
+    transforms : (S, 3, 3) float64 array
+        Homogeneous matrices that map pixels (x, y, 1) of the first version to those of each.
+    models : tuple of str
+        Model of the motion of each version; see `align` of `restore`.
+    misfits : (S,) float64 array
+        What each version, in place, differs by from the one that most fit, less noise, as a part of the fine structure:
+        0 where it is the same, about 2 for another image. Above 0.25, versions do not fit. NaN for channels.
     edge_weight : float
         Penalty for each pair of near pixels in different segments, in squared 8-bit levels.
     energy : float
@@ -65,6 +72,9 @@ class Restoration(ReadOnly):
     noise: NDArray[np.float64]
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
+    transforms: NDArray[np.float64]
+    models: tuple[str, ...]
+    misfits: NDArray[np.float64]
     edge_weight: float
     energy: float
     energies: tuple[float, ...]
@@ -129,7 +139,10 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         left_out=versions.coverage - found.used,
         noise=evidence.noise,
         weights=evidence.trust,
-        shifts=evidence.shifts,
+        shifts=evidence.alignment.shifts(labels.shape),
+        transforms=evidence.alignment.transforms,
+        models=evidence.alignment.models,
+        misfits=evidence.misfits,
         edge_weight=found.edge_weight,
         energy=found.energies[-1],
         energies=found.energies,

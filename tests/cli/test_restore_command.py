@@ -64,6 +64,7 @@ def test_options_reach_the_function(run: Run) -> None:
         ),
         ("--detail --seed 5 --effort fast", {"detail": True, "rng": 5, "effort": "fast"}),
         ("--align --space lab --volume-power 1", {"align": True, "space": "lab", "volume_power": 1}),
+        ("--align --motion affine", {"align": "affine"}),
         ("--averaging before --radius 1", {"averaging": Averaging("before", radius=1)}),
         ("--channels --edge-weight 0", {"channels": True, "edge_weight": 0}),
     ):

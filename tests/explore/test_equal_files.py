@@ -189,7 +189,7 @@ def test_a_mask_gives_the_same_mesh(store: Store) -> None:
 @pytest.mark.parametrize(
     "settings",
     [
-        {"align": True, "hidden": "background"},
+        {"align": True, "motion": "euclidean", "hidden": "background"},
         *(pytest.param(more, marks=pytest.mark.slow) for more in ({}, {"detail": True})),
     ],
     ids=str,

@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from damaging import damage, psnr
 from numpy.typing import NDArray
 from scipy.ndimage import shift as moved_by
+from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import restore
-from cvtimg.restoration.alignment import align
+from cvtimg.restoration.alignment import MODELS, align
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
@@ -31,7 +34,8 @@ def test_a_known_shift_is_found(
     versions, known = zip(
         *(damage.damaged_versions(one, 1, suffered, seed) for seed, one in enumerate((fixed, moving))), strict=True
     )
-    _, shifts = align(stack_versions([one[0] for one in versions], [one[0] for one in known]))
+    stack = stack_versions([one[0] for one in versions], [one[0] for one in known])
+    shifts = align(stack)[1].shifts(fixed.shape)
     np.testing.assert_array_equal(shifts[0], 0)
     np.testing.assert_allclose(shifts[1], np.negative(shift), atol=most)
 
@@ -67,8 +71,8 @@ def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDA
 
 def test_flat_versions_are_left_where_they_are() -> None:
     flat = np.full((20, 20), 0.5)
-    _, shifts = align(stack_versions([flat, flat]))
-    np.testing.assert_array_equal(shifts, 0)
+    _, found = align(stack_versions([flat, flat]))
+    np.testing.assert_array_equal(found.transforms, np.tile(np.eye(3), (2, 1, 1)))
 
 
 def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: NDArray[np.uint8]) -> None:
@@ -78,3 +82,62 @@ def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: ND
     result = restore(versions, 16, align=True)
     np.testing.assert_allclose(result.noise, 0.08, rtol=0.1)
     np.testing.assert_allclose(result.weights, 1, rtol=0.1)
+
+
+#: Motions of about five pixels, from pixels (x, y) of the first of two frames to those of the other.
+MOTIONS = {
+    "translation": [[1, 0, 3.4], [0, 1, -5.2], [0, 0, 1]],
+    "euclidean": [[np.cos(0.02), -np.sin(0.02), 4.3], [np.sin(0.02), np.cos(0.02), -5.6], [0, 0, 1]],
+    "affine": [[1.015, -0.02, 2.5], [0.008, 0.99, -3.4], [0, 0, 1]],
+    "homography": [[1.0, -0.012, 3.5], [0.012, 1.0, -4.4], [1e-4, -8e-5, 1]],
+}
+
+
+def two_frames(photograph: NDArray[np.uint8], model: str, sigma: float) -> list[NDArray[np.uint8]]:
+    """Look at a photograph twice, at (144, 216, 3) pixels; the second has 0.8 of the exposure and another white."""
+    inner = np.array([[1, 0, 20], [0, 1, 20], [0, 0, 1.0]])
+    to_first = inner @ np.linalg.inv(MOTIONS[model]) @ np.linalg.inv(inner)
+    other = warp(photograph, ProjectiveTransform(to_first), order=3, preserve_range=True, mode="edge")
+    rng = np.random.default_rng(0)
+    return [
+        np.clip(np.rint(frame[20:164, 20:236] + rng.normal(0, sigma, (144, 216, 3))), 0, 255).astype(np.uint8)
+        for frame in (photograph, other * [0.7, 0.8, 0.85])
+    ]
+
+
+def error(found: NDArray[np.float64], true: Any, shape: tuple[int, ...]) -> float:
+    """Root mean square distance of places that two transforms lead to."""
+    corners = np.stack(np.meshgrid(np.linspace(0, shape[1] - 1, 9), np.linspace(0, shape[0] - 1, 9)), -1).reshape(-1, 2)
+    apart = ProjectiveTransform(found)(corners) - ProjectiveTransform(np.array(true))(corners)
+    return float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_simplest_motion_that_fits_is_found_under_noise_and_other_exposure(
+    model: str, photograph: NDArray[np.uint8]
+) -> None:
+    frames = two_frames(photograph, model, 5)
+    _, found = align(stack_versions(frames))
+    assert found.models == ("translation", model)
+    assert error(found.transforms[1], MOTIONS[model], frames[0].shape) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("model", "holes", "most"), [("euclidean", 0, 0.03), ("euclidean", 0.3, 0.05), ("homography", 0, 0.1)]
+)
+def test_motions_are_found_to_parts_of_a_pixel_under_strong_noise_and_holes(
+    model: str, holes: float, most: float, photograph: NDArray[np.uint8]
+) -> None:
+    frames = two_frames(photograph, model, 18)
+    known = [np.random.default_rng(seed).random(frames[0].shape[:2]) >= holes for seed in (1, 2)]
+    _, found = align(stack_versions(frames, known), model)
+    assert error(found.transforms[1], MOTIONS[model], frames[0].shape) < most
+
+
+def test_a_model_that_is_named_is_the_one_found_and_another_is_refused(photograph: NDArray[np.uint8]) -> None:
+    frames = two_frames(photograph, "translation", 5)
+    result = restore(frames, 4, align="affine", hidden="none")
+    assert result.models == ("translation", "affine")
+    assert result.misfits.max() < 0.1
+    with pytest.raises(ValueError, match="align='spline' must be"):
+        restore(frames, 4, align="spline")  # type: ignore[arg-type]

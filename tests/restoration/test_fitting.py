@@ -38,9 +38,9 @@ def turned_series(photograph: NDArray[Any]) -> list[NDArray[np.uint8]]:
     return [noisy(photograph), noisy(turned(photograph, 4, (5, -7))), noisy(turned(photograph, -3, (-6, 5)))]
 
 
-@pytest.mark.parametrize("align", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("align", [False, pytest.param("translation", marks=pytest.mark.slow)])
 def test_turned_frames_are_left_out_with_a_warning(
-    turned_series: list[NDArray[np.uint8]], photograph: NDArray[Any], align: bool
+    turned_series: list[NDArray[np.uint8]], photograph: NDArray[Any], align: Any
 ) -> None:
     with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] cannot be laid over images\[0\] and are left out"):
         result = restore(turned_series, detail=True, align=align, effort="fast")

@@ -39,7 +39,8 @@ class RestoreTab(Tab):
         ),
         "detail",
         ("number", {"name": "k", "keyword": ""}),
-        "align",
+        ("align", {"keyword": ""}),
+        ("motion", {"when": {"align": [True]}}),
         "channels",
         "hidden",
         ("renormalize", _FLAT),
@@ -79,6 +80,8 @@ class RestoreTab(Tab):
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)
+        if settings["align"]:
+            keywords["align"] = settings["motion"]
         if "nodata" in self.in_effect(settings):
             keywords["nodata"] = settings["nodata"]
         if "averaging" in self.in_effect(settings) and settings["averaging"] != "none":
