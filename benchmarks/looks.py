@@ -5,7 +5,10 @@ scores is the mean over the range of scores that two curves have in common, and 
 and as a second measure that nothing was tuned for, the blurred difference in Oklab, masked by texture. "Ahead" is by
 how many points of SSIMULACRA2 cvtimg is better at the bytes of pngquant's 256 colors.
 
-    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384]
+With --sheet, parts of the pictures three times as large are written instead: as they are, in pngquant's 256 colors, and
+by cvtimg at the same score.
+
+    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--sheet FILE]
 """
 
 from __future__ import annotations
@@ -32,6 +35,8 @@ COLORS = (256, 160, 96, 64, 40)
 QUALITIES = (84, 77, 70, 63)
 #: Points of a curve at which bytes are compared.
 N_POINTS = 50
+#: Side of the parts that --sheet shows.
+SHOWN = 110
 #: Standard deviations of the blurs of the second measure, and how much each counts.
 BLURS = {0.7: 1, 1.5: 2, 3.0: 4}
 
@@ -57,6 +62,34 @@ class Measures:
         return to_space(image.reshape(-1, 3), "oklab").reshape(image.shape) * [255, 127.5, 127.5]
 
 
+def as_png(pixels: Pixels, n_colors: int, *options: str) -> bytes:
+    """Return the file that pngquant makes."""
+    source = io.BytesIO()
+    Image.fromarray(pixels).save(source, "png", compress_level=1)
+    command = ["pngquant", *options, str(n_colors), "-"]
+    return subprocess.run(command, input=source.getvalue(), stdout=subprocess.PIPE, check=True).stdout
+
+
+def pixels_of(file: bytes) -> Pixels:
+    """Return the pixels of a file."""
+    return np.asarray(Image.open(io.BytesIO(file)).convert("RGB"))
+
+
+def shown(picture: Picture) -> Pixels:
+    """Return a part of a picture, of pngquant's and of that of cvtimg at the same score, side by side."""
+    pixels = picture.pixels
+    file = as_png(pixels, 256)
+    theirs = pixels_of(file)
+    quality = VisualQuality(pixels)
+    score = quality(theirs)
+    ours = quantize(pixels, quality=score)
+    size = len(encode_image(".png", ours.content[0], palette=ours.content[1]))
+    print(f"{picture.name}: {len(file)} bytes, {score:.1f}; {size} bytes, {ours.quality:.1f}", flush=True)
+    top, left = (max(0, (extent - SHOWN) // 2) for extent in pixels.shape[:2])
+    parts = [one[top : top + SHOWN, left : left + SHOWN] for one in (pixels, theirs, ours.image)]
+    return np.hstack(parts).repeat(3, axis=0).repeat(3, axis=1)
+
+
 def files_of(pixels: Pixels) -> dict[str, list[bytes]]:
     """Return the files of each program."""
     eyes, error = [], [quantize(pixels, n_colors) for n_colors in COLORS]
@@ -66,25 +99,16 @@ def files_of(pixels: Pixels) -> dict[str, list[bytes]]:
         except ValueError:  # which 256 colors do not reach
             continue
     eyes.append(quantize(pixels, goal="eyes"))
-    source = io.BytesIO()
-    Image.fromarray(pixels).save(source, "png", compress_level=1)
-
-    def pngquant(*options: str) -> list[bytes]:
-        command = ["pngquant", *options]
-        return [
-            subprocess.run([*command, str(n), "-"], input=source.getvalue(), stdout=subprocess.PIPE, check=True).stdout
-            for n in COLORS
-        ]
 
     def stored(results: list[object]) -> list[bytes]:
         return [encode_image(".png", one.content[0], palette=one.content[1]) for one in results]  # type: ignore
 
-    default = pngquant()
+    default = [as_png(pixels, n) for n in COLORS]
     return {
         "eyes": stored(eyes),
         "error": stored(error),
         "pngquant": default,
-        "pngquant --speed 1": pngquant("--speed", "1"),
+        "pngquant --speed 1": [as_png(pixels, n, "--speed", "1") for n in COLORS],
         "pngquant + oxipng": [oxipng.optimize_from_memory(one, level=4) for one in default],
     }
 
@@ -114,10 +138,7 @@ def measure(picture: Picture, size: tuple[int, int]) -> dict[str, float | str]:
     top, left = (max(0, (a - b) // 2) for a, b in zip(picture.pixels.shape, (height, width), strict=False))
     pixels = np.ascontiguousarray(picture.pixels[top : top + height, left : left + width])
     score, files = Measures(pixels), files_of(pixels)
-    scores = {
-        name: [score(np.asarray(Image.open(io.BytesIO(one)).convert("RGB"))) for one in some]
-        for name, some in files.items()
-    }
+    scores = {name: [score(pixels_of(one)) for one in some] for name, some in files.items()}
     curves = {name: curve(some, [one[0] for one in scores[name]]) for name, some in files.items()}
     second = {name: curve(files[name], [one[1] for one in scores[name]]) for name in ("eyes", "pngquant")}
     ours, rival = curves["eyes"], curves["pngquant"]
@@ -137,7 +158,13 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--pictures", type=int, help="pictures of each set")
     options.add_argument("--size", type=int, nargs=2, default=(512, 384), help="width and height of what is taken")
+    options.add_argument("--sheet", metavar="FILE", help="image file to write instead")
     given = options.parse_args()
+    if given.sheet:
+        parts = [shown(one) for some in picture_sets(given.data, given.pictures).values() for one in some]
+        rows_of = [np.hstack(parts[i : i + 2]) for i in range(0, len(parts) - 1, 2)]
+        Image.fromarray(np.vstack(rows_of)).save(given.sheet, quality=90)
+        return
     program = subprocess.run(["pngquant", "--version"], capture_output=True, text=True, check=True).stdout.split()[0]
     versions = {"pngquant": program, "pyoxipng": version("pyoxipng")}
     rows = []
