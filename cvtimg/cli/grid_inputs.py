@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from cvtimg.sphere import CellWidth
+    from cvtimg.options.record import Given
+    from cvtimg.sphere import CellWidth, PartialGrid, SphereGrid
 
 #: How far points of a file may be from their sphere, by its radius.
 _OFF_THE_SPHERE = 1e-6
@@ -45,6 +46,56 @@ def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
             lon, (lat, radius, ratio) = where, numbers
             parts.append(Refinement(lon, lat, radius, ratio))
     return parts or None
+
+
+def cut_out(grid: SphereGrid, given: Given) -> PartialGrid | None:
+    """Return the part of a grid that --land or --region leaves; None for all of it."""
+    from cvtimg.sphere import Box, Cap, cull_land, limit_area
+
+    if given.land is not None:
+        straits = [line for text in given.strait or [] for line in _lines(text)]
+        land = _part("--land", given.land)
+        return cull_land(grid, land, straits=straits, largest=not given.all_seas, fill_bays=not given.keep_bays)
+    if given.area is None:
+        return None
+    if isinstance(given.area, Path):
+        return limit_area(grid, _part("--region", given.area), layers=given.layers)
+    return limit_area(grid, (Cap if len(given.area) == 3 else Box)(*given.area), layers=given.layers)
+
+
+def _part(option: str, path: Path) -> Any:
+    """Read polygons, or a map."""
+    is_map = path.suffix.lower() not in (".geojson", ".json")
+    return read_globe(option, path) if is_map else _read_json(option, path)
+
+
+def _read_json(option: str, path: Path) -> Any:
+    import json
+
+    if not exists(path):
+        raise FileNotFoundError(f"{option} {path}: no such file")
+    with local_copy(path) as file:
+        try:
+            return json.loads(file.read_text(encoding="utf-8-sig"))
+        except ValueError as error:
+            raise ValueError(f"{option} {path} is not a GeoJSON file: {error}") from error
+
+
+def _lines(text: str) -> list[Any]:
+    """Read a point or a line as LON,LAT,..., or those of a GeoJSON file."""
+    if text.lower().endswith((".geojson", ".json")):
+        shapely = optional("shapely", "regions")
+        content = _read_json("--strait", Path(text))
+        shapes = [feature["geometry"] for feature in content["features"]] if "features" in content else [content]
+        parts = shapely.get_parts([shapely.geometry.shape(shape.get("geometry", shape)) for shape in shapes])
+        return [shapely.get_coordinates(part) for part in parts]
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = [0.0]
+    if len(numbers) % 2:
+        raise ValueError(f"--strait {text} must be LON,LAT or a line of these, all numbers, or a .geojson file")
+    return [[numbers[k : k + 2] for k in range(0, len(numbers), 2)]]
 
 
 def read_width(width: float | Path, circles: list[tuple[Any, ...]]) -> CellWidth:

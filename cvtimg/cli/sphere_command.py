@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,15 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   cvtimg sphere -n 40962 -o globe.nc
   cvtimg sphere -n 20000 --refine 10,50,20,4 -o europe.nc --plot europe.png --view 10 50
-  cvtimg sphere --cell-width 240km --refine -40,45,2000km,60km -o atlantic.nc
+  cvtimg sphere --cell-width 480km --refine -40,45,2000km,240km -o atlantic.nc
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
   cvtimg sphere -n 10000 --refine lights.png,6 -o cities.vtu
-  cvtimg sphere -n 40962 --coast land.png -o ocean.nc
+  cvtimg sphere -n 40962 --coast land.png -o coast.nc
+  cvtimg sphere --cell-width 480km --land land.png --strait -6,36,-5,36 -o ocean.nc
+  cvtimg sphere --cell-width 480km --region 10,50,20 -o europe.nc
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
-COLUMNS = ("n", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
+COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
 
 
 def sphere(given: Given) -> int:
@@ -43,6 +46,8 @@ def sphere(given: Given) -> int:
     given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
     pictures = [given.density, given.coast, given.parent, given.over]
+    given.area = None if given.region is None else _area(given.region)
+    pictures += [given.land, given.area if isinstance(given.area, Path) else None]
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
     pictures += [given.width] if isinstance(given.width, Path) else []
     plan = plan_alone({"-o": given.output, "--plot": given.plot}, also_read=pictures)
@@ -74,6 +79,14 @@ def _circle_in_km(text: str) -> tuple[float, ...]:
     return _numbers("--refine", plain, names[: 5 if len(parts) == 5 else 4])
 
 
+def _area(text: str) -> tuple[float, ...] | Path:
+    """Read LON,LAT,RADIUS or WEST,SOUTH,EAST,NORTH, or the name of a file of polygons."""
+    if text.lower().endswith((".geojson", ".json")):
+        return Path(text)
+    names = ("LON", "LAT", "RADIUS") if text.count(",") == 2 else ("WEST", "SOUTH", "EAST", "NORTH")
+    return _numbers("--region", text, names)
+
+
 def _numbers(option: str, text: str, names: tuple[str, ...]) -> tuple[float, ...]:
     try:
         values = tuple(float(part) for part in text.split(","))
@@ -88,7 +101,7 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.cli.grid_inputs import read_densities, read_globe, read_grid_points, read_width
+    from cvtimg.cli.grid_inputs import cut_out, read_densities, read_globe, read_grid_points, read_width
     from cvtimg.sphere import Cap, coastal_grid, nested_grid
 
     width = None if given.width is None else read_width(given.width, given.finer)
@@ -106,13 +119,15 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         found = nested_grid(old, given.number, within=Cap(*given.circle), **making)
     else:
         found = cvtimg.sphere_grid(number, **making)
+    part = cut_out(found, given)
     stopwatch.lap("place")
-    found.save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
+    (found if part is None else part).save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
     if "--plot" in task.outputs:
-        _plot(found, task.outputs["--plot"], given, image)
+        _plot(found, None if part is None else part.kept, task.outputs["--plot"], given, image)
     stopwatch.lap("write")
     return {
         "n": len(found.points),
+        "kept": len(found.points) if part is None else len(part.points),
         "triangles": len(found.triangles),
         "fixed": int(found.fixed.sum()),
         "energy": found.energy,
@@ -129,15 +144,18 @@ def _widths(grid: SphereGrid) -> list[float]:
     return widths
 
 
-def _plot(grid: SphereGrid, path: Path, given: Given, image: Any) -> None:
+def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: Any) -> None:
     import numpy as np
 
     from cvtimg.plotting import draw_globe, draw_map, save_plot
     from cvtimg.sphere import cell_polygons
 
     cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
+    kept = np.ones(len(sizes), bool) if kept is None else kept
+    sizes = sizes[kept]
     more = {"image": image, "overwrite": given.overwrite}
     if given.view is not None:
-        save_plot(path, draw_globe, list(cells), sizes, center=given.view, **more)
+        save_plot(path, draw_globe, list(compress(cells, kept)), sizes, center=given.view, **more)
     else:
-        save_plot(path, draw_map, list(cell_polygons(cells.vertices, cells.corners, cells.offsets)), sizes, **more)
+        polygons = compress(cell_polygons(cells.vertices, cells.corners, cells.offsets), kept)
+        save_plot(path, draw_map, list(polygons), sizes, **more)

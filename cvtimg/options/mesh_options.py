@@ -113,6 +113,28 @@ SPHERE = (
         metavar="LON,LAT,RADIUS",
         needs=("parent",),
     ),
+    file(
+        "land",
+        "Remove the cells whose points are on land: a map with white land, or polygons; keep the largest sea.",
+        excludes=("region",),
+    ),
+    Option(
+        "strait",
+        Text(),
+        "Point, or line of points, in degrees, whose cells stay sea; or a .geojson file of them. Repeat it for more.",
+        metavar="LON,LAT[,LON,LAT...]",
+        many=True,
+        needs=("land",),
+    ),
+    switch("all_seas", "Keep lakes and inland seas.", needs=("land",)),
+    switch("keep_bays", "Keep bays of single cells.", needs=("land",)),
+    Option(
+        "region",
+        Text(),
+        "Keep the cells in a circle or a box, in degrees, or in polygons, and layers of cells around them.",
+        metavar="LON,LAT,RADIUS|WEST,SOUTH,EAST,NORTH|FILE",
+    ),
+    Option("layers", Whole(0, 1000), "Layers of cells around --region.", default=7, needs=("region",)),
     Option("radius", Real(above=0), "Radius of the sphere in the file.", metavar="R", default=1.0),
     file("plot", "Plot the cells on a map, .png or .svg, colored by size.", common.PLOTS),
     Option(

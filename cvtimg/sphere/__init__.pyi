@@ -1,5 +1,9 @@
 from .coasts import CoastalGrid as CoastalGrid
 from .coasts import coastal_grid as coastal_grid
+from .culling import Box as Box
+from .culling import PartialGrid as PartialGrid
+from .culling import cull_land as cull_land
+from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
 from .densities import by_spacing as by_spacing

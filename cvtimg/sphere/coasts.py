@@ -56,6 +56,9 @@ class CoastalGrid(SphereGrid):
     on_coast: NDArray[np.bool_]
     on_land: NDArray[np.bool_]
 
+    def _flags(self) -> dict[str, NDArray[np.int32]]:
+        return {"land": self.on_land.astype(np.int32), "coast": self.on_coast.astype(np.int32)}
+
 
 def coastal_grid(
     n: int,

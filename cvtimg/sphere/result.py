@@ -173,8 +173,13 @@ class SphereGrid(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        content = GridContent(self.points, self.triangles, self.density, check_positive("radius", radius))
+        radius = check_positive("radius", radius)
+        content = GridContent(self.points, self.triangles, self.density, radius, self._flags())
         write_grid(path, content, overwrite=overwrite)
+
+    def _flags(self) -> dict[str, NDArray[np.int32]]:
+        """Return flags of cells that files have."""
+        return {}
 
     def _repr_html_(self) -> str:
         """Draw the triangles of the half that is centered at longitude 0 and latitude 20."""

@@ -67,6 +67,22 @@ def test_widths_in_km_say_how_many_points(capsys: pytest.CaptureFixture[str]) ->
     assert row_of(capsys, "--cell-width", "1500", "-n", "99", "-o", "c.csv")["n"] == 99
 
 
+def test_land_and_regions_are_cut_out(capsys: pytest.CaptureFixture[str]) -> None:
+    south = row_of(capsys, "-n", "300", "--land", "north.png", "-o", "a.nc", "--plot", "a.png")
+    open_ = row_of(capsys, "-n", "300", "--land", "north.png", "--strait", "0,0,0,60", "-o", "b.nc")
+    line = {"type": "LineString", "coordinates": [[0, 0], [0, 60]]}
+    Path("strait.geojson").write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": line}))
+    by_file = row_of(capsys, "-n", "300", "--land", "north.png", "--strait", "strait.geojson", "-o", "c.nc")
+    assert south["kept"] == len(read_grid_points(Path("a.nc"))) == pytest.approx(150, abs=8)
+    assert south["kept"] < open_["kept"] == by_file["kept"]
+    ring = [[-30, -30], [30, -30], [30, 30], [-30, 30], [-30, -30]]
+    Path("box.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    box = row_of(capsys, "-n", "300", "--region", "-30,-30,30,30", "--layers", "1", "-o", "d.nc")
+    same = row_of(capsys, "-n", "300", "--region", "box.geojson", "--layers", "1", "-o", "e.nc")
+    circle = row_of(capsys, "-n", "300", "--region", "0,0,30", "--layers", "1", "-o", "f.nc")
+    assert circle["kept"] < box["kept"] == same["kept"] < 100
+
+
 def test_a_nested_grid_keeps_the_points_outside(capsys: pytest.CaptureFixture[str]) -> None:
     row_of(capsys, "-n", "642", "-o", "parent.nc")
     row = row_of(capsys, "-n", "200", "--parent", "parent.nc", "--within", "0,90,20", "-o", "nested.nc")
@@ -109,6 +125,10 @@ def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path
         (["-o", "a.nc", "--cell-width", "-3"], 1, "width=-3.0 must be a finite number > 0, in km"),
         (["-o", "a.nc", "--cell-width", "thirty"], 1, "thirty"),
         (["-o", "a.nc", "--cell-width", "bare.nc"], 1, "it has no lon"),
+        (["-n", "99", "-o", "a.nc", "--region", "1,2"], 2, "--region 1,2 must be WEST,SOUTH,EAST,NORTH"),
+        (["-n", "99", "-o", "a.nc", "--region", "no.geojson"], 1, "--region no.geojson: no such file"),
+        (["-n", "99", "-o", "a.nc", "--strait", "1,2"], 2, "--strait needs --land"),
+        (["-n", "99", "-o", "a.nc", "--land", "north.png", "--strait", "1,2,3"], 1, "--strait 1,2,3 must be LON,LAT"),
         (["-n", "3", "-o", "a.nc"], 1, "n=3 must be an integer >= 4"),
         (["-n", "100", "-o", "a.nc", "--refine", "0,0,10,0.5"], 1, "ratio=0.5 must be in 1..100"),
         (["-n", "100", "-o", "a.nc", "--density", "square.png"], 1, "must be twice as wide as high"),

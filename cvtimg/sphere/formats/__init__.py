@@ -11,11 +11,11 @@ import numpy as np
 from cvtimg._shared.checks import refuse
 from cvtimg.files.text_tables import csv_text
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.sphere.formats.geometry import GridContent, latitudes_longitudes
+from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
 
-__all__ = ["GRID_FORMATS", "GridContent", "grid_format", "write_grid"]
+__all__ = ["GRID_FORMATS", "CulledContent", "GridContent", "grid_format", "write_grid"]
 
 
 def write_table(file: BinaryIO, grid: GridContent) -> None:
@@ -29,6 +29,7 @@ def write_table(file: BinaryIO, grid: GridContent) -> None:
         "area": areas,
         "neighbors": grid.around.degrees,
         "density": grid.density,
+        **grid.flags,
     }
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     file.write(csv_text(columns, rows).encode())
@@ -37,9 +38,9 @@ def write_table(file: BinaryIO, grid: GridContent) -> None:
 def write_graph(file: BinaryIO, grid: GridContent) -> None:
     """Write the graph of cells for METIS, which divides it among processes: neighbors of each, numbered from 1."""
     around = grid.around
-    lines = [f"{len(grid.points)} {len(around.halves)}"]
-    for row, degree in zip((around.cells_on_cell + 1).tolist(), around.degrees.tolist(), strict=True):
-        lines.append(" ".join(map(str, row[:degree])))
+    lines = [f"{len(grid.points)} {int((around.cells_on_edge >= 0).all(axis=1).sum())}"]
+    for row in (around.cells_on_cell + 1).tolist():
+        lines.append(" ".join(str(cell) for cell in row if cell))
     file.write(("\n".join(lines) + "\n").encode())
 
 

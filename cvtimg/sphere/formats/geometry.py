@@ -6,7 +6,8 @@ leads from corner k of triangle t to the next one; its twin leads back, in the t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -29,12 +30,7 @@ class Connectivity:
     its second: from the right to the left.
     """
 
-    # (3 T,): of each half-edge.
-    twins: Indices
-    edge_of: Indices
-    halves: Indices  # (E,): the half-edge from the first cell of each edge to the second
-    degrees: Indices  # (N,): number of neighbors
-    outgoing: Indices  # (N, M): half-edges from each generator to its neighbors
+    degrees: Indices  # (N,): number of edges
     # (N, M).
     cells_on_cell: Indices
     edges_on_cell: Indices
@@ -47,7 +43,17 @@ class Connectivity:
     edges_on_vertex: Indices
 
 
-def connect(triangles: Indices, n: int) -> Connectivity:
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedConnectivity(Connectivity):
+    """What touches what on all of the sphere, with half-edges."""
+
+    # (3 T,): of each half-edge.
+    twins: Indices
+    edge_of: Indices
+    halves: Indices  # (E,): the half-edge from the first cell of each edge to the second
+
+
+def connect(triangles: Indices, n: int) -> ClosedConnectivity:
     """Find out what touches what in a closed triangulation of `n` points."""
     starts = triangles.ravel()
     ends = triangles[:, [1, 2, 0]].ravel()
@@ -63,12 +69,8 @@ def connect(triangles: Indices, n: int) -> Connectivity:
     first[starts[::-1]] = numbers[::-1]
     outgoing = half_edges_out(first, twins, degrees)
     there = outgoing >= 0
-    return Connectivity(
-        twins,
-        edge_of,
-        halves,
+    return ClosedConnectivity(
         degrees,
-        outgoing,
         cells_on_cell=np.where(there, ends[outgoing], -1).astype(np.int32),
         edges_on_cell=np.where(there, edge_of[outgoing], -1).astype(np.int32),
         vertices_on_cell=np.where(there, outgoing // 3, -1).astype(np.int32),
@@ -76,6 +78,9 @@ def connect(triangles: Indices, n: int) -> Connectivity:
         vertices_on_edge=np.stack([twins[halves] // 3, halves // 3], axis=1),
         cells_on_vertex=triangles,
         edges_on_vertex=edge_of.reshape(-1, 3),
+        twins=twins,
+        edge_of=edge_of,
+        halves=halves,
     )
 
 
@@ -133,7 +138,7 @@ def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
     return latitudes, np.where(longitudes < 2 * np.pi, longitudes, 0.0)
 
 
-def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indices, Values]:
+def tangential_weights(around: ClosedConnectivity, geometry: Geometry) -> tuple[Indices, Values]:
     """Compute how velocities u through edges nearby add up to that along an edge, to the left of that through it.
 
     Along edge e it is the sum of weights[e, j] u[edges_on_edge[e, j]], (E, 2 M) arrays: the other edges of the first
@@ -142,7 +147,7 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
     J. Thuburn, T. D. Ringler, W. C. Skamarock, J. B. Klemp, Numerical representation of geostrophic modes on
     arbitrarily structured C-grids, Journal of Computational Physics 228 (2009), doi 10.1016/j.jcp.2009.08.006.
     """
-    n_edges, most = len(around.halves), around.outgoing.shape[1]
+    n_edges, most = len(around.halves), around.cells_on_cell.shape[1]
     edges_on_edge = np.full((n_edges, 2 * most), -1, np.int32)
     weights = np.zeros((n_edges, 2 * most))
     shares = (geometry.kites / geometry.cell_areas[around.cells_on_vertex]).ravel()
@@ -200,13 +205,104 @@ class GridContent:
     triangles: Indices  # (T, 3): indices of points, counterclockwise as seen from outside
     density: Values  # (N,): at the generators
     radius: float  # Of the sphere in the file; lengths and areas are in its unit
+    flags: Mapping[str, Indices] = field(default_factory=dict)  # (N,): of cells, such as 1 on land
 
     @cached_property
+    def closed(self) -> ClosedConnectivity:
+        """What touches what, with half-edges."""
+        return connect(self.triangles, len(self.points))
+
+    @property
     def around(self) -> Connectivity:
         """What touches what."""
-        return connect(self.triangles, len(self.points))
+        return self.closed
 
     @cached_property
     def geometry(self) -> Geometry:
         """Measures on the unit sphere."""
         return measure(self.points, self.around)
+
+    @cached_property
+    def tangential(self) -> tuple[Indices, Values]:
+        """Edges on edges, and their weights; see `tangential_weights`."""
+        return tangential_weights(self.closed, self.geometry)
+
+
+@dataclass(frozen=True, eq=False)
+class CulledContent(GridContent):
+    """Some cells of a grid, and the edges and vertices that these have, all in the order of the grid.
+
+    Where a cell is left out, its index is -1, and its part of triangles is 0. The first cell of each edge is there:
+    edges that lost theirs are turned, with their vertices, angles and weights. MpasCellCuller leaves the same.
+    """
+
+    whole: GridContent = field(kw_only=True)
+    kept: NDArray[np.bool_] = field(kw_only=True)  # (N,): of the whole
+
+    @classmethod
+    def of(cls, whole: GridContent, kept: NDArray[np.bool_], flags: Mapping[str, Indices]) -> CulledContent:
+        """Keep some cells; `flags` are those of these."""
+        points, density = whole.points[kept], whole.density[kept]
+        return cls(points, whole.triangles, density, whole.radius, flags, whole=whole, kept=kept)
+
+    @cached_property
+    def _edges(self) -> NDArray[np.bool_]:
+        return np.asarray(self.kept[self.whole.around.cells_on_edge].any(axis=1))
+
+    @cached_property
+    def _vertices(self) -> NDArray[np.bool_]:
+        return np.asarray(self.kept[self.whole.around.cells_on_vertex].any(axis=1))
+
+    @cached_property
+    def _turned(self) -> NDArray[np.bool_]:
+        """Which of the edges that are left have lost their first cell."""
+        return ~self.kept[self.whole.around.cells_on_edge[self._edges, 0]]
+
+    @cached_property
+    def around(self) -> Connectivity:
+        """What touches what."""
+        old, turned = self.whole.around, self._turned[:, None]
+        cell, edge, vertex = (_renumbered(which) for which in (self.kept, self._edges, self._vertices))
+        cells, vertices = old.cells_on_edge[self._edges], old.vertices_on_edge[self._edges]
+        return Connectivity(
+            old.degrees[self.kept],
+            cells_on_cell=cell[old.cells_on_cell[self.kept]],
+            edges_on_cell=edge[old.edges_on_cell[self.kept]],
+            vertices_on_cell=vertex[old.vertices_on_cell[self.kept]],
+            cells_on_edge=cell[np.where(turned, cells[:, ::-1], cells)],
+            vertices_on_edge=vertex[np.where(turned, vertices[:, ::-1], vertices)],
+            cells_on_vertex=cell[old.cells_on_vertex[self._vertices]],
+            edges_on_vertex=edge[old.edges_on_vertex[self._vertices]],
+        )
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Measures on the unit sphere."""
+        old, edges, vertices = self.whole.geometry, self._edges, self._vertices
+        angles = old.angles[edges]
+        kites = np.where(self.around.cells_on_vertex >= 0, old.kites[vertices], 0.0)
+        return Geometry(
+            old.vertices[vertices],
+            old.edges[edges],
+            old.cell_distances[edges],
+            old.edge_lengths[edges],
+            np.where(self._turned, angles - np.copysign(np.pi, angles), angles),
+            kites,
+            old.cell_areas[self.kept],
+            kites.sum(axis=1),
+        )
+
+    @cached_property
+    def tangential(self) -> tuple[Indices, Values]:
+        """Edges on edges that are left, and their weights: turned edges count with the other sign."""
+        table, weights = (values[self._edges] for values in self.whole.tangential)
+        table = _renumbered(self._edges)[table]
+        signs = np.append(np.where(self._turned, -1.0, 1.0), 0.0)
+        weights = signs[:-1, None] * weights * signs[table]
+        order = np.argsort(table < 0, axis=1, kind="stable")
+        return np.take_along_axis(table, order, 1), np.take_along_axis(weights, order, 1)
+
+
+def _renumbered(kept: NDArray[np.bool_]) -> Indices:
+    """Return the new number of each that is kept, and -1 for others; the last is that of -1."""
+    return np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1).astype(np.int32)

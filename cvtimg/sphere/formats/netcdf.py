@@ -9,8 +9,14 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes, tangential_weights
+from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
 
+#: Flags of cells that a grid may have.
+FLAGS = {
+    "land": "1 on land",
+    "coast": "1 on the coast",
+    "boundary_layer": "0 inside, 1, 2, ... in layers along the boundary",
+}
 #: Types of netCDF's classic format.
 _TYPES = {"f": np.float64, "i": np.int32}
 
@@ -56,13 +62,13 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
     MPAS Mesh Specification, version 1.0 (2015). Indices begin with 1; 0 stands for none.
     """
     around, geometry = grid.around, grid.geometry
-    edges_on_edge, weights = tangential_weights(around, geometry)
-    most = around.outgoing.shape[1]
+    edges_on_edge, weights = grid.tangential
+    most = around.cells_on_cell.shape[1]
     dimensions = {
         "Time": None,
         "nCells": len(grid.points),
-        "nEdges": len(around.halves),
-        "nVertices": len(grid.triangles),
+        "nEdges": len(around.cells_on_edge),
+        "nVertices": len(geometry.vertices),
         "maxEdges": most,
         "maxEdges2": 2 * most,
         "TWO": 2,
@@ -102,6 +108,7 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
         "angleEdge": Variable(edges, geometry.angles),
         "meshDensity": Variable(cells, grid.density / grid.density.max()),
     }
+    variables |= _masks(grid)
     attributes = {
         "on_a_sphere": "YES",
         "sphere_radius": float(grid.radius),
@@ -113,6 +120,33 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
         "history": "",
     }
     write_netcdf(file, dimensions, variables, attributes)
+
+
+#: Names of flags of cells in files of MPAS; MpasCellCuller removes cells whose cullCell is 1.
+_MPAS_FLAGS = {"land": "cullCell", "coast": "coastCell"}
+
+
+def _masks(grid: GridContent) -> dict[str, Variable]:
+    """Return flags of cells, and of edges and vertices where there is a boundary."""
+    around = grid.around
+    found = {
+        _MPAS_FLAGS[name]: Variable(("nCells",), flags) for name, flags in grid.flags.items() if name in _MPAS_FLAGS
+    }
+    tables = {"Edge": ("nEdges", around.cells_on_edge), "Vertex": ("nVertices", around.cells_on_vertex)}
+    layers = grid.flags.get("boundary_layer")
+    if layers is not None:  # an edge or a vertex is in the innermost layer of its cells
+        found["bdyMaskCell"] = Variable(("nCells",), layers)
+        for place, (along, cells) in tables.items():
+            innermost = np.where(cells >= 0, layers[cells], layers.max()).min(axis=1)
+            found[f"bdyMask{place}"] = Variable((along,), innermost)
+    if (around.cells_on_edge < 0).any():
+        tables["Cell"] = (
+            "nCells",
+            np.where(np.arange(around.cells_on_cell.shape[1]) < around.degrees[:, None], around.cells_on_cell, 0),
+        )
+        for place, (along, cells) in tables.items():
+            found[f"boundary{place}"] = Variable((along,), (cells < 0).any(axis=1).astype(np.int32))
+    return found
 
 
 def _identity(grid: GridContent) -> str:
@@ -127,9 +161,9 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
     around, geometry = grid.around, grid.geometry
     dimensions = {
         "n_face": len(grid.points),
-        "n_node": len(grid.triangles),
-        "n_edge": len(around.halves),
-        "n_max_face_nodes": around.outgoing.shape[1],
+        "n_node": len(geometry.vertices),
+        "n_edge": len(around.cells_on_edge),
+        "n_max_face_nodes": around.cells_on_cell.shape[1],
         "two": 2,
     }
     # The edge and the face after node j, as the conventions have it.
@@ -164,6 +198,7 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
     for name, values, text in (
         ("face_area", areas, "area of cells"),
         ("density", grid.density, "density at generators"),
+        *((name, flags, FLAGS[name]) for name, flags in grid.flags.items()),
     ):
         variables[name] = Variable(("n_face",), values, {"long_name": text, "mesh": "mesh", "location": "face"})
     attributes = {"Conventions": "CF-1.8 UGRID-1.0", "source": "cvtimg", "sphere_radius": float(grid.radius)}
@@ -188,7 +223,9 @@ def write_scrip(file: BinaryIO, grid: GridContent) -> None:
         "grid_center_lon": Variable(size, center_longitudes, radians),
         "grid_corner_lat": Variable(table, latitudes[corners], radians),
         "grid_corner_lon": Variable(table, longitudes[corners], radians),
-        "grid_imask": Variable(size, np.ones(len(grid.points), np.int32), {"units": "unitless"}),
+        "grid_imask": Variable(
+            size, 1 - grid.flags.get("land", np.zeros(len(grid.points), np.int32)), {"units": "unitless"}
+        ),
         "grid_area": Variable(size, geometry.cell_areas, {"units": "radians^2"}),
     }
     dimensions = {"grid_size": len(grid.points), "grid_corners": corners.shape[1], "grid_rank": 1}

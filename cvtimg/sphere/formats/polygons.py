@@ -30,7 +30,11 @@ def write_geojson(file: BinaryIO, grid: GridContent) -> None:
     features = (
         feature(
             [[[*piece, piece[0]]] for piece in pieces],
-            {"area": areas[number], "neighbors": int(around.degrees[number])},
+            {
+                "area": areas[number],
+                "neighbors": int(around.degrees[number]),
+                **{name: int(flags[number]) for name, flags in grid.flags.items()},
+            },
             id=number,
         )
         for number, pieces in enumerate(cell_polygons(geometry.vertices, corners, offsets))
@@ -43,7 +47,12 @@ def write_vtu(file: BinaryIO, grid: GridContent) -> None:
     around, geometry = grid.around, grid.geometry
     corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
     areas = geometry.cell_areas * grid.radius**2
-    values: dict[str, NDArray[Any]] = {"area": areas, "neighbors": around.degrees, "density": grid.density}
+    values: dict[str, NDArray[Any]] = {
+        "area": areas,
+        "neighbors": around.degrees,
+        "density": grid.density,
+        **grid.flags,
+    }
     file.write(vtu_content(geometry.vertices * grid.radius, corners, np.cumsum(around.degrees), POLYGON, values))
 
 

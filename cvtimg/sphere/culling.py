@@ -1,0 +1,267 @@
+"""Parts of grids: the sea without land, and limited areas with layers of relaxation along their boundary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import (
+    check_at_least,
+    check_in_range,
+    check_picture_density,
+    check_positive,
+    check_returned,
+    check_shape,
+    check_that,
+)
+from cvtimg._shared.records import ReadOnly
+from cvtimg.files.whole import StrPath
+from cvtimg.sphere.densities import GlobePicture, Points, check_globe, from_degrees, to_radians
+from cvtimg.sphere.formats import CulledContent, GridContent, write_grid
+from cvtimg.sphere.result import SphereGrid
+
+#: Lines are followed in steps of this part of the smallest cell.
+_STEP = 0.2
+
+#: A part of the globe: a function from (N, 3) unit vectors to booleans, polygons in degrees (GeoJSON or shapely), or a
+#: map of the globe, white inside.
+PartLike: TypeAlias = "Callable[[Points], Any] | Mapping[str, Any] | ArrayLike | Any"
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A part of the sphere between two meridians and two parallels.
+
+    Parameters
+    ----------
+    west, south, east, north : float
+        In degrees. It leads from west to east, across the antimeridian where east is less than west.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import Box
+    >>> Box(170, -10, -170, 10)([[-1, 0, 0], [1, 0, 0]]).tolist()
+    [True, False]
+    """
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("west", self.west), ("east", self.east)):
+            check_in_range(name, value, -360 <= value <= 360, "in -360..360 degrees")
+        check_in_range("south", self.south, -90 <= self.south <= 90, "in -90..90 degrees")
+        check_in_range("north", self.north, self.south < self.north <= 90, "above south and at most 90 degrees")
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 3) points are inside."""
+        lon, lat = (np.degrees(angles) for angles in to_radians(np.asarray(points, np.float64)))
+        span = (self.east - self.west) % 360 or 360.0
+        return ((lon - self.west) % 360 <= span) & (lat >= self.south) & (lat <= self.north)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartialGrid(ReadOnly):
+    """Some cells of a grid of the sphere, in the order that they had.
+
+    Attributes
+    ----------
+    whole : SphereGrid
+        The grid that it is a part of.
+    kept : (N,) bool array
+        Which of its cells.
+    layers : (K,) int32 array
+        Of the kept cells: 0 inside; 1, 2, ... outward in the layers along the boundary of a limited area.
+    """
+
+    whole: SphereGrid
+    kept: NDArray[np.bool_]
+    layers: NDArray[np.int32]
+
+    @property
+    def points(self) -> Points:
+        """Unit vectors (K, 3) of the kept cells."""
+        return self.whole.points[self.kept]
+
+    @property
+    def areas(self) -> NDArray[np.float64]:
+        """Areas (K,) of the kept cells on the unit sphere."""
+        return self.whole.areas[self.kept]
+
+    def save(self, path: StrPath, *, radius: float = 1.0, overwrite: bool = False) -> None:
+        """Write the kept cells to a file, as `SphereGrid.save` writes all.
+
+        Edges and vertices of kept cells are kept; beyond the boundary there is no cell: 0 in files of MPAS, which have
+        boundaryCell, boundaryEdge and boundaryVertex (1 at the boundary) and, with layers, bdyMaskCell, bdyMaskEdge and
+        bdyMaskVertex.
+        """
+        whole = GridContent(
+            self.whole.points, self.whole.triangles, self.whole.density, check_positive("radius", radius)
+        )
+        flags = {"boundary_layer": self.layers} if self.layers.any() else {}
+        write_grid(path, CulledContent.of(whole, self.kept, flags), overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        return f"PartialGrid({int(self.kept.sum())} of {len(self.kept)} cells)"
+
+
+def cull_land(
+    grid: SphereGrid, land: PartLike, *, straits: Sequence[ArrayLike] = (), largest: bool = True, fill_bays: bool = True
+) -> PartialGrid:
+    """Remove the cells whose points are on land.
+
+    Parameters
+    ----------
+    grid : SphereGrid
+    land : callable, GeoJSON, shapely geometry or (H, 2 H) array
+        A function from (N, 3) unit vectors to booleans; polygons in degrees; or a mask of the globe, as
+        `cvtimg.sphere.coastal_grid` takes it.
+    straits : sequence of (M, 2) arrays
+        Points and lines of longitudes and latitudes in degrees, whose cells stay sea.
+    largest : bool
+        Keep the largest connected sea only.
+    fill_bays : bool
+        Remove cells that open to one other cell of the sea or none, and those that are such then.
+
+    Returns
+    -------
+    PartialGrid
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or no cell is left.
+
+    See Also
+    --------
+    limit_area, coastal_grid
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg import sphere_grid
+    >>> from cvtimg.sphere import cull_land
+    >>> cull_land(sphere_grid(642), lambda points: points[:, 2] > 0.5)
+    PartialGrid(479 of 642 cells)
+    """
+    sea = ~_inside("land", land, grid.points)
+    held = _along(grid, straits)
+    sea |= held
+    starts, ends = grid.triangles.ravel(), np.roll(grid.triangles, -1, axis=1).ravel()
+    n = len(sea)
+    while fill_bays:
+        bays = sea & ~held & (np.bincount(starts, sea[ends], n) <= 1)
+        if not bays.any():
+            break
+        sea &= ~bays
+    if largest and sea.any():
+        sea = _largest(sea, starts, ends, grid.areas)
+    check_that("land", bool(sea.any()), "leave a cell of the sea")
+    return PartialGrid(grid, sea, np.zeros(int(sea.sum()), np.int32))
+
+
+def limit_area(grid: SphereGrid, within: PartLike, *, layers: int = 7) -> PartialGrid:
+    """Keep the cells whose points are in a part of the globe, and layers of cells around them.
+
+    Parameters
+    ----------
+    grid : SphereGrid
+    within : callable, GeoJSON, shapely geometry or (H, 2 H) array
+        The part: a `Cap`, a `Box`, or what `cull_land` takes as land.
+    layers : int
+        Number of layers, >= 0. MPAS-Atmosphere has 7: in the first five values relax to those given at the boundary,
+        which the last two are set to.
+
+    Returns
+    -------
+    PartialGrid
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said here, or no cell is inside.
+
+    See Also
+    --------
+    cull_land, nested_grid
+
+    Examples
+    --------
+    >>> from cvtimg import sphere_grid
+    >>> from cvtimg.sphere import Cap, limit_area
+    >>> import numpy as np
+    >>> area = limit_area(sphere_grid(2562), Cap(10, 50, 20))
+    >>> np.bincount(area.layers).tolist()[:2]
+    [75, 34]
+    """
+    check_at_least("layers", layers, 0, "the number of layers of cells around")
+    kept = _inside("within", within, grid.points)
+    check_that("within", bool(kept.any()), "hold a point of the grid")
+    numbers = np.where(kept, 0, -1)
+    for layer in range(1, layers + 1):
+        near = np.unique(grid.triangles[(numbers[grid.triangles] >= 0).any(axis=1)])
+        numbers[near[numbers[near] < 0]] = layer
+    kept = numbers >= 0
+    return PartialGrid(grid, kept, numbers[kept].astype(np.int32))
+
+
+def _inside(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:
+    """Tell which points are in a part."""
+    if callable(part):
+        inside = np.asarray(part(points))
+        check_returned(name, inside, len(points))
+        check_that(name, inside.dtype == np.bool_, "return booleans")
+        return inside
+    if isinstance(part, Mapping) or hasattr(part, "geom_type"):
+        return _in_polygons(part, points)
+    mask = check_globe(name, check_picture_density(name, part))
+    return np.asarray(GlobePicture.padded(mask / mask.max())(points) > 0.5)
+
+
+def _in_polygons(shape: Any, points: Points) -> NDArray[np.bool_]:
+    """Tell which points are in polygons of longitudes and latitudes, which may go beyond the antimeridian."""
+    from cvtimg.placement import PolygonRegion
+
+    region = PolygonRegion(shape)
+    lon, lat = (np.degrees(angles) for angles in to_radians(points))
+    turns = [region.contains(np.stack([lon + turn, lat], axis=1)) for turn in (-360, 0, 360)]
+    return np.logical_or.reduce(turns)
+
+
+def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
+    """Tell which cells points and lines go through."""
+    from scipy.spatial import cKDTree
+
+    held = np.zeros(len(grid.points), bool)
+    tree, step = cKDTree(grid.points), _STEP * float(np.sqrt(grid.areas.min()))
+    for line in lines:
+        table = np.atleast_2d(np.asarray(line, np.float64))
+        check_shape("straits", table.shape, table.ndim == 2 and table.shape[1] == 2, "(M, 2), longitudes and latitudes")
+        check_that("straits", bool((np.isfinite(table).all()) and (np.abs(table[:, 1]) <= 90).all()), "be in degrees")
+        corners = from_degrees(*table.T)
+        held[tree.query(corners)[1]] = True
+        for start, end in pairwise(corners):
+            parts = np.linspace(0, 1, int(np.linalg.norm(end - start) / step) + 2)[:, None]
+            places = start + parts * (end - start)
+            held[tree.query(places / np.linalg.norm(places, axis=1, keepdims=True))[1]] = True
+    return held
+
+
+def _largest(
+    sea: NDArray[np.bool_], starts: NDArray[Any], ends: NDArray[Any], areas: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return the connected part of the sea with the largest area."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    both = sea[starts] & sea[ends]
+    links = coo_array((np.ones(int(both.sum()), bool), (starts[both], ends[both])), shape=(len(sea), len(sea)))
+    _, parts = connected_components(links, directed=False)
+    return np.asarray(sea & (parts == np.bincount(parts, areas * sea).argmax()))
