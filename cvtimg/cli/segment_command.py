@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
+  cvtimg segment nuclei.tif --objects --overlay outlines.png --table nuclei.csv
   cvtimg segment cells.tif -k 2 --edge-weight auto --objects --min-size 30 --table cells.csv --coco cells.json
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
@@ -30,6 +32,8 @@ EXAMPLES = """\
 #: Arguments of `segment` that do not need the whole image at a time.
 _IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
+#: Columns where objects are counted: what was measured.
+COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 
 
 def segment(given: Given) -> int:
@@ -40,21 +44,33 @@ def segment(given: Given) -> int:
     with --write each input gets the outputs listed. Contours are in pixels from the upper left corner, or in the
     coordinates of a GeoTIFF.
 
+    --objects without -k counts objects without settings: noise, uneven light, brightness and size are measured on the
+    image, and what was found is in the table that is printed.
+
     Pages of a TIFF are segmented separately, or together with --volume; -o FILE.tif takes the labels of all.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
+    counts = given.objects and given.number is None
     if given.number is None:
-        if not given.hierarchy:
-            raise WrongUsageError("-k is needed without --hierarchy: a number of segments, or auto")
-        given.number = "auto"
+        if not (given.hierarchy or given.objects):
+            raise WrongUsageError("-k is needed without --hierarchy and --objects: a number of segments, or auto")
+        if counts and (settings := _settings(given)):
+            raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
+        given.number = None if counts else "auto"
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
     given.style = Style.of(given)
     plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
     columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if given.number == "auto" and not given.hierarchy else COLUMNS
-    return run_plan(plan, _segment, columns, given)
+    return run_plan(plan, _segment, COUNTED if counts else columns, given)
+
+
+def _settings(given: Given) -> list[str]:
+    """Return the options that counting without -k does not take, by their names on the command line."""
+    usual = {"neck_depth": 0.5, "object_border": "segment", "edge_weight": 0, "averaging": "none", "volume_power": 0}
+    return [f"--{name.replace('_', '-')}" for name, value in usual.items() if getattr(given, name) != value]
 
 
 def _averaging(given: Given) -> Averaging | None:
@@ -96,6 +112,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "left_out": int((labels == 0).sum()),
         "k": max(result.n_segments for result in results),
         "elbow": first.curve.elbows() if first.curve and found.pages is None else None,
+        **(asdict(first.counting) if first.counting else {}),
         "edge_weight": first.edge_weight,
         "energy": sum(result.energy for result in results),
         "n_iter": max(len(result.energies) - 1 for result in results),
@@ -106,6 +123,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> Segmentation:
     """Segment an image."""
     import cvtimg
+    from cvtimg.segmentation import count_objects
     from cvtimg.segmentation.result import from_cut
     from cvtimg.segmentation.touching import Objects
 
@@ -119,6 +137,9 @@ def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> S
     if given.superpixels:
         options = {name: value for name, value in options.items() if name in ("space", "compactness")}
         return cvtimg.superpixels(image, given.number, mask=known, **options)
+    if given.number is None:
+        least = given.min_size or None
+        return count_objects(image, background=given.background, min_size=least, mask=known)
     objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
     return cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
 

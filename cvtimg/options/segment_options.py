@@ -139,7 +139,7 @@ SEGMENT = (
     ),
     switch(
         "objects",
-        "Make each object before the background a segment; split touching ones.",
+        "Make each object before the background a segment; split touching ones. Without -k, measure all it takes.",
         excludes=("components", *_BY_COLOR),
     ).on_page("objects, background"),
     Option(

@@ -1,5 +1,7 @@
 from .averaging import Averaging as Averaging
 from .blocks import segment_blocks as segment_blocks
+from .counting import Counting as Counting
+from .counting import count_objects as count_objects
 from .grid_cells import superpixels as superpixels
 from .hierarchy.building import segment_hierarchy as segment_hierarchy
 from .hierarchy.tree import RegionHierarchy as RegionHierarchy

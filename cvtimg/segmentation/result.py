@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from cvtimg.pictures.showing import shown
 from cvtimg.segmentation.edge_weight import EdgeWeighted
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
+
+if TYPE_CHECKING:
+    from cvtimg.segmentation.counting import Counting
 
 Floats = NDArray[np.float32]
 
@@ -53,6 +56,8 @@ class Segmentation(ReadOnly):
         The energy curve that picked the number of segments, if that was "auto".
     hierarchy : RegionHierarchy or None
         The tree of which the segments are a cut, if they are one.
+    counting : Counting or None
+        What `count_objects` measured, if that found them.
     """
 
     labels: NDArray[np.int32]
@@ -64,6 +69,7 @@ class Segmentation(ReadOnly):
     converged: bool
     curve: EnergyCurve | None = None
     hierarchy: RegionHierarchy | None = None
+    counting: Counting | None = None
 
     @property
     def n_segments(self) -> int:
@@ -120,14 +126,18 @@ def from_cut(
     hierarchy: RegionHierarchy, image: NDArray[Any], n_regions: int | None = None, threshold: float | None = None
 ) -> Segmentation:
     """Cut the tree of an image, and measure the regions on the image itself; the cut is that of `hierarchy.cut`."""
-    labels = hierarchy.cut(n_regions, threshold=threshold)
+    return measured(hierarchy.cut(n_regions, threshold=threshold), image, hierarchy=hierarchy)
+
+
+def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Segmentation:
+    """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
     inside = labels > 0
     own, rows = labels[inside] - 1, image.reshape(*labels.shape, -1)[inside]
     masses = np.bincount(own).astype(np.float64)
     means = per_mass(sum_by_label(own, rows), masses)
     rest = rows - means[own]
     energy = float(np.einsum("nd,nd->", rest, rest))
-    return Segmentation(labels, means, masses, energy, (energy,), 0.0, True, hierarchy=hierarchy)
+    return Segmentation(labels, means, masses, energy, (energy,), 0.0, True, **more)
 
 
 def from_labels(

@@ -76,7 +76,7 @@ class Objects:
         contrast = np.sqrt(_apart(averaged(values, _FOR_SPLIT, labels > 0), ground))
         objects = split_touching(inside, self.neck_depth, contrast=contrast)
         if self.border == "own":
-            return _with_own_borders(objects, averaged(values, _FOR_BORDERS, labels > 0), ground)
+            return with_own_borders(objects, averaged(values, _FOR_BORDERS, labels > 0), ground)
         return objects
 
 
@@ -113,32 +113,38 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayL
     """
     from scipy.ndimage import distance_transform_edt, gaussian_filter
     from skimage.measure import label
-    from skimage.morphology import local_maxima, reconstruction
-    from skimage.segmentation import watershed
 
     inside = check_labels("mask", np.asarray(mask) != 0) > 0
     if contrast is not None:
         contrast = check_weights("contrast", contrast, inside.shape)
-    pieces = np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     if not inside.any() or neck_depth == np.inf:
-        return pieces
+        return np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     # Beyond the image lies no background: objects that the image cuts off are no thinner for it.
     distance = gaussian_filter(np.asarray(distance_transform_edt(inside)), _BLUR, mode="nearest")
     if contrast is not None and (usual := np.median(contrast[inside])) > 0:
         distance *= np.sqrt(np.maximum(contrast, 0) / usual)
+    return split_at_saddles(distance, inside, neck_depth)
+
+
+def split_at_saddles(height: NDArray[np.floating], inside: NDArray[np.bool_], depth: float) -> NDArray[np.int32]:
+    """Label the parts of (H, W) pixels whose heights rise by more than the depth above the saddles between them."""
+    from skimage.measure import label
+    from skimage.morphology import local_maxima, reconstruction
+    from skimage.segmentation import watershed
+
+    pieces = np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     # Maxima that rise by less than the depth above the saddle to a higher one are flooded. (scikit-image's own
     # `h_maxima` finds more of them in floating point.)
-    flooded = reconstruction(distance - max(neck_depth, 1e-6), distance)  # type: ignore[no-untyped-call]
+    flooded = reconstruction(height - max(depth, 1e-6), height)  # type: ignore[no-untyped-call]
     peaks = local_maxima(flooded, connectivity=2)  # type: ignore[no-untyped-call]
     centers = label(peaks & inside, connectivity=2)  # type: ignore[no-untyped-call]
     # A piece so small that it has no peak is an object all the same.
     lost = (np.bincount(pieces[centers > 0], minlength=int(pieces.max()) + 1) == 0)[pieces] & inside
     centers = np.where(lost, centers.max() + pieces, centers)
-    split = watershed(-distance, centers, mask=inside)  # type: ignore[no-untyped-call]
-    return _numbered(split)
+    return numbered(watershed(-height, centers, mask=inside))  # type: ignore[no-untyped-call]
 
 
-def _with_own_borders(
+def with_own_borders(
     objects: NDArray[np.int32], values: NDArray[np.float32], ground: NDArray[np.float32]
 ) -> NDArray[np.int32]:
     """Take from each object what is nearer to the mean of the background than to the object's own."""
@@ -159,7 +165,7 @@ def _with_own_borders(
     by_size = np.argsort(np.bincount(pieces.ravel()), kind="stable")
     main = np.zeros(int(objects.max()) + 1, np.int64)
     main[of[by_size]] = by_size  # the largest piece of each object comes last
-    return _numbered(np.where((own > 0) & (main[own] == pieces), own, 0))
+    return numbered(np.where((own > 0) & (main[own] == pieces), own, 0))
 
 
 def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -167,7 +173,7 @@ def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[n
     return np.square(values - color).sum(axis=2)
 
 
-def _numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
+def numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     present = np.bincount(objects.ravel()) > 0
     present[0] = False

@@ -364,3 +364,18 @@ def test_intensities_are_columns_by_the_names_of_channels(run: Run, micrograph: 
     assert run("stack.tif", "-k", 2, "--z", 1, "--table", "t.csv", "--properties", "intensity_max,centroid").status == 0
     columns = Path("t.csv").read_text().splitlines()[0].split(",")
     assert {"mean_DAPI", "std_GFP", "intensity_max_DAPI", "intensity_max_GFP", "centroid-0"} <= {*columns}
+
+
+def test_objects_are_counted_without_settings_and_what_was_measured_is_told(run: Run) -> None:
+    down, right = np.mgrid[:40, :60]
+    discs = (np.hypot(down - 20, right - 16) < 9) | (np.hypot(down - 20, right - 40) < 9)
+    write_image("cells.png", np.uint8(40 + 150 * discs + RNG.integers(0, 9, discs.shape)))
+    outcome = run("cells.png", "--objects", "-o", "l.png", "--table", "t.csv")
+    assert (outcome.rows[0]["k"], outcome.rows[0]["dark"]) == (2, False)
+    assert outcome.rows[0]["radius"] == pytest.approx(9, abs=1)
+    assert len(np.unique(read_labels("l.png"))) == 3
+    refused = run("cells.png", "--objects", "--neck-depth", 2, "--overwrite")
+    assert (refused.status, "--objects with --neck-depth needs -k" in refused.err) == (2, True)
+    write_image("empty.png", np.full((9, 9), 7, np.uint8))
+    kinds = ["--write", "table,overlay,contours.geojson,coco,mean,edges"]
+    assert run("empty.png", "--objects", *kinds).rows[0]["k"] == 0

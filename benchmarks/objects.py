@@ -1,0 +1,162 @@
+"""Objects counted without settings, beside Otsu's threshold and the watershed of the distance, tuned, of scikit-image.
+
+Twelve phantoms of touching discs and ellipses with known truth (noise, uneven light, specks, dim and bright, small and
+large, dark), and 125 nuclei if they are there. F1 is of objects whose overlap is over half of the union. The rival is
+tuned on these very images: to one setting for all, and to the best for each. It is told which objects are dark.
+
+    python benchmarks/objects.py [--seed N]
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from common import DATA, machine, parser, pin_threads, print_table, timed, write_results
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+from segmentation_scenes import DUST, pieces, score
+from skimage import __version__ as skimage_version
+from skimage.feature import peak_local_max
+from skimage.filters import gaussian, threshold_otsu
+from skimage.segmentation import watershed
+
+import cvtimg
+from cvtimg.segmentation import count_objects
+
+SIDE = 320
+#: What each phantom differs in.
+SCENES: dict[str, dict[str, Any]] = {
+    "clean": {"noise": 0.03},
+    "noisy": {"noise": 0.3},
+    "very noisy": {"noise": 0.6, "radius": 14, "n": 50},
+    "crowded": {"overlap": 0.75, "n": 110},
+    "uneven light": {"light": 0.9, "noise": 0.08},
+    "uneven light, noisy": {"light": 0.9, "noise": 0.2},
+    "dim and bright": {"levels": (0.25, 1.2), "noise": 0.06},
+    "small": {"radius": 5, "n": 250, "noise": 0.15},
+    "large": {"radius": 28, "n": 16, "noise": 0.15},
+    "ellipses": {"elongation": 1.35, "n": 60},
+    "specks": {"specks": 120},
+    "dark": {"dark": True, "light": 0.5, "spread": 0.3},
+}
+#: Blurs and least distances of peaks among which the rival is tuned.
+SETTINGS = list(product((0.5, 1, 2, 3), (2, 3, 5, 7, 10, 14)))
+
+Labels = NDArray[np.int32]
+
+
+def main() -> None:
+    """Measure all scenes."""
+    read = parser(__doc__)
+    read.add_argument("--seed", type=int, default=700, help="of the first phantom (default: 700)")
+    asked = read.parse_args()
+    pin_threads(asked.threads)
+    print(f"{machine()}, scikit-image {skimage_version}")
+    scenes = {name: (*phantom(asked.seed + number, **how), how) for number, (name, how) in enumerate(SCENES.items())}
+    folder = (asked.data or DATA) / "scenes"
+    if (folder / "dsb2018_nuclei_img2d.png").exists():
+        truth = np.load(folder / "dsb2018_nuclei_mask2d.npz")["labels"]
+        scenes["125 nuclei"] = (cvtimg.read_image(folder / "dsb2018_nuclei_img2d.png"), truth, {})
+    tuned = {name: [] for name in scenes}
+    rows = []
+    for name, (image, truth, how) in scenes.items():
+        tuned[name] = [score(rival(image, *one, dark=how.get("dark", False)), truth)["f1"] for one in SETTINGS]
+        found, seconds = min(
+            (timed(lambda image=image: count_objects(image)) for _ in range(3)), key=lambda run: run[1]
+        )
+        _, theirs = min((timed(lambda image=image: rival(image, 1, 3)) for _ in range(3)), key=lambda run: run[1])
+        row = score(found.labels, truth)
+        rows.append({"scene": name, "f1": row["f1"], "objects": row["objects"], "times": seconds / theirs})
+    best = np.mean(list(tuned.values()), axis=0).argmax()
+    for row in rows:
+        row |= {"tuned for all": tuned[row["scene"]][best], "tuned for each": max(tuned[row["scene"]])}
+    columns = ("f1", "tuned for all", "tuned for each")
+    table = [[row["scene"], *(f"{row[name]:.3f}" for name in columns), f"{row['times']:.1f}"] for row in rows]
+    table.append(["mean", *(f"{np.mean([row[name] for row in rows]):.3f}" for name in columns), ""])
+    print_table(
+        f"F1 of objects; the best setting for all: blur {SETTINGS[best][0]}, peaks {SETTINGS[best][1]} apart",
+        ["", "cvtimg", "Otsu + watershed, tuned for all", "tuned for each", "times its time"],
+        table,
+    )
+    write_results("objects", {"threads": asked.threads, "seed": asked.seed}, rows)
+
+
+def phantom(
+    seed: int,
+    *,
+    radius: float = 12,
+    spread: float = 0.2,
+    n: int = 70,
+    overlap: float = 0.85,
+    levels: tuple[float, float] = (1, 1),
+    noise: float = 0.1,
+    light: float = 0,
+    specks: int = 0,
+    elongation: float = 1,
+    dark: bool = False,
+) -> tuple[NDArray[np.uint8], Labels]:
+    """Draw ellipses, most of which touch another, and return the image and their labels."""
+    rng = np.random.default_rng(seed)
+    down, right = np.mgrid[:SIDE, :SIDE]
+    level, nearest, truth = np.zeros((SIDE, SIDE)), np.full((SIDE, SIDE), np.inf), np.zeros((SIDE, SIDE), np.int32)
+    for label, (y, x, size) in enumerate(placed(rng, radius, spread, n, overlap), start=1):
+        turn, stretch = rng.uniform(0, np.pi), elongation ** rng.uniform(-1, 1)
+        along = (right - x) * np.cos(turn) + (down - y) * np.sin(turn)
+        across = (down - y) * np.cos(turn) - (right - x) * np.sin(turn)
+        away = np.hypot(along / (size * stretch), across * stretch / size)
+        here = (away < 1) & (away < nearest)
+        nearest[here], truth[here], level[here] = away[here], label, rng.uniform(*levels)
+    image = gaussian_filter(level, 1.0)
+    for y, x in rng.integers(3, SIDE - 3, (specks, 2)):
+        image[y - 1 : y + 2, x - 1 : x + 1] += rng.uniform(0.5, 1)
+    tilt = (right / SIDE - 0.5) * np.cos(seed) + (down / SIDE - 0.5) * np.sin(seed)
+    bump = np.exp(-((right / SIDE - 0.6) ** 2 + (down / SIDE - 0.4) ** 2) * 4)
+    image = (0.2 + image) * (1 + light * (tilt + bump - 0.5))
+    image = (1.6 - image if dark else image) + rng.normal(0, noise, image.shape)
+    return np.uint8((image * 110 + 10).clip(0, 255)), pieces_of(truth)
+
+
+def placed(
+    rng: np.random.Generator, radius: float, spread: float, n: int, overlap: float
+) -> list[tuple[float, float, float]]:
+    """Place n discs, three of five beside another, none nearer than `overlap` times the sum of radii."""
+    discs: list[tuple[float, float, float]] = []
+    for _ in range(20000):
+        size = radius * np.exp(rng.normal(0, spread))
+        if discs and rng.random() < 0.6:
+            other, turn = discs[rng.integers(len(discs))], rng.uniform(0, 2 * np.pi)
+            away = (other[2] + size) * rng.uniform(overlap, 1)
+            y, x = other[0] + away * np.sin(turn), other[1] + away * np.cos(turn)
+        else:
+            y, x = rng.uniform(0, SIDE, 2)
+        inside = size / 2 < min(y, x) and max(y, x) < SIDE - size / 2
+        if inside and all(np.hypot(y - b, x - a) >= overlap * (size + other) for b, a, other in discs):
+            discs.append((y, x, size))
+        if len(discs) == n:
+            break
+    return discs
+
+
+def pieces_of(truth: Labels) -> Labels:
+    """Leave out what is nearly hidden."""
+    kept = np.bincount(truth.ravel()) > DUST
+    kept[0] = False
+    return np.where(kept[truth], truth, 0)
+
+
+def rival(image: NDArray[Any], blur: float, apart: int, *, dark: bool = False) -> Labels:
+    """Find objects by scikit-image: threshold, distance, its peaks, and a watershed."""
+    smooth = gaussian(image, blur, preserve_range=True)
+    level = threshold_otsu(smooth)
+    numbers = pieces(smooth < level if dark else smooth > level)
+    distance = distance_transform_edt(numbers > 0)
+    peaks = peak_local_max(gaussian(distance, 1), min_distance=apart, labels=numbers, exclude_border=False)
+    markers = np.zeros(image.shape, np.int32)
+    markers[tuple(peaks.T)] = np.arange(1, len(peaks) + 1)
+    return np.asarray(watershed(-distance, markers, mask=numbers > 0), np.int32)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""Objects are counted without settings, whatever their size, light, noise and polarity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.segmentation import count_objects
+
+DOWN, RIGHT = np.mgrid[:120, :160].astype(np.float64)
+#: Centers and radii: pairs that touch, one alone, and one that is cut off.
+DISCS = [
+    (30, 30, 13),
+    (30, 53, 13),
+    (85, 40, 15),
+    (85, 66, 13),
+    (40, 110, 14),
+    (100, 120, 12),
+    (98, 142, 12),
+    (60, 155, 12),
+]
+
+
+def drawn(scale: float = 1.0, levels: Any = 1.0) -> NDArray[np.float64]:
+    """Draw discs; where two meet, the nearer center counts."""
+    image, best = np.zeros(DOWN.shape), np.full(DOWN.shape, np.inf)
+    for number, (y, x, radius) in enumerate(DISCS):
+        away = np.hypot(DOWN - y * scale, RIGHT - x * scale) / (radius * scale)
+        here = (away < 1) & (away < best)
+        image[here], best[here] = np.broadcast_to(levels, len(DISCS))[number], away[here]
+    return image
+
+
+def noisy(image: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    return image + np.random.default_rng(0).normal(0, sigma, image.shape)
+
+
+LIGHT = 0.6 + 0.8 * RIGHT / 160
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        noisy(drawn(), 0.05),
+        noisy(drawn(), 0.4),
+        noisy((drawn() + 0.4) * LIGHT, 0.05),
+        noisy(1.5 - (drawn() + 0.2) * LIGHT, 0.05),
+        noisy(drawn(0.5), 0.05),
+        noisy(drawn(levels=[1, 0.4, 0.3, 1, 0.35, 1, 0.5, 0.8]), 0.03),
+        np.uint8(noisy(drawn() * 150 + 40, 5).clip(0, 255)),
+    ],
+    ids=["clean", "noisy", "uneven light", "dark on uneven light", "small", "dim and bright", "8 bits"],
+)
+def test_all_objects_are_found_and_no_other(image: NDArray[Any]) -> None:
+    found = count_objects(image)
+    scale = 0.5 if found.counting is not None and found.counting.radius < 9 else 1.0
+    centers = [(round(y * scale), round(x * scale)) for y, x, _ in DISCS]
+    assert found.n_segments == len(DISCS)
+    assert len({int(found.labels[center]) for center in centers} - {0}) == len(DISCS)
+
+
+def test_an_object_covers_what_is_nearer_to_it_than_to_the_background() -> None:
+    image = drawn(levels=[1, 1, 0.5, 1, 1, 1, 1, 1])
+    found = count_objects(noisy(image, 0.02))
+    assert np.mean((found.labels > 0) == (image > 0)) > 0.99
+
+
+def test_specks_do_not_count_unless_they_are_asked_for() -> None:
+    image = drawn()
+    image[5:8, 80:84] = image[110:113, 10:14] = 1
+    assert count_objects(noisy(image, 0.05)).n_segments == len(DISCS)
+    assert count_objects(noisy(image, 0.05), min_size=5).n_segments == len(DISCS) + 2
+
+
+def test_counting_says_what_it_measured() -> None:
+    counting = count_objects(noisy(drawn(), 0.05)).counting
+    assert counting is not None
+    assert not counting.dark
+    assert 12 < counting.radius < 16
+    assert 20 < counting.least_size < 100
+    assert count_objects(noisy(1 - drawn(), 0.05)).counting.dark  # type: ignore[union-attr]
+
+
+def test_the_background_can_be_named() -> None:
+    image = noisy(1.0 - drawn(), 0.05)
+    assert count_objects(image, background="brightest").n_segments == len(DISCS)
+    other = count_objects(image, background="darkest")
+    assert other.counting is not None
+    assert not other.counting.dark
+    assert other.labels[5, 90] > 0
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (60, 50)])
+def test_nothing_is_found_where_there_is_nothing(shape: tuple[int, int]) -> None:
+    for image in (np.zeros(shape, np.uint8), np.random.default_rng(1).normal(0, 1, (60, 50))):
+        found = count_objects(image)
+        assert (found.n_segments, int(found.labels.max())) == (0, 0)
+
+
+def test_pixels_outside_the_mask_have_no_objects_and_no_influence() -> None:
+    image = noisy(drawn(), 0.05)
+    mask = RIGHT < 75
+    found = count_objects(image, mask=mask)
+    assert found.n_segments == 4
+    assert not found.labels[~mask].any()
+    spoiled = np.where(mask, image, np.nan)
+    np.testing.assert_array_equal(count_objects(spoiled).labels, found.labels)
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match="background='dim' must be one of largest, darkest, brightest"):
+        count_objects(drawn(), background="dim")
+    with pytest.raises(ValueError, match=r"min_size=-1 must be a finite number >= 0"):
+        count_objects(drawn(), min_size=-1)
