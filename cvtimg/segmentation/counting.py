@@ -180,7 +180,8 @@ def _contrast(image: _Floats, inside: NDArray[np.bool_], background: str) -> tup
         ground = generator(image, inside & ~objects, _PRIOR[0])
         above = generator(image - ground, objects, _PRIOR[1])
         step = float(above.mean())
-        contrast = (image - ground) / np.where(above * step > 0, above, np.float32(step or 1))
+        scale = np.where(above * step > 0, above, step or 1).astype(np.float32)
+        contrast = (image - ground) / scale
         before, objects = objects, (contrast > 0.5) & inside
         if (objects != before).mean() < 1e-4:
             break
