@@ -1,11 +1,11 @@
 from .averaging import Averaging as Averaging
 from .blocks import segment_blocks as segment_blocks
-from .counting import Counting as Counting
 from .counting import count_objects as count_objects
 from .grid_cells import superpixels as superpixels
 from .hierarchy.building import segment_hierarchy as segment_hierarchy
 from .hierarchy.tree import RegionHierarchy as RegionHierarchy
 from .noise import estimate_noise as estimate_noise
+from .result import Counting as Counting
 from .result import Segmentation as Segmentation
 from .segments import segment as segment
 from .segments import segment_curve as segment_curve

@@ -8,7 +8,6 @@ the background has a saddle, that is, at necks that are narrow for their own siz
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, hints_at_keywords
 from cvtimg.segmentation.noise import estimate_noise
-from cvtimg.segmentation.result import Segmentation, measured
+from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, numbered, split_at_saddles, with_own_borders
 
 #: Blur before anything else, in pixels: by the noise, of this share of the contrast, and within these limits.
@@ -40,28 +39,6 @@ _SMALL = 9.0
 _LEAST = 0.12
 
 _Floats = NDArray[np.float32]
-
-
-@dataclass(frozen=True, slots=True)
-class Counting:
-    """What was measured on an image to count its objects.
-
-    Attributes
-    ----------
-    dark : bool
-        Whether objects are darker than the background.
-    blur : float
-        Standard deviation of the Gaussian that takes out noise, in pixels.
-    radius : float
-        Radius of the usual object, in pixels.
-    least_size : float
-        Smallest object that counts, in pixels.
-    """
-
-    dark: bool
-    blur: float
-    radius: float
-    least_size: float
 
 
 @hints_at_keywords

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,29 @@ from cvtimg.segmentation.edge_weight import EdgeWeighted
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
 
-if TYPE_CHECKING:
-    from cvtimg.segmentation.counting import Counting
-
 Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Counting:
+    """What was measured on an image to count its objects.
+
+    Attributes
+    ----------
+    dark : bool
+        Whether objects are darker than the background.
+    blur : float
+        Standard deviation of the Gaussian that takes out noise, in pixels.
+    radius : float
+        Radius of the usual object, in pixels.
+    least_size : float
+        Smallest object that counts, in pixels.
+    """
+
+    dark: bool
+    blur: float
+    radius: float
+    least_size: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
