@@ -62,7 +62,7 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Image.fromarray(pixels[..., 1]).save("night.png")
     Image.fromarray(np.uint8(255) * disk).save("mask.png")
     Image.fromarray((disk + 2 * (x > 80)).astype(np.uint8)).save("labels.png")
-    for name in ("bone.png", "cells.tif", "scene.tif", "a.tif", "b.tif"):
+    for name in ("bone.png", "cells.tif", "nuclei.tif", "scene.tif", "a.tif", "b.tif"):
         Image.fromarray(np.clip(60 + 120 * disk + rng.normal(0, 4, disk.shape), 0, 255).astype(np.uint8)).save(name)
     for name in ("a-known.png", "b-known.png"):
         Image.fromarray(np.full(disk.shape, 255, np.uint8)).save(name)
