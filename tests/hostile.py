@@ -68,6 +68,8 @@ def pictures() -> Iterator[File]:
         if form in ("PDF", "EPS", "PALM", "XVTHUMB", "BUFR", "GRIB", "HDF5", "WMF"):
             continue
         for mode, image in modes.items():
+            if form == "ICNS" and mode not in ("RGB", "RGBA"):  # slow: each holds seven sizes
+                continue
             try:
                 yield f"{form.lower()}-{mode}.{suffix_of(form)}", encoded(image, form)
             except Exception:  # this format does not hold this mode

@@ -28,7 +28,7 @@ ROOT = Path(__file__).parent.parent
 WRITTEN = (page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts)
 EXAMPLES = [ROOT / "README.md", *WRITTEN]
 PAGES = [*EXAMPLES, ROOT / "CONTRIBUTING.md", ROOT / "benchmarks" / "README.md", ROOT / "sample_images" / "README.md"]
-#: Pages whose commands, and whose lines of Python, take over a second.
+#: Pages whose commands, and whose lines of Python, take over a third of a second.
 SLOW = {
     "README.md",
     "artwork.md",
@@ -43,9 +43,28 @@ SLOW = {
     "quantization.md",
     "restoration.md",
     "segment_outputs.md",
+    "segmentation.md",
+    "sphere.md",
     "web_images.md",
 }
-SLOW_IN_PYTHON = {"grid_files.md", "mesh_from_mask.md", "meshes.md", "plotter.md", "sphere.md"}
+SLOW_IN_PYTHON = {
+    "artwork.md",
+    "globe.md",
+    "grid_files.md",
+    "hierarchy.md",
+    "merging_exposures.md",
+    "mesh_from_mask.md",
+    "meshes.md",
+    "number_of_colors.md",
+    "plotter.md",
+    "quantization.md",
+    "restoration.md",
+    "segment_outputs.md",
+    "sphere.md",
+    "supports.md",
+    "surfaces.md",
+    "web_images.md",
+}
 
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -171,7 +171,7 @@ def test_tiles_without_pixels_have_the_color_of_the_place_where_they_are(shape: 
 
 
 @pytest.mark.parametrize("shape", ["cells", "triangles"])
-@pytest.mark.parametrize("scale", [0.37, 1.0, 1.3, 2.71])
+@pytest.mark.parametrize("scale", [0.37, 1.0, *(pytest.param(s, marks=pytest.mark.slow) for s in (1.3, 2.71))])
 def test_no_background_shines_through_when_rendered(tmp_path: Path, shape: str, scale: float) -> None:
     resvg = pytest.importorskip("resvg_py")
     result = mosaic(PHOTO, 120, shape=shape, effort="fast")

@@ -55,7 +55,7 @@ def test_equal_masses_are_equal() -> None:
     assert result.masses.std() < 0.5 * plain.masses.std()
 
 
-@pytest.mark.parametrize("n_dots", [300, 1000, 3000])
+@pytest.mark.parametrize("n_dots", [300, 1000, pytest.param(3000, marks=pytest.mark.slow)])
 def test_masses_are_equal_where_light_lies_beside_dark(n_dots: int) -> None:
     masses = stipple(STRIPES, n_dots, dots="equal-mass").masses
     assert masses.std() < 0.03 * masses.mean()

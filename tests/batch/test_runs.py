@@ -337,8 +337,8 @@ def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        ["quantize", "-k", "3"],
-        *(pytest.param(one, marks=pytest.mark.slow) for one in (["segment", "-k", "2"], ["palette"], ["info"])),
+        pytest.param(one, marks=pytest.mark.slow)
+        for one in (["quantize", "-k", "3"], ["segment", "-k", "2"], ["palette"], ["info"])
     ],
     ids=lambda command: command[0],
 )

@@ -349,7 +349,7 @@ class CutOffError(Exception):
 
 @pytest.mark.usefixtures("small_sample")
 def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = tessellate(blocks(), 30, effort="best")
+    expected = tessellate(blocks(), 12, effort="best")
     assert expected.n_iter > 4
     sums = block_descent.over_blocks
     n_passes = 0
@@ -364,12 +364,12 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeyp
     path = tmp_path / "state.npz"
     monkeypatch.setattr(block_descent, "over_blocks", cut_off)
     with pytest.raises(CutOffError):
-        tessellate(blocks(), 30, effort="best", checkpoint=path)
+        tessellate(blocks(), 12, effort="best", checkpoint=path)
     monkeypatch.setattr(block_descent, "over_blocks", sums)
     monkeypatch.setattr("cvtimg.engine.tessellation.search", None)  # which is not done again
-    again = tessellate(blocks(), 30, effort="best", checkpoint=path)
+    again = tessellate(blocks(), 12, effort="best", checkpoint=path)
     assert same_bits(expected, again)
-    assert same_bits(expected, tessellate(blocks(), 30, effort="best", checkpoint=path))
+    assert same_bits(expected, tessellate(blocks(), 12, effort="best", checkpoint=path))
 
 
 def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:

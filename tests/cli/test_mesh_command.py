@@ -29,10 +29,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("name", ["a.geojson", "a.wkt", "a.csv"])
 def test_polygons_are_meshed_as_by_the_function(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["mesh", name, "-n", "60", "-o", "a.obj", "--json"]) == 0
+    assert main(["mesh", name, "-n", "25", "-o", "a.obj", "--json"]) == 0
     row = json.loads(capsys.readouterr().out)
-    assert (row["n"], row["n_wanted"], row["area"]) == (60, 60, pytest.approx(2))
-    wanted = cvtimg.mesh_region([[0, 0], [2, 0], [2, 1], [0, 1]], n=60)
+    assert (row["n"], row["n_wanted"], row["area"]) == (25, 25, pytest.approx(2))
+    wanted = cvtimg.mesh_region([[0, 0], [2, 0], [2, 1], [0, 1]], n=25)
     assert row["triangles"] == len(wanted.triangles)
     assert Path("a.obj").read_text().count("\nf ") == row["triangles"]
 

@@ -47,7 +47,7 @@ def test_a_bad_surface_stops_no_others(capsys: pytest.CaptureFixture[str]) -> No
     assert "Traceback" not in shown
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+@pytest.mark.parametrize("encoding", [pytest.param("ascii", marks=pytest.mark.slow), "binary"])
 def test_points_gather_by_a_property_of_vertices(capsys: pytest.CaptureFixture[str], encoding: str) -> None:
     ring = trimesh.load_mesh("ring.stl")
     ring.vertex_attributes["want"] = np.where(ring.vertices[:, 0] > 0, 16.0, 1.0)

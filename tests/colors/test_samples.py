@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ def images(dtype: Any) -> st.SearchStrategy[NDArray[Any]]:
 
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_samples_agree_with_numpy_unique(dtype: Any) -> None:
+    @settings(max_examples=40)
     @given(images(dtype))
     def check(image: NDArray[Any]) -> None:
         samples = color_samples(image)

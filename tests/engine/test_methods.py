@@ -108,7 +108,9 @@ def test_points_are_drawn_by_density_and_in_any_order(cloud: Points) -> None:
 
 
 @pytest.mark.parametrize("name", DRAWING)
-@pytest.mark.parametrize(("n_generators", "init"), [(8, "split"), (32, "k-means++"), (128, "split")])
+@pytest.mark.parametrize(
+    ("n_generators", "init"), [(8, "split"), (32, "k-means++"), pytest.param(128, "split", marks=pytest.mark.slow)]
+)
 def test_drawing_ends_within_three_percent_of_lloyd_from_the_same_start(
     name: str, n_generators: int, init: str, colors: Points
 ) -> None:

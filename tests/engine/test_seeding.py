@@ -110,12 +110,12 @@ def test_split_ends_where_rounding_alone_tells_points_apart(n_generators: int) -
 
 def test_samples_of_many_dimensions_are_divided_without_covariances_of_all_of_them() -> None:
     rng = np.random.default_rng(0)
-    centers = rng.normal(size=(12, 3000)) * 5
+    centers = rng.normal(size=(12, 1000)) * 5
     labels = np.repeat(np.arange(12), 20)
-    rows = (centers[labels] + rng.normal(size=(240, 3000))).astype(np.float32)
+    rows = (centers[labels] + rng.normal(size=(240, 1000))).astype(np.float32)
     tracemalloc.start()
     found = tessellate(rows, 12, init="split")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len({(one, other) for one, other in zip(found.labels.tolist(), labels.tolist(), strict=True)}) == 12
-    assert peak < 12 * rows.nbytes  # covariances would be 12 * 3001^2 * 8 bytes, 300 times the rows
+    assert peak < 12 * rows.nbytes  # covariances would be 12 * 1001^2 * 8 bytes, 100 times the rows

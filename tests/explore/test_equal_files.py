@@ -27,7 +27,7 @@ BASE: dict[str, dict[str, Any]] = {
     "stipple": {"n_dots": 300},
     "mosaic": {"n_cells": 60},
     "restore": {},
-    "mesh": {"n": 150, "k": 2, "least": 40},
+    "mesh": {"n": 60, "k": 2, "least": 40},
 }
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
@@ -51,7 +51,7 @@ VALUES: dict[tuple[str, str], Any] = {
     ("restore", "nodata"): 255.0,
     ("restore", "edge_weight"): 3.5,
     ("mesh", "least"): 80,
-    ("mesh", "n"): 220,
+    ("mesh", "n"): 80,
     ("mesh", "min_size"): 2.0,
 }
 
@@ -101,7 +101,8 @@ def cases() -> Iterator[Any]:
                 elif not number:
                     packed.append(settings)
         for number, pack in enumerate(packed):
-            yield pytest.param(tab.name, pack, id=f"{tab.name}-{number}")
+            marks = [pytest.mark.slow] if number else []
+            yield pytest.param(tab.name, pack, id=f"{tab.name}-{number}", marks=marks)
 
 
 @pytest.fixture(scope="session")
@@ -161,7 +162,9 @@ def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], sto
     check_equal(store, tab, opened(store, scene), settings, 1)
 
 
-@pytest.mark.parametrize("tab", TABS)
+@pytest.mark.parametrize(
+    "tab", [pytest.param(tab, marks=[pytest.mark.slow] if tab in ("mesh", "mosaic", "restore") else []) for tab in TABS]
+)
 def test_each_kind_of_file_is_the_same(tab: str, store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), {})
 

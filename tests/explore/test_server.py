@@ -542,14 +542,17 @@ def test_what_a_killed_server_left_goes_at_the_next_start(tmp_path: Path, monkey
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_uploads_go_when_a_signal_ends_the_server(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     number = getattr(signal, name)
-    before = signal.getsignal(number)
+    inherited = signal.signal(number, signal.SIG_DFL)  # nohup ignores SIGHUP, also in what it starts
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
     def soon(_: str) -> None:
         assert any(tmp_path.iterdir())
         Timer(0.1, os.kill, [os.getpid(), number]).start()
 
-    with pytest.raises(SystemExit, match=str(128 + number)):
-        serve(browser=False, say=soon)
-    assert not any(tmp_path.iterdir())
-    assert signal.getsignal(number) == before
+    try:
+        with pytest.raises(SystemExit, match=str(128 + number)):
+            serve(browser=False, say=soon)
+        assert not any(tmp_path.iterdir())
+        assert signal.getsignal(number) == signal.SIG_DFL
+    finally:
+        signal.signal(number, inherited)

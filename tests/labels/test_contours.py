@@ -222,7 +222,9 @@ def crossings(contours: Contours) -> list[Any]:
     return found
 
 
-@pytest.mark.parametrize("tolerance", [0.7, 1.5, 5, 100])
+@pytest.mark.parametrize(
+    "tolerance", [0.7, pytest.param(1.5, marks=pytest.mark.slow), 5, pytest.param(100, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("between_centers", [False, True])
 def test_simplified_borders_cross_no_other_and_nothing_comes_to_lie_beyond_them(
     tolerance: float, between_centers: bool

@@ -37,11 +37,11 @@ def volume_of_surface(mesh: VolumeMesh) -> float:
 @pytest.mark.parametrize(
     ("name", "n"),
     [
-        ("sphere", 800),
+        pytest.param("sphere", 800, marks=pytest.mark.slow),
         ("torus", 800),
         pytest.param("gyroid", 3000, marks=pytest.mark.slow),
-        ("box", 800),
-        ("two", 800),
+        pytest.param("box", 800, marks=pytest.mark.slow),
+        pytest.param("two", 800, marks=pytest.mark.slow),
         ("whole", 800),
     ],
 )

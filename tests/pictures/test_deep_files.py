@@ -377,7 +377,7 @@ def test_a_damaged_file_is_read_or_is_an_os_error_and_nothing_else(
     rng = np.random.default_rng(11)
     for path in deep_files(tmp_path):
         whole = np.frombuffer(path.read_bytes(), np.uint8)
-        for _ in range(25):
+        for _ in range(8):
             damaged = whole.copy()
             places = rng.integers(0, min(len(whole), 400), 4)
             damaged[places] = rng.integers(0, 256, 4)

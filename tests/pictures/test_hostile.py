@@ -70,7 +70,7 @@ def test_a_size_that_is_no_number_is_an_error_of_one_line(tmp_path: Path) -> Non
         assert hostile.judge(tmp_path / name) == "error"
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     name=st.deferred(lambda: st.sampled_from(sorted(seeds()))),
     cut=st.integers(0, 4000),

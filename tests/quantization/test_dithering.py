@@ -107,7 +107,7 @@ def test_at_strength_0_every_pixel_has_its_nearest_entry(method: str, n_entries:
     rng = np.random.default_rng(n_entries)
     # Most entries crowd in a corner, where cells have many candidates.
     palette = rng.random((n_entries, n_dims)).astype(np.float32) ** 3
-    image = rng.random((40, 31, n_dims), np.float32)
+    image = rng.random((20, 31, n_dims), np.float32)
     labels = of_image(image, palette, method=method, strength=0)
     chosen = ((image - palette[labels]) ** 2).sum(axis=2, dtype=np.float64)
     least = ((image - palette[nearest(image, palette)]) ** 2).sum(axis=2, dtype=np.float64)
@@ -130,7 +130,7 @@ def test_a_ramp_in_black_and_white_keeps_its_local_mean(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", DITHERS)
-@pytest.mark.parametrize("n_colors", [8, 64])
+@pytest.mark.parametrize("n_colors", [8, pytest.param(64, marks=pytest.mark.slow)])
 def test_seen_from_afar_a_dithered_photograph_is_nearer_to_the_original(method: str, n_colors: int) -> None:
     image = read_image(SAMPLES / "chelsea.png")[:200, :200]
     samples, plain = color_samples(image), quantize(image, n_colors, effort="fast")
@@ -145,7 +145,7 @@ def test_seen_from_afar_a_dithered_photograph_is_nearer_to_the_original(method: 
 
 @pytest.mark.parametrize("method", DITHERS)
 def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -> None:
-    image = read_image(SAMPLES / "chelsea.png")[:128, :128].astype(np.float32)
+    image = read_image(SAMPLES / "chelsea.png")[:96, :96].astype(np.float32)
     palette = quantize(image, 16, effort="fast").palette
     pictures = [palette[of_image(image, palette, method=method, strength=s)] for s in (0, 0.5, 1)]
     grain = [np.square(picture - image).mean() for picture in pictures]
@@ -221,7 +221,9 @@ def seen(image: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(rgb2lab(gaussian_filter(image / 255, (2, 2, 0))))
 
 
-@pytest.mark.parametrize("name", ["chelsea.png", "coffee.png", "astronaut.png"])
+@pytest.mark.parametrize(
+    "name", ["chelsea.png", *(pytest.param(name, marks=pytest.mark.slow) for name in ("coffee.png", "astronaut.png"))]
+)
 @pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "bayer-8", "blue-noise"])
 def test_a_fixed_palette_keeps_the_hues(name: str, method: str) -> None:
     with Image.open(SAMPLES / name) as file:

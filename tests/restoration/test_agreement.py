@@ -77,7 +77,8 @@ def test_nothing_is_left_out_where_versions_differ_by_noise_alone(
     photograph: NDArray[Any], sigma: float, space: str
 ) -> None:
     rng = np.random.default_rng(0)
-    levels = [np.clip(photograph + 255 * sigma * rng.standard_normal(photograph.shape), 0, 255) for _ in range(4)]
+    part = photograph[:128, :128]
+    levels = [np.clip(part + 255 * sigma * rng.standard_normal(part.shape), 0, 255) for _ in range(4)]
     versions = stack_versions([np.rint(one).astype(np.uint8) for one in levels], space=space)
     kept = without_outliers(versions, np.full(4, max(sigma, 1 / 256) * (255 if space == "rgb" else 100)))
     assert (~kept.known).mean() < (5e-4 if space == "rgb" else 5e-3)  # noise in Lab is larger where it is dark

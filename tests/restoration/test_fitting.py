@@ -19,6 +19,12 @@ from cvtimg.restoration.versions import stack_versions
 RNG = np.random.default_rng(3)
 
 
+@pytest.fixture
+def photograph(photograph: NDArray[Any]) -> NDArray[Any]:
+    """Return a part of the photograph."""
+    return np.ascontiguousarray(photograph[:176, 40:216])
+
+
 def noisy(image: NDArray[Any], sigma: float = 18) -> NDArray[np.uint8]:
     return np.clip(image + RNG.normal(0, sigma, image.shape), 0, 255).astype(np.uint8)
 

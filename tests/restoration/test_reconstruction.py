@@ -221,8 +221,8 @@ def test_a_space_is_where_distances_are_measured() -> None:
         ("before", 0, 8),
         (Averaging("before", "box", 1), 0, 4),
         ("after", 0, 1),
-        ("before", "auto", 8),
-        ("after", "auto", 8),
+        pytest.param("before", "auto", 8, marks=pytest.mark.slow),
+        pytest.param("after", "auto", 8, marks=pytest.mark.slow),
     ],
 )
 def test_averaging_takes_noise_away(averaging: str | Averaging, edge_weight: float | str, gain: float) -> None:

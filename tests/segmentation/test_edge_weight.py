@@ -48,7 +48,7 @@ def test_energies_fall_and_are_those_of_numpy(
     assert end.converged
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 1 << 20), edge_weight=st.sampled_from([0, 0.02, 0.2]), weighted=st.booleans())
 def test_at_the_end_no_single_transfer_to_a_near_segment_lowers_the_energy(
     seed: int, edge_weight: float, weighted: bool

@@ -259,7 +259,7 @@ def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixt
 def test_what_needs_the_whole_picture_is_refused(
     photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: str
 ) -> None:
-    write(photograph)
+    write(photograph[:96, :96])
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
     assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options.split()]) == 1
     option = options if options == "-k auto" else options.split()[0]

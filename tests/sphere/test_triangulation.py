@@ -78,7 +78,7 @@ def test_the_corners_of_regular_bodies_are_triangulated() -> None:
     width=st.sampled_from([1e-3, 0.03, 0.3, 3.0]),
     digits=st.sampled_from([1, 2, 16]),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_clusters_hemispheres_and_points_on_circles_are_triangulated(
     seed: int, n: int, width: float, digits: int
 ) -> None:

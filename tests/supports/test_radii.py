@@ -54,7 +54,7 @@ def scene(case: int, n_points: int, n_places: int) -> tuple[NDArray[Any], NDArra
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(case: int, order: int) -> None:
     region, slits = CASES[case]
-    points, apart = scene(case, 40, 4000)
+    points, apart = scene(case, 20, 3000)
     outline = sight_in(region, slits)
     assert outline is not None
     found = find_reaches(points, outline, order)
@@ -63,7 +63,7 @@ def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(c
     np.maximum.at(sampled, nearest.ravel(), np.take_along_axis(apart, nearest, axis=1).ravel())
     assert (found >= sampled).all()
     # Samples come near to most corners of cells.
-    assert np.median(found / sampled) < 1.15
+    assert np.median(found / sampled) < 1.2
     assert not len(find_gaps(points, found * (1 + 1e-6), outline, order).places)
 
 

@@ -37,7 +37,7 @@ def test_the_default_cut_shows_many_small_spots(white: int) -> None:
 @pytest.mark.parametrize("deviation", [3, 20, 60])
 @pytest.mark.parametrize("bands", [(), (3,)])
 def test_flat_noise_is_one_region(deviation: float, bands: tuple[int, ...]) -> None:
-    noise = np.random.default_rng(0).normal(60, deviation, (160, 200, *bands))
+    noise = np.random.default_rng(0).normal(60, deviation, (80, 100, *bands))
     assert segment_hierarchy(noise.clip(0, 255).astype(np.uint8)).n_regions() == 1
 
 
