@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from importlib.util import find_spec
 from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.extras import needs
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import plan_alone, run_plan
 from cvtimg.options.record import Given
@@ -21,7 +23,7 @@ EXAMPLES = """\
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
   cvtimg sphere -n 10000 --refine lights.png,6 -o cities.vtu
   cvtimg sphere -n 40962 --coast land.png -o coast.nc
-  cvtimg sphere --cell-width 480km --land land.png --strait -6,36,-5,36 -o ocean.nc
+  cvtimg sphere --cell-width 480km --land land.png --strait -10,36,3,38 -o ocean.nc
   cvtimg sphere --cell-width 480km --region 10,50,20 -o europe.nc
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
@@ -50,7 +52,12 @@ def sphere(given: Given) -> int:
     pictures += [given.land, given.area if isinstance(given.area, Path) else None]
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
     pictures += [given.width] if isinstance(given.width, Path) else []
-    plan = plan_alone({"-o": given.output, "--plot": given.plot}, also_read=pictures)
+    parts = None
+    if given.parts is not None:
+        if find_spec("pymetis") is None:
+            raise WrongUsageError(f"--parts needs {needs('pymetis', 'globe')}")
+        parts = given.output.with_name(f"{given.output.name}.part.{given.parts}")
+    plan = plan_alone({"-o": given.output, "--parts": parts, "--plot": given.plot}, also_read=pictures)
     return run_plan(plan, _sphere, COLUMNS, given)
 
 
@@ -121,7 +128,9 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         found = cvtimg.sphere_grid(number, **making)
     part = cut_out(found, given)
     stopwatch.lap("place")
-    (found if part is None else part).save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
+    if "--parts" in task.outputs:
+        (part or found).save_parts(task.outputs["--parts"], given.parts, overwrite=given.overwrite)
+    (part or found).save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
     if "--plot" in task.outputs:
         _plot(found, None if part is None else part.kept, task.outputs["--plot"], given, image)
     stopwatch.lap("write")

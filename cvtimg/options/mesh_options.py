@@ -135,6 +135,7 @@ SPHERE = (
         metavar="LON,LAT,RADIUS|WEST,SOUTH,EAST,NORTH|FILE",
     ),
     Option("layers", Whole(0, 1000), "Layers of cells around --region.", default=7, needs=("region",)),
+    Option("parts", Whole(2, 1 << 20), "Divide cells among N processes by METIS: write OUTPUT.part.N, too."),
     Option("radius", Real(above=0), "Radius of the sphere in the file.", metavar="R", default=1.0),
     file("plot", "Plot the cells on a map, .png or .svg, colored by size.", common.PLOTS),
     Option(

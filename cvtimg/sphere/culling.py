@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
     check_at_least,
+    check_count,
     check_in_range,
     check_picture_density,
     check_positive,
@@ -22,7 +23,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.sphere.densities import GlobePicture, Points, check_globe, from_degrees, to_radians
-from cvtimg.sphere.formats import CulledContent, GridContent, write_grid
+from cvtimg.sphere.formats import CulledContent, GridContent, write_grid, write_parts
 from cvtimg.sphere.result import SphereGrid
 
 #: Lines are followed in steps of this part of the smallest cell.
@@ -102,11 +103,16 @@ class PartialGrid(ReadOnly):
         boundaryCell, boundaryEdge and boundaryVertex (1 at the boundary) and, with layers, bdyMaskCell, bdyMaskEdge and
         bdyMaskVertex.
         """
-        whole = GridContent(
-            self.whole.points, self.whole.triangles, self.whole.density, check_positive("radius", radius)
-        )
-        flags = {"boundary_layer": self.layers} if self.layers.any() else {}
-        write_grid(path, CulledContent.of(whole, self.kept, flags), overwrite=overwrite)
+        write_grid(path, self._content(check_positive("radius", radius)), overwrite=overwrite)
+
+    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
+        """Divide the kept cells among processes, as `SphereGrid.save_parts` divides all."""
+        check_count("n_parts", n_parts, int(self.kept.sum()), "the number of cells")
+        write_parts(path, self._content(), n_parts, overwrite=overwrite)
+
+    def _content(self, radius: float = 1.0) -> CulledContent:
+        whole = GridContent(self.whole.points, self.whole.triangles, self.whole.density, radius)
+        return CulledContent.of(whole, self.kept, {"boundary_layer": self.layers} if self.layers.any() else {})
 
     def __repr__(self) -> str:
         return f"PartialGrid({int(self.kept.sum())} of {len(self.kept)} cells)"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_positive
+from cvtimg._shared.checks import check_count, check_positive
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
-from cvtimg.sphere.formats import GridContent, write_grid
+from cvtimg.sphere.formats import GridContent, write_grid, write_parts
 from cvtimg.sphere.triangulation import Points, SphereCells, SphereTriangulation
 from cvtimg.sphere.widths import EARTH_RADIUS
 
@@ -173,9 +173,25 @@ class SphereGrid(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        radius = check_positive("radius", radius)
-        content = GridContent(self.points, self.triangles, self.density, radius, self._flags())
-        write_grid(path, content, overwrite=overwrite)
+        write_grid(path, self._content(check_positive("radius", radius)), overwrite=overwrite)
+
+    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
+        """Divide cells among processes by METIS; write the part of each, from 0: MPAS reads graph.info.part.N.
+
+        Raises
+        ------
+        ValueError
+            If `n_parts` is not in 1..N.
+        ImportError
+            If pymetis is not installed.
+        OSError
+            If the file cannot be written.
+        """
+        check_count("n_parts", n_parts, len(self.points), "the number of cells")
+        write_parts(path, self._content(), n_parts, overwrite=overwrite)
+
+    def _content(self, radius: float = 1.0) -> GridContent:
+        return GridContent(self.points, self.triangles, self.density, radius, self._flags())
 
     def _flags(self) -> dict[str, NDArray[np.int32]]:
         """Return flags of cells that files have."""

@@ -174,6 +174,20 @@ def test_every_format_holds_a_part(tmp_path: Path) -> None:
     assert (table["boundary_layer"] == part.layers).all()
 
 
+def test_parts_are_alike_in_size_and_hang_together(tmp_path: Path) -> None:
+    pytest.importorskip("pymetis")
+    area = limit_area(GRID, Cap(10, 50, 60), layers=1)
+    for grid, n in ((GRID, len(GRID.points)), (area, len(area.points))):
+        grid.save_parts(tmp_path / "graph.info.part.4", 4, overwrite=True)
+        parts = np.loadtxt(tmp_path / "graph.info.part.4", dtype=int)
+        assert len(parts) == n
+        assert np.bincount(parts).min() > 0.9 * n / 4
+    edges = GRID.triangles[:, [0, 1]]
+    GRID.save_parts(tmp_path / "whole", 4)
+    whole = np.loadtxt(tmp_path / "whole", dtype=int)
+    assert (whole[edges[:, 0]] != whole[edges[:, 1]]).mean() < 0.15  # of parts by chance, three in four
+
+
 def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
     lat = np.linspace(89, -89, 90)[:, None]
     grid = coastal_grid(300, np.broadcast_to(lat > 20, (90, 180)), effort="fast")

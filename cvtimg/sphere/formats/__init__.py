@@ -9,13 +9,14 @@ from typing import BinaryIO
 import numpy as np
 
 from cvtimg._shared.checks import refuse
+from cvtimg._shared.extras import optional
 from cvtimg.files.text_tables import csv_text
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
 
-__all__ = ["GRID_FORMATS", "CulledContent", "GridContent", "grid_format", "write_grid"]
+__all__ = ["GRID_FORMATS", "CulledContent", "GridContent", "grid_format", "write_grid", "write_parts"]
 
 
 def write_table(file: BinaryIO, grid: GridContent) -> None:
@@ -42,6 +43,14 @@ def write_graph(file: BinaryIO, grid: GridContent) -> None:
     for row in (around.cells_on_cell + 1).tolist():
         lines.append(" ".join(str(cell) for cell in row if cell))
     file.write(("\n".join(lines) + "\n").encode())
+
+
+def write_parts(path: StrPath, grid: GridContent, n_parts: int, *, overwrite: bool = False) -> None:
+    """Divide cells among processes by METIS, and write the number of the part of each, from 0, on a line."""
+    neighbors = [row[row >= 0] for row in grid.around.cells_on_cell]
+    _, parts = optional("pymetis", "globe").part_graph(n_parts, adjacency=neighbors)
+    with whole_file(path, overwrite=overwrite) as file:
+        file.write(("\n".join(map(str, parts)) + "\n").encode())
 
 
 #: The registry of formats: end of the file's name to the function that writes it; longer ends come first.
