@@ -50,7 +50,7 @@ def restore(given: Given) -> int:
 
     Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
     disagree, what was added to one of them or painted over in it is left out; --hidden changes that. The result has N
-    flat colors; photographs need --detail.
+    flat colors; without -k, photographs get their detail back, as with --detail.
     """
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
@@ -97,14 +97,22 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
+            detail = given.detail or ("auto" if _is_open(given) else False)
             align = given.motion if given.align else False
-            result = restore(
-                read.images, masks=read.masks, alpha=read.alpha, averaging=averaging, align=align, **given.arguments
-            )
+            about: dict[str, Any] = {
+                "masks": read.masks,
+                "alpha": read.alpha,
+                "averaging": averaging,
+                "align": align,
+                "detail": detail,
+            }
+            result = restore(read.images, **about, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     stopwatch.lap("cluster")
     notes = [given.worded(_with_names(str(one.message), read)) for one in caught]
+    if result.detail and not given.detail:
+        notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
     notes += [*_given_twice(given.versions), *_write(task.outputs, result, read, given)]
     stopwatch.lap("write")
     return {
@@ -128,6 +136,12 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "converged": result.converged,
         **({"warning": "; ".join(notes)} if notes else {}),
     }
+
+
+def _is_open(given: Given) -> bool:
+    """Tell whether nothing asks for segments, so that the picture decides."""
+    for_segments = (given.channels, given.averaging != "none", given.volume_power)
+    return given.number == "auto" and given.edge_weight == "auto" and not any(for_segments)
 
 
 def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
@@ -180,7 +194,7 @@ def _panels(result: Restoration, read: VersionFiles, given: Given) -> list[list[
         shown = np.concatenate([colors, alpha], axis=2).astype(stack.dtypes[number])
         about = f"{known.mean():.0%} known, noise {result.noise[number]:.3g}, weight {result.weights[number]:.2f}"
         panels.append(Panel(shown, (Path(name).name, about)))
-    count = f"{len(result.colors)} kinds of patches" if given.detail else f"{len(result.colors)} segments"
+    count = f"{len(result.colors)} kinds of patches" if result.detail else f"{len(result.colors)} segments"
     unknown = f"{(result.coverage == 0).mean():.1%} was known in none"
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     shares = (result.coverage - result.left_out) / len(panels)

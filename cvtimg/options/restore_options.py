@@ -54,7 +54,7 @@ RESTORE = (
         "channels", "Versions share segments but not colors, as channels do; the first is restored.", keyword="channels"
     ).on_page("Versions are channels", "They share segments but not colors; the first is restored."),
     switch(
-        "detail", "Restore texture too, patch by patch; for photographs, and to denoise a single one.", keyword="detail"
+        "detail", "Restore texture too, patch by patch; on its own for photographs, without -k and what needs segments."
     ).on_page("Detail", "Restore texture too, for photographs."),
     passed(
         "hidden",

@@ -14,6 +14,7 @@ from cvtimg._shared.checks import (
     check_edge_weight,
     check_excluded,
     check_non_negative,
+    check_that,
     hints_at_keywords,
 )
 from cvtimg._shared.choices import AlignName, AutoEffortName, AveragingName, SpaceName
@@ -23,6 +24,7 @@ from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoise_versions
 from cvtimg.restoration.evidence import prepare
 from cvtimg.restoration.merging import Merging, merge_versions
+from cvtimg.restoration.recognition import is_drawing
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
 from cvtimg.restoration.versions import stack_versions
@@ -48,7 +50,7 @@ def restore(
     edge_weight: float | str = "auto",
     volume_power: float = 0,
     renormalize: str | None = "range",
-    detail: bool = False,
+    detail: bool | str = False,
     effort: AutoEffortName = "auto",
     rng: int | np.random.Generator = 0,
 ) -> Restoration:
@@ -102,10 +104,11 @@ def restore(
         of it. "range" takes the level that the segment has in each version on its own, where hidden parts belong to
         the background, so that colors span the range of the versions again. "median" takes the median of all that is
         known of the segment, "none" or None the mean. With `detail`, colors are means.
-    detail : bool
+    detail : bool or "auto"
         For photographs: cells of patches of 5 x 5 pixels, cut into groups of patches that look alike, each with a
         filter that restores the detail its generator leaves out. Integer values are taken to be clipped at the
         ends of their type where they pile up there. Not available with averaging, edge weight or volume power.
+        "auto" restores detail of what is no drawing in a few flat colors.
     effort : {"auto", "fast", "balanced", "best"}
         Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
         in each of which groups are found anew: 2, 4 or 5. "auto" is "balanced"; with `detail`, it is "best" up to a
@@ -167,7 +170,10 @@ def restore(
     model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
     average = as_averaging(averaging)
-    check_excluded("detail=True", detail, channels=channels, averaging=average, edge_weight=cost, volume_power=power)
+    check_that("detail", detail in (True, False, "auto"), f"be True, False or 'auto', not {detail!r}")
+    check_excluded(
+        f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
+    )
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
     evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
     if isinstance(n_generators, str):
@@ -175,6 +181,8 @@ def restore(
         number = None
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
+    if detail == "auto":
+        detail = not is_drawing(evidence)
     if detail:
         found = denoise_versions(evidence, number, effort, np.random.default_rng(rng))
     else:

@@ -52,6 +52,8 @@ class Restoration(ReadOnly):
     misfits : (S,) float64 array
         What each version, in place, differs by from the one that most fit, less noise, as a part of the fine structure:
         0 where it is the same, about 2 for another image. Above 0.25, versions do not fit. NaN for channels.
+    detail : bool
+        Whether detail was restored, and `labels` are kinds of patches.
     edge_weight : float
         Penalty for each pair of near pixels in different segments, in squared 8-bit levels.
     energy : float
@@ -75,6 +77,7 @@ class Restoration(ReadOnly):
     transforms: NDArray[np.float64]
     models: tuple[str, ...]
     misfits: NDArray[np.float64]
+    detail: bool
     edge_weight: float
     energy: float
     energies: tuple[float, ...]
@@ -143,6 +146,7 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         transforms=evidence.alignment.transforms,
         models=evidence.alignment.models,
         misfits=evidence.misfits,
+        detail=found.image is not None,
         edge_weight=found.edge_weight,
         energy=found.energies[-1],
         energies=found.energies,

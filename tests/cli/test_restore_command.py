@@ -164,3 +164,17 @@ def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: N
         True,
         True,
     )
+
+
+def test_photographs_are_recognized_and_both_options_force(run: Run, photograph: NDArray[Any]) -> None:
+    noise = np.random.default_rng(0).normal(0, 18, (96, 96, 3))
+    write_image("photo.png", np.clip(photograph[40:136, 80:176] + noise, 0, 255).astype(np.uint8))
+    status, _, said = run("photo.png", "-o", "chosen.png", "--effort", "fast")
+    assert status == 0
+    assert "no flat drawing, so detail is restored" in said
+    said = run("photo.png", "-o", "asked.png", "--effort", "fast", "--detail")[2]
+    assert "flat" not in said
+    np.testing.assert_array_equal(read_image("chosen.png"), read_image("asked.png"))
+    assert "flat" not in run("photo.png", "-o", "segments.png", "-k", "4")[2]
+    assert len(np.unique(read_image("segments.png").reshape(-1, 3), axis=0)) <= 4
+    assert "flat" not in run("v_*.png", "-o", "drawing.png")[2]

@@ -80,6 +80,11 @@ class RestoreTab(Tab):
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)
+        # As on the command line, the picture decides if nothing asks for segments.
+        for_segments = (settings["channels"], settings["averaging"] != "none", settings["edge_weight"] != "auto")
+        is_open = settings["k"] == "auto" and not any(for_segments)
+        if settings["detail"] or is_open:
+            keywords["detail"] = settings["detail"] or "auto"
         if settings["align"]:
             keywords["align"] = settings["motion"]
         if "nodata" in self.in_effect(settings):
@@ -94,7 +99,7 @@ class RestoreTab(Tab):
         result: Restoration = self._call(request.settings).run([picture.array for picture in versions])
         noise = ", ".join(f"{value:.3g}" for value in result.noise)
         weights = ", ".join(f"{value:.2f}" for value in result.weights)
-        noun = "kinds of patches" if request.settings["detail"] else "segments"
+        noun = "kinds of patches" if result.detail else "segments"
         facts: dict[str, Any] = {"k": len(result.colors), "noun": noun}
         facts["about"] = f"noise {noise}; weights {weights}; {(result.coverage == 0).mean():.1%} known in no version"
         return Outcome(result, _layer(request, result, len(versions)), facts, self.outputs(request), versions[0].stem)
