@@ -10,6 +10,7 @@ EXAMPLES = """\
   cvtimg design -n 20 -d 3
   cvtimg design -n 50 --bounds bounds.csv -o runs.csv --plot runs.png --measures
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
+  cvtimg design -n 24 --bounds bounds.csv --shuffle 1
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy
 """
 COLUMNS = ("n", "dimensions", "energy", "latin", "seconds", "output")
@@ -31,24 +32,45 @@ def design(given: Given) -> int:
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
+
+    import numpy as np
 
     import cvtimg
-    from cvtimg.designs.points import read_bounds
-    from cvtimg.files.text_tables import csv_text
+    from cvtimg.designs.factors import read_factors, read_runs
+    from cvtimg.files.text_tables import csv_text, write_csv
     from cvtimg.tables.files import read_table
 
-    names, bounds = read_beside(given.bounds, read_bounds) if given.bounds else (None, given.dimensions)
-    old = read_beside(given.existing, read_table).rows if given.existing else None
+    factors = read_beside(given.bounds, read_factors) if given.bounds else []
+    has_levels = any(factor.levels for factor in factors)
+    if has_levels and given.output is not None and given.output.suffix.lower() != ".csv":
+        raise ValueError("levels need a .csv file")
+    bounds = [[factor.low, factor.high] for factor in factors] or given.dimensions
+    old = None
+    if given.existing:
+        old = read_beside(
+            given.existing, lambda path: read_runs(path, factors) if has_levels else read_table(path).rows
+        )
     stopwatch.lap("read")
     found = cvtimg.design(given.number, bounds, existing=old, **given.arguments)
     stopwatch.lap("place")
     figures = asdict(found.measures()) if given.measures else {}
-    labels = names or [f"x{axis + 1}" for axis in range(found.points.shape[1])]
-    if "-o" in task.outputs:
-        found.save(task.outputs["-o"], names=labels, overwrite=given.overwrite)
+    labels = [factor.header for factor in factors] or [f"x{axis + 1}" for axis in range(found.points.shape[1])]
+    order = np.arange(given.number)
+    if given.shuffle is not None:
+        order = np.random.default_rng(given.shuffle).permutation(given.number)
+    points = found.points[order]
+    table = points.tolist()
+    if has_levels:
+        columns = (factor.values(column) for factor, column in zip(factors, points.T, strict=True))
+        table = [list(row) for row in zip(*columns, strict=True)]
+    if "-o" in task.outputs and has_levels:
+        write_csv(task.outputs["-o"], labels, table, overwrite=given.overwrite)
+    elif "-o" in task.outputs:
+        ordered = replace(found, points=points, unit_points=found.unit_points[order])
+        ordered.save(task.outputs["-o"], names=labels, overwrite=given.overwrite)
     elif given.prints:
-        print(csv_text(labels, found.points.tolist()), end="")
+        print(csv_text(labels, table), end="")
     if "--plot" in task.outputs:
         from cvtimg.plotting import draw_pairs, save_plot
 
@@ -63,5 +85,5 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "periodic": found.periodic,
         "energy": found.energy,
         **{name: value for name, value in figures.items() if name != "energy"},
-        "points": None if "-o" in task.outputs else found.points.tolist(),
+        "points": None if "-o" in task.outputs else table,
     }

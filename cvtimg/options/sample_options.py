@@ -78,7 +78,12 @@ ELBOW = (
 DESIGN = (
     Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True),
     Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D"),
-    file("bounds", "Axes: a .csv file with the columns name, low and high.", (".csv",)),
+    file(
+        "bounds",
+        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
+        "(such as A|B|C, in place of low and high) and unit.",
+        (".csv",),
+    ),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
     passed(
@@ -91,6 +96,7 @@ DESIGN = (
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
+    Option("shuffle", Whole(0, 2**32 - 1), "Put runs in random order, with this seed.", metavar="SEED"),
     common.EFFORT,
     common.SEED,
     *common.RUN,

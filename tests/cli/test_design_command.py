@@ -54,6 +54,50 @@ def test_points_that_exist_are_taken_into_account(capsys: pytest.CaptureFixture[
     assert nearest > 0.08
 
 
+FACTORS = "name,low,high,kind,levels,unit\nheat,20,90,,,C\nrounds,1,4,integer,,\nalloy,,,,A|B|C,\n"
+
+
+def table(path: str) -> list[list[str]]:
+    return [line.split(",") for line in Path(path).read_text().splitlines()]
+
+
+def test_levels_and_whole_numbers_are_balanced_and_units_are_in_the_header(here: Path) -> None:
+    (here / "factors.csv").write_text(FACTORS)
+    assert main(["design", "-n", "12", "--bounds", "factors.csv", "-o", "runs.csv", "--effort", "fast"]) == 0
+    header, *rows = table("runs.csv")
+    assert header == ["heat [C]", "rounds", "alloy"]
+    assert sorted(row[1] for row in rows) == sorted("1234" * 3)
+    assert sorted(row[2] for row in rows) == sorted("ABC" * 4)
+    more = ["design", "-n", "12", "--bounds", "factors.csv", "--existing", "runs.csv", "-o", "more.csv"]
+    assert main([*more, "--effort", "fast"]) == 0
+    assert {row[2] for row in table("more.csv")[1:]} == {"A", "B", "C"}
+    assert not {row[0] for row in rows} & {row[0] for row in table("more.csv")[1:]}
+
+
+def test_shuffled_runs_are_the_same_in_another_order() -> None:
+    options = ["design", "-n", "12", "-d", "2", "--effort", "fast"]
+    for name, more in (("plain", []), ("one", ["--shuffle", "1"]), ("again", ["--shuffle", "1"])):
+        assert main([*options, *more, "-o", f"{name}.csv"]) == 0
+    plain, one, again = (table(f"{name}.csv") for name in ("plain", "one", "again"))
+    assert sorted(plain) == sorted(one)
+    assert plain != one == again
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("a,,,,A,", "a must have two or more levels"),
+        ("a,0,1,,A|B,", "a must have two or more levels"),
+        ("a,0,1.5,integer,,", "a of kind integer must be"),
+        ("a,0,1,odd,,", "a of kind odd must be"),
+    ],
+)
+def test_wrong_factors_are_named(line: str, message: str, capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    (here / "factors.csv").write_text(f"name,low,high,kind,levels,unit\n{line}\n")
+    assert main(["design", "-n", "3", "--bounds", "factors.csv"]) == 1
+    assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

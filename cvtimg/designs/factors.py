@@ -1,0 +1,121 @@
+"""Factors of experiments: ranges, whole numbers, and levels, read from a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_in_range
+from cvtimg.files.remote import local_copy
+from cvtimg.files.whole import StrPath
+
+#: Whole numbers in a range are levels; at most so many.
+_MOST_LEVELS = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """An input of an experiment.
+
+    Parameters
+    ----------
+    name : str
+    low, high : float
+        Its range, where it has no levels.
+    levels : tuple of str
+        The values that it may have, such as numbers or categories. They share the axis from 0 to 1 evenly, so that
+        points that are Latin have each level equally often, but for one.
+    unit : str
+        For the header of a table.
+
+    Examples
+    --------
+    >>> from cvtimg.designs.factors import Factor
+    >>> Factor("alloy", levels=("A", "B", "C")).values([0.1, 0.5, 0.9])
+    ['A', 'B', 'C']
+    """
+
+    name: str
+    low: float = 0.0
+    high: float = 1.0
+    levels: tuple[str, ...] = ()
+    unit: str = ""
+
+    @property
+    def header(self) -> str:
+        """The name, and the unit in brackets."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def values(self, places: ArrayLike) -> list[Any]:
+        """Return the values at places (n,) of the axis: levels as texts."""
+        column = np.asarray(places, np.float64)
+        if not self.levels:
+            return column.tolist()
+        index = np.clip((column * len(self.levels)).astype(int), 0, len(self.levels) - 1)
+        return [self.levels[i] for i in index]
+
+    def places(self, values: Sequence[str]) -> NDArray[np.float64]:
+        """Return where values (n,) are on the axis."""
+        if not self.levels:
+            return np.array([float(value) for value in values])
+        for value in values:
+            check_in_range(self.name, value, value in self.levels, f"one of its levels, {', '.join(self.levels)}")
+        return (np.array([self.levels.index(value) for value in values]) + 0.5) / len(self.levels)
+
+
+def read_factors(path: StrPath) -> list[Factor]:
+    """Read the factors of a design: a line for each, after a line of names of columns.
+
+    Columns are name, low and high, and may be kind (continuous or integer), levels (values with | between them, instead
+    of low and high) and unit.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, or a line is not what is said here.
+    """
+    with local_copy(path) as file:
+        text = file.read_text(encoding="utf-8-sig")
+    lines = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
+    if not lines:
+        raise OSError(f"{path}: must have a line for each axis after the first")
+    return [_factor(path, line) for line in lines]
+
+
+def _factor(path: StrPath, line: dict[str, Any]) -> Factor:
+    fields = {key: (value or "").strip() for key, value in line.items() if isinstance(value, str | None)}
+    name, unit = fields.get("name", ""), fields.get("unit", "")
+    if levels := fields.get("levels"):
+        values = tuple(level.strip() for level in levels.split("|"))
+        if len(values) < 2 or len(set(values)) < len(values) or fields.get("low") or fields.get("high"):
+            raise OSError(f"{path}: {name} must have two or more levels, all different, and no low and high")
+        return Factor(name, levels=values, unit=unit)
+    try:
+        low, high = float(fields["low"]), float(fields["high"])
+    except (KeyError, ValueError) as error:
+        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
+    if not (name and -np.inf < low < high < np.inf):
+        raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+    kind = fields.get("kind") or "continuous"
+    if kind == "continuous":
+        return Factor(name, low, high, unit=unit)
+    if kind != "integer" or low % 1 or high % 1 or high - low >= _MOST_LEVELS:
+        raise OSError(f"{path}: {name} of kind {kind} must be continuous, or integer between whole numbers")
+    return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
+
+
+def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
+    """Read runs from a table with a column for each factor, in their order, as places on their axes."""
+    with local_copy(path) as file:
+        rows = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if row][1:]
+    if any(len(row) != len(factors) for row in rows):
+        raise OSError(f"{path}: must have {len(factors)} columns, one for each factor")
+    try:
+        return np.stack([f.places([row[k].strip() for row in rows]) for k, f in enumerate(factors)], axis=1)
+    except ValueError as error:
+        raise OSError(f"{path}: {error}") from error
