@@ -22,7 +22,7 @@ from cvtimg.pictures.frames import Frames
 from cvtimg.quantization.animations import Film, QuantizedFrames
 from cvtimg.quantization.blocks import BlockSource
 from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward, with_fewer_colors
-from cvtimg.quantization.looks import PRICES
+from cvtimg.quantization.looks import DEAREST, PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
@@ -246,8 +246,8 @@ def quantize_to_size(
 def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
     """Find the most colors whose file is small enough; see `quantize_to_size`."""
     if how.dither == "compact":
-        how = replace(how, n_colors=n_colors, price=PRICES[1])
-        fitting, _ = toward(source, how, PRICES[1], PRICES[0], lambda result: size(result) <= max_bytes)
+        how = replace(how, n_colors=n_colors, price=DEAREST)
+        fitting, _ = toward(source, how, DEAREST, PRICES[0], lambda result: size(result) <= max_bytes)
         if size(fitting) <= max_bytes:
             return fitting
     results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)

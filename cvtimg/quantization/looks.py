@@ -25,6 +25,8 @@ MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}
 #: Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
 #: that the measure does not see.
 PRICES = 0.02, 2.0
+#: Highest price for files that must be small: streaks look better than a palette of few colors.
+DEAREST = 16.0
 
 
 def map_for_eyes(

@@ -80,6 +80,8 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     fits = quantize_file(source, tmp_path / "b.png", goal="eyes", max_bytes=8_000, **FAST)
     assert 6_000 < (tmp_path / "b.png").stat().st_size <= 8_000
     assert fits.n_colors > 100
+    small = quantize_file(source, tmp_path / "small.png", goal="eyes", max_bytes=4_000, **FAST)
+    assert small.n_colors > 100  # few colors would look worse than a high price of bits
     quantize_file(source, tmp_path / "c.png", quality=50, max_bytes=25_000, **FAST)
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 
