@@ -130,6 +130,8 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
+        if flag == "--goal eyes" and given.goal is None and given.quality is None:
+            flag = "a call without -k"
         raise ValueError(error.reason.format(flag)) from error
     is_one = result.kind in ("image", "tiles")
     return {

@@ -24,7 +24,9 @@ def continents() -> NDArray[np.float64]:
     return land.astype(np.float64)
 
 
-GRID = coastal_grid(4000, continents())
+@pytest.fixture(scope="module")
+def grid() -> CoastalGrid:
+    return coastal_grid(4000, continents())
 
 
 def straddling(grid: CoastalGrid) -> int:
@@ -32,52 +34,52 @@ def straddling(grid: CoastalGrid) -> int:
     return int((land.any(axis=1) & sea.any(axis=1)).sum())
 
 
-def test_no_triangle_has_corners_on_both_sides() -> None:
-    assert straddling(GRID) == 0
-    assert GRID.on_coast.sum() > 150
-    assert not (GRID.on_coast & GRID.on_land).any()
+def test_no_triangle_has_corners_on_both_sides(grid: CoastalGrid) -> None:
+    assert straddling(grid) == 0
+    assert grid.on_coast.sum() > 150
+    assert not (grid.on_coast & grid.on_land).any()
 
 
-def test_points_on_the_coast_are_where_land_ends() -> None:
+def test_points_on_the_coast_are_where_land_ends(grid: CoastalGrid) -> None:
     # The coast is smoothed by less than a cell; the mask is known to half a pixel.
-    size = np.degrees(np.sqrt(GRID.areas.mean()))
+    size = np.degrees(np.sqrt(grid.areas.mean()))
     mask = continents()
-    rows = np.clip((90 - GRID.lat).astype(int), 0, 179)
-    columns = np.clip((GRID.lon + 180).astype(int), 0, 359)
+    rows = np.clip((90 - grid.lat).astype(int), 0, 179)
+    columns = np.clip((grid.lon + 180).astype(int), 0, 359)
     reach = int(np.ceil(1.5 * size))
-    for i in np.flatnonzero(GRID.on_coast & (np.abs(GRID.lat) < 60)):
+    for i in np.flatnonzero(grid.on_coast & (np.abs(grid.lat) < 60)):
         around = mask[max(rows[i] - reach, 0) : rows[i] + reach + 1]
         around = np.take(around, range(columns[i] - 2 * reach, columns[i] + 2 * reach + 1), axis=1, mode="wrap")
         assert around.min() < around.max()
 
 
-def test_every_cell_that_the_coast_crosses_has_its_point_on_it() -> None:
+def test_every_cell_that_the_coast_crosses_has_its_point_on_it(grid: CoastalGrid) -> None:
     land = continents()
-    size = float(np.sqrt(GRID.areas.min()))
+    size = float(np.sqrt(grid.areas.min()))
     # Independent of the corners of cells: the nearest points to all places of coasts, which are drawn alike.
     coast = Coast.of(land, float(np.sqrt(sphere_grid(4000, effort="fast", polish=False).areas.min())))
     places = np.concatenate([unit(coast.starts + part * (coast.ends - coast.starts)) for part in (0, 0.25, 0.5, 0.75)])
-    distances, cells = cKDTree(GRID.points).query(places)
-    assert GRID.on_coast[cells].all()
+    distances, cells = cKDTree(grid.points).query(places)
+    assert grid.on_coast[cells].all()
     assert distances.max() < 1.5 * size
-    assert np.linalg.norm(coast.nearest(GRID.points) - GRID.points, axis=1)[GRID.on_coast].max() < 1e-6
+    assert np.linalg.norm(coast.nearest(grid.points) - grid.points, axis=1)[grid.on_coast].max() < 1e-6
 
 
-def test_points_are_not_crowded_on_the_coast() -> None:
-    gaps = cKDTree(GRID.points[GRID.on_coast]).query(GRID.points[GRID.on_coast], k=2)[0][:, 1]
-    size = np.sqrt(GRID.areas.mean())
+def test_points_are_not_crowded_on_the_coast(grid: CoastalGrid) -> None:
+    gaps = cKDTree(grid.points[grid.on_coast]).query(grid.points[grid.on_coast], k=2)[0][:, 1]
+    size = np.sqrt(grid.areas.mean())
     assert np.quantile(gaps, 0.05) > 0.75 * size
     assert gaps.min() > 0.6 * size
 
 
-def test_angles_stay_within_bounds_and_cells_are_even() -> None:
-    measures = GRID.measures()
+def test_angles_stay_within_bounds_and_cells_are_even(grid: CoastalGrid) -> None:
+    measures = grid.measures()
     assert measures.largest_angle < 95
     assert measures.least_angle > 30
-    assert measures.n_obtuse < 0.003 * len(GRID.triangles)
-    assert GRID.areas.sum() == pytest.approx(4 * np.pi)
-    inner = ~GRID.on_coast
-    assert GRID.areas[inner].max() < 3 * GRID.areas[inner].mean()
+    assert measures.n_obtuse < 0.003 * len(grid.triangles)
+    assert grid.areas.sum() == pytest.approx(4 * np.pi)
+    inner = ~grid.on_coast
+    assert grid.areas[inner].max() < 3 * grid.areas[inner].mean()
 
 
 def test_the_nearest_place_of_a_coast_is_on_it() -> None:
