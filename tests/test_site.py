@@ -55,6 +55,7 @@ def test_every_figure_of_the_pages_has_a_script() -> None:
         assert path.stem in drawn | measured or path.stem.split("_")[0] in drawn, path.name
 
 
+@pytest.mark.slow
 def test_a_manual_page_has_every_option_and_example(command_line: Any) -> None:
     for command in command_line.commands():
         page = command_line.as_manual(command).replace("\\-", "-").replace("\\(aq", "'")
@@ -65,6 +66,7 @@ def test_a_manual_page_has_every_option_and_example(command_line: Any) -> None:
             assert text in page
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("groff") is None, reason="needs groff")
 def test_groff_reads_the_manual_pages_without_a_warning(command_line: Any) -> None:
     for command in command_line.commands():

@@ -87,6 +87,7 @@ def serve(
         with _signals_end():
             asyncio.run(run())
     finally:
+        listener.close()
         server.store.close()
 
 

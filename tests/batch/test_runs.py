@@ -191,6 +191,7 @@ def test_what_is_done_is_told_though_an_earlier_task_is_not(here: Path, capsys: 
     assert told == ["in/1", "in/2", "in/3"]
 
 
+@pytest.mark.slow
 @posix
 def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
     for number in range(40):

@@ -60,6 +60,7 @@ def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_sample")
 def test_many_more_rows_than_are_searched_on_are_worth_the_best_search(monkeypatch: pytest.MonkeyPatch) -> None:
     searched = []

@@ -624,6 +624,7 @@ def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.Monk
         assert f" {name} {summary}" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shell", "given", "found"),
     [

@@ -55,6 +55,7 @@ def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:
     np.testing.assert_array_equal(read_image("nodata.png"), read_image("alpha.png"))
 
 
+@pytest.mark.slow
 def test_options_reach_the_function(run: Run) -> None:
     versions = [read_image(f"v_{number}.png") for number in (1, 2, 3)]
     for words, options in (

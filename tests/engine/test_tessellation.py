@@ -194,6 +194,7 @@ print(_kernels.simd, *(tessellate(rng.random((5000, d)), 30, effort="fast").ener
         np.testing.assert_allclose([float(e) for e in energies], [float(e) for e in runs[0][1:]], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_forked_process_has_threads_of_its_own() -> None:
     code = """
 import os, numpy as np

@@ -181,6 +181,7 @@ def test_a_given_palette_gives_the_same_file(dither: str, store: Store, scene: N
     check_equal(store, "colors", opened(store, scene), {"aim": "palette", "palette": [palette], "dither": dither}, 2)
 
 
+@pytest.mark.slow
 def test_a_mask_gives_the_same_mesh(store: Store) -> None:
     y, x = np.mgrid[:60, :80]
     mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 600).astype(np.uint8)
@@ -189,6 +190,7 @@ def test_a_mask_gives_the_same_mesh(store: Store) -> None:
     check_equal(store, "mesh", opened(store, labels, "labels.png"), {"of": "picture"}, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

@@ -38,6 +38,7 @@ def test_edges_have_length_1_in_the_metric() -> None:
     assert ((lengths > 0.7) & (lengths < 1.4)).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_an_anisotropic_mesh_interpolates_a_layer_far_better() -> None:
     def layer(p: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.exp(-40 * p[:, 0]) + 0.1 * p[:, 1] ** 2

@@ -394,6 +394,7 @@ def noisy_labels() -> NDArray[np.int64]:
     return np.digitize(values, [-0.03, 0.03]) + 1
 
 
+@pytest.mark.slow
 def test_borders_are_the_smoother_the_farther_they_may_move() -> None:
     borders = []
     for tolerance in (0.7, 2.0):

@@ -45,6 +45,7 @@ def test_files_that_lie_end_in_one_line(tmp_path: Path) -> None:
     assert verdicts["bomb.png"] == verdicts["empty.png"] == verdicts["pickle.npy"] == "error"
 
 
+@pytest.mark.slow
 def test_a_file_that_is_whole_is_right(tmp_path: Path) -> None:
     for name in ("png-RGB.png", "bmp-P.bmp", "jpeg-CMYK.jfif", "tiff-I16.tif", "icc-garbage.png", "1x1.png"):
         (tmp_path / name).write_bytes(seeds()[name])

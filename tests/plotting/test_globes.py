@@ -46,6 +46,7 @@ def test_a_globe_shows_the_cells_that_face_the_viewer(grid: SphereGrid, center: 
     assert n_outlines(draw_globe(cells, grid.areas, ".svg", center=center)) == seen
 
 
+@pytest.mark.slow
 def test_a_globe_shows_the_right_part_of_a_map(grid: SphereGrid) -> None:
     cells = list(grid.cells())
     for longitude, (left, right) in ((0, ((255, 0, 0), (0, 255, 0))), (180, ((0, 255, 0), (255, 0, 0)))):

@@ -73,6 +73,7 @@ def test_what_does_not_go_together_is_refused() -> None:
         shared_palette([], 4)
 
 
+@pytest.mark.slow
 def test_files_are_the_same_whatever_the_jobs_and_hold_the_palette(folder: Path) -> None:
     options = ["quantize", "-k", "9", "--shared-palette", "--quiet"]
     assert cli.main([*options, "in", "--out-dir", "one", "--jobs", "1", "--save-palette", "p.gpl"]) == 0

@@ -111,6 +111,7 @@ def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
     assert error <= 1.02 * ((expected.image.astype(float) - image) ** 2).sum()
 
 
+@pytest.mark.slow
 def test_zarr_is_read_and_written() -> None:
     source = zarr.create_array("a.zarr", shape=PICTURE.shape, chunks=(128, 128, 3), dtype=np.uint8)
     source[:] = PICTURE

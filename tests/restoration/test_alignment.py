@@ -51,6 +51,7 @@ def test_what_a_shift_uncovers_is_not_known_and_the_rest_is_in_place(photograph:
     np.testing.assert_allclose(aligned.bands(1)[inner, inner], fixed[inner, inner], atol=0.02)
 
 
+@pytest.mark.slow
 def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDArray[np.uint8]) -> None:
     clean = scene(photograph, (0, 0))
     rng = np.random.default_rng(0)

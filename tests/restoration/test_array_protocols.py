@@ -68,6 +68,7 @@ def test_a_fourth_band_of_a_file_is_restored(tmp_path: Path, monkeypatch: pytest
     np.testing.assert_array_equal(restored[..., 3] > 20000, bands[..., 3] > 20000)
 
 
+@pytest.mark.slow
 def test_only_detail_of_large_images_depends_on_the_seed() -> None:
     rng = np.random.default_rng(7)
     gray = np.add.outer(np.arange(280), np.arange(270)) / 4

@@ -129,6 +129,7 @@ def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
     assert not clipped_ends(level, level, 8, 255)[0]
 
 
+@pytest.mark.slow
 def test_blocks_in_which_patches_are_grouped_leave_no_seams(
     clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,6 +160,7 @@ def test_the_automatic_effort_is_less_for_larger_images(
         np.testing.assert_array_equal(restored([image], effort="auto"), restored([image], effort=effort))
 
 
+@pytest.mark.slow
 def test_spikes_cost_little_and_nothing_is_left_out_without_them(clean: NDArray[np.float64]) -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
     rng = np.random.default_rng(1)

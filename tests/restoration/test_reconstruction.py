@@ -119,6 +119,7 @@ def test_identical_versions_give_what_one_gives() -> None:
         assert result.energy == pytest.approx(0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_sixteen_versions_are_better_than_four_and_four_than_two() -> None:
     clean, _ = card()
     versions, known = damage.damaged_versions(clean, 16, Damage(noise=0.3, holes=0.3, blocks=1), seed=0)

@@ -159,6 +159,7 @@ def test_layers_lead_outward_one_cell_after_the_other(tmp_path: Path) -> None:
     assert (mesh["bdyMaskCell"][mesh["boundaryCell"] == 1] == 3).all()
 
 
+@pytest.mark.slow
 def test_every_format_holds_a_part(tmp_path: Path) -> None:
     uxarray = pytest.importorskip("uxarray")
     part = limit_area(GRID, Box(-30, 20, 40, 60), layers=2)

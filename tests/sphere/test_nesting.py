@@ -65,6 +65,7 @@ def test_sizes_change_little_from_cell_to_cell() -> None:
     assert np.median(sizes[depths > 0.3]) < 0.6 * np.median(sizes[grid.fixed])
 
 
+@pytest.mark.slow
 def test_many_new_points_have_room() -> None:
     grid = nested_grid(PARENT, 3000, within=Cap(10, 50, 25))
     sizes = np.sqrt(grid.areas[~grid.fixed])

@@ -67,6 +67,7 @@ def test_reaches_are_the_greatest_distances_among_the_nearest_that_see_a_place(c
     assert not len(find_gaps(points, found * (1 + 1e-6), outline, order).places)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 3])
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_a_proved_cover_holds_at_each_of_many_places(case: int, order: int) -> None:

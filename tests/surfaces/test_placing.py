@@ -151,6 +151,7 @@ def test_a_density_is_seen_inside_of_large_triangles() -> None:
     assert found.measures().euler_characteristic == 2
 
 
+@pytest.mark.slow
 def test_more_effort_gives_less_energy() -> None:
     energies = [surface_points(torus(), 200, effort=effort).energy for effort in ("fast", "balanced", "best")]
     assert energies[0] > energies[1] >= energies[2] * 0.999
