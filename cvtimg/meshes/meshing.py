@@ -72,13 +72,15 @@ EFFORTS: dict[str, MeshEffort] = {
 BOUNDARIES = ("placed", "projected")
 #: Logarithm of the ratio of metrics from which on sizes vary.
 _VARIES = 0.4
+#: How far contours of masks and labels are moved to make them smoother, in pixels.
+_TOLERANCE = 0.7
 #: Small meshes of one size take more moves and sweeps: as many as move this many vertices in all, at most.
 _WORK, _MORE_MOVES, _MORE_SWEEPS = 600_000, 200, 20
-#: Meshes of one size with no more vertices than this are tried several times,
+#: Meshes of one size with at most so many vertices are tried several times, and the best is kept.
 _SMALL = 1000
-#: each as it is before these sweeps and after all of them, since some measures ask for even edges and others do not,
+#: Sweeps before which a trial is compared, beside its end: some measures ask for even edges, others do not.
 _CANDIDATES = (0, 2)
-#: and with so many vertices on borders, by the number that sizes ask for.
+#: Vertices on borders of each trial, as a share of the number that sizes ask for.
 _SHARES = (1.0, 0.95, 1.0, 0.9)
 #: Where sizes vary, sweeps in the end lower the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
@@ -188,10 +190,6 @@ def mesh_region(
         check_that("metric", metric is None, "not be given with boundary='projected'")
         return _projected(outline, wanted, fixed, np.random.default_rng(rng))
     return _mesh(outline, wanted, fixed, effort, rng)
-
-
-#: How far contours of masks and labels are moved to make them smoother, in pixels.
-_TOLERANCE = 0.7
 
 
 @hints_at_keywords

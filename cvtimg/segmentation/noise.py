@@ -19,7 +19,7 @@ from cvtimg._shared.checks import check_image
 BLOCK = 16
 #: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
 _QUIET = (0.15, 0.35)
-#: Noise varies from block to block by chance; in quiet blocks it is below its mean by this times that variation.
+#: The mean of the quiet blocks is this many standard deviations below the mean of all.
 _LESS_IN_QUIET = 0.674
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78

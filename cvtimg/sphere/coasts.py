@@ -32,9 +32,12 @@ _PIXELS = 3.0
 _FLAT = 0.02
 #: Two points meet on a coast where they would be nearer than this part of a cell.
 _TOGETHER = 0.05
-#: Points on coasts that are crowded go this far aside, in sizes of cells: those whose cells hold less of the coast than
-#: this part of the size, and than their neighbors' cells; every so many moves, in the first part of all moves.
-_ASIDE, _CROWDED, _EVERY, _FIRST_PART = 1.1, 0.8, 10, 0.7
+#: How far a crowded point moves off the coast, in cell sizes.
+_ASIDE = 1.1
+#: A point is crowded if its cell holds less of the coast than this share of the size, and than its neighbors' cells.
+_CROWDED = 0.8
+#: Crowded points move every so many moves, in the first part of all moves.
+_EVERY, _FIRST_PART = 10, 0.7
 #: Rounds of polishing; each adds the points that have come to the coast, and makes this many moves.
 _ROUNDS, _MOVES = 20, 50
 #: Then it goes on for the angles that are out of these bounds, in degrees: where coasts turn, few are near to 60.

@@ -28,8 +28,8 @@ _Indices = NDArray[np.intp]
 
 #: Points around those of a patch that it is told of, in the largest cell sizes.
 _HALO = 6.0
-#: Caps of triangles may be as wide as this part of that, and points may move by this part: those that a patch is not
-#: told of are in none of its caps then.
+#: Circumscribed caps must be narrower than half the halo, and points may move by at most a quarter of it, so that no
+#: point that a patch is not told of enters a cap.
 _WIDEST, _FARTHEST = 0.5, 0.25
 #: Far points by which a patch closes the sphere. They stay where they are.
 _FAR = 400
