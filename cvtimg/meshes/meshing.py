@@ -327,9 +327,9 @@ def _made(
             mesh.even(field.metric(mesh.points), _EVEN_AGAIN)
             mesh.flip(None)
         shortest = 0.0 if outline.mask is None else _SHORTEST
-        mesh = mend(
-            mesh, field, wanted.grade, shortest=shortest, rounds=settings.mends, keep_number=wanted.n is not None
-        )
+        # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
+        rounds = settings.mends if np.isscalar(wanted.size) else 0
+        mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
     return [*made, _result(mesh, relaxed, wanted.n)]
 
 
