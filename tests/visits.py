@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 #: Seconds that anything on the page may take; machines that run tests are busy.
 PATIENCE = 60.0
+
+
+@contextmanager
+def served(folder: Path, *names: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Start a server in a folder, with pictures to open, and return its address and its process."""
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", *names]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        yield program.stdout.readline().strip(), program
+        program.terminate()
 
 
 class Visit:

@@ -1,8 +1,8 @@
+from .factors import read_bounds as read_bounds
 from .latin import latinize as latinize
 from .measures import PointMeasures as PointMeasures
 from .measures import point_measures as point_measures
 from .measures import star_discrepancy as star_discrepancy
 from .points import Design as Design
 from .points import design as design
-from .points import read_bounds as read_bounds
 from .sequences import CVTDesign as CVTDesign

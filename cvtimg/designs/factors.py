@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,28 +79,76 @@ def read_factors(path: StrPath) -> list[Factor]:
     OSError
         If the file cannot be read, or a line is not what is said here.
     """
+    return [_factor(path, fields) for fields in _lines(path)]
+
+
+def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
+    r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .csv file.
+
+    Returns
+    -------
+    list of str, (d, 2) float64 array
+        Names, and least and greatest values.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, has other columns or no axis, or a least value is not below the greatest.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from cvtimg.designs import read_bounds
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high\nspeed,0,30\nheat,20,90\n")
+    ...     names, bounds = read_bounds(f"{folder}/a.csv")
+    >>> names, bounds.tolist()
+    (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
+    """
+    ranges = [_range(path, fields) for fields in _lines(path)]
+    return [name for name, _, _ in ranges], np.array([ends for _, *ends in ranges])
+
+
+def _lines(path: StrPath) -> list[dict[str, str]]:
+    """Return the fields of each line by the names of their columns."""
     with local_copy(path) as file:
         text = file.read_text(encoding="utf-8-sig")
-    lines = list(csv.DictReader(text.splitlines(), skipinitialspace=True))
+    lines = [
+        {key: (value or "").strip() for key, value in line.items() if isinstance(value, str | None)}
+        for line in csv.DictReader(text.splitlines(), skipinitialspace=True)
+    ]
     if not lines:
         raise OSError(f"{path}: must have a line for each axis after the first")
-    return [_factor(path, line) for line in lines]
+    return lines
 
 
-def _factor(path: StrPath, line: dict[str, Any]) -> Factor:
-    fields = {key: (value or "").strip() for key, value in line.items() if isinstance(value, str | None)}
+def _range(path: StrPath, fields: Mapping[str, str]) -> tuple[str, float, float]:
+    """Return the name, low and high of an axis."""
+    try:
+        name, low, high = fields["name"], float(fields["low"]), float(fields["high"])
+    except (KeyError, ValueError) as error:
+        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
+    if not -np.inf < low < high < np.inf:
+        raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+    return name, low, high
+
+
+def _factor(path: StrPath, fields: Mapping[str, str]) -> Factor:
     name, unit = fields.get("name", ""), fields.get("unit", "")
     if levels := fields.get("levels"):
         values = tuple(level.strip() for level in levels.split("|"))
         if len(values) < 2 or len(set(values)) < len(values) or fields.get("low") or fields.get("high"):
             raise OSError(f"{path}: {name} must have two or more levels, all different, and no low and high")
         return Factor(name, levels=values, unit=unit)
-    try:
-        low, high = float(fields["low"]), float(fields["high"])
-    except (KeyError, ValueError) as error:
-        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
-    if not (name and -np.inf < low < high < np.inf):
-        raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+    name, low, high = _range(path, fields)
+    if not name:
+        raise OSError(f"{path}: must have a name in each line")
     kind = fields.get("kind") or "continuous"
     if kind == "continuous":
         return Factor(name, low, high, unit=unit)

@@ -27,8 +27,8 @@ _LENGTH_EXTRA = np.array([0] * 8 + [n for n in range(1, 6) for _ in range(4)])
 _DISTANCE_BITS = np.array([*[5.5] * 18, *[4] * 12])
 _DISTANCE_EXTRA = np.array([0] * 4 + [n for n in range(1, 14) for _ in range(2)])
 #: The bits of each length and distance.
-_LENGTHS = np.repeat(_LENGTH_BITS + _LENGTH_EXTRA, 1 << _LENGTH_EXTRA)
-_LENGTHS = np.concatenate([np.zeros(3), _LENGTHS[: _looks.LONGEST - 3], [8.0]])
+_FROM_3 = np.repeat(_LENGTH_BITS + _LENGTH_EXTRA, 1 << _LENGTH_EXTRA)
+_LENGTHS = np.concatenate([np.zeros(3), _FROM_3[: _looks.LONGEST - 3], [8.0]])
 _DISTANCES = np.append(0, np.repeat(_DISTANCE_BITS + _DISTANCE_EXTRA, 1 << _DISTANCE_EXTRA))
 #: A coordinate far from all pixels, and the least visibility, with which it is still dear.
 _FAR, _LEAST = 1e15, 1e-12

@@ -21,8 +21,8 @@ _Plane = NDArray[np.float32]
 #: Each scale has half the width and height of the one before; smaller images have fewer.
 _N_SCALES, _LEAST_SIDE = 6, 8
 #: A Gaussian of sigma 1.5.
-_BLUR = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
-_BLUR = (_BLUR / _BLUR.sum()).astype(np.float32)
+_BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
+_BLUR = (_BELL / _BELL.sum()).astype(np.float32)
 #: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
 #: artifacts and lost detail. Those left out are 0.
 # fmt: off

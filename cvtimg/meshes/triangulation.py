@@ -77,10 +77,6 @@ class PlaneTriangulation(HalfEdges):
             mesh._keep(inside, borders.edges)
         return mesh
 
-    def has_edges(self, edges: Triangles) -> NDArray[np.bool_]:
-        """Tell which of (E, 2) edges are there."""
-        return np.isin(edge_keys(edges, len(self.points)), edge_keys(self.edges, len(self.points)))
-
     def flip(self, metric: Points | None) -> None:
         """Flip edges until the triangulation is Delaunay, but for its borders."""
         _meshes.flip(self, metric, _MOST_FLIPS * len(self.triangles))

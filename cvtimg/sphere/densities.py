@@ -71,8 +71,7 @@ class Refinement:
     width: float | None = None
 
     def __post_init__(self) -> None:
-        check_in_range("lon", self.lon, -360 <= self.lon <= 360, "in -360..360 degrees")
-        check_in_range("lat", self.lat, -90 <= self.lat <= 90, "in -90..90 degrees")
+        check_center(self.lon, self.lat)
         check_in_range("radius", self.radius, 0 < self.radius <= 180, "in 0..180 degrees, > 0")
         check_in_range("ratio", self.ratio, 1 <= self.ratio <= 100, "in 1..100")
         if self.width is not None:
@@ -80,8 +79,7 @@ class Refinement:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the density at (N, 3) points: 1 inside, and less outside."""
-        center = from_degrees(self.lon, self.lat)[0]
-        distance = np.arccos(np.clip(np.asarray(points) @ center, -1, 1))
+        distance = angles_from(self.lon, self.lat, np.asarray(points))
         width = np.radians(0.6 * self.radius if self.width is None else self.width)
         inside = (1 + np.tanh((np.radians(self.radius) - distance) / (width / 2))) / 2
         least = self.ratio**-4
@@ -234,6 +232,17 @@ def from_degrees(lon: ArrayLike, lat: ArrayLike) -> Points:
     """Return unit vectors (N, 3) of longitudes and latitudes in degrees."""
     east, north = np.radians(np.atleast_1d(lon)), np.radians(np.atleast_1d(lat))
     return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=1)
+
+
+def angles_from(lon: float, lat: float, points: Points) -> NDArray[np.float64]:
+    """Return the angles (N,) in radians between points and a center in degrees."""
+    return np.arccos(np.clip(points @ from_degrees(lon, lat)[0], -1, 1))
+
+
+def check_center(lon: float, lat: float) -> None:
+    """Check the center of a part of the sphere, in degrees."""
+    check_in_range("lon", lon, -360 <= lon <= 360, "in -360..360 degrees")
+    check_in_range("lat", lat, -90 <= lat <= 90, "in -90..90 degrees")
 
 
 def to_radians(points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -17,7 +17,9 @@ from cvtimg.sphere.densities import (
     Scaled,
     SphereDensity,
     SphereDensityLike,
+    angles_from,
     as_sphere_density,
+    check_center,
     from_degrees,
 )
 from cvtimg.sphere.descent import descend, polish_angles
@@ -64,8 +66,7 @@ class Cap:
     radius: float
 
     def __post_init__(self) -> None:
-        check_in_range("lon", self.lon, -360 <= self.lon <= 360, "in -360..360 degrees")
-        check_in_range("lat", self.lat, -90 <= self.lat <= 90, "in -90..90 degrees")
+        check_center(self.lon, self.lat)
         check_in_range("radius", self.radius, 0 < self.radius < 180, "in 0..180 degrees")
 
     def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
@@ -74,8 +75,7 @@ class Cap:
 
     def depth(self, points: Points) -> NDArray[np.float64]:
         """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
-        center = from_degrees(self.lon, self.lat)[0]
-        return np.radians(self.radius) - np.arccos(np.clip(points @ center, -1, 1))
+        return np.radians(self.radius) - angles_from(self.lon, self.lat, points)
 
 
 #: A part of the sphere: from (N, 3) points to whether they are inside.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
 from cvtimg.sphere._sphere import limit_growth
-from cvtimg.sphere.densities import GlobePicture, Points, check_globe, fibonacci, from_degrees, to_radians
+from cvtimg.sphere.densities import GlobePicture, Points, angles_from, check_center, check_globe, fibonacci, to_radians
 
 #: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
 EARTH_RADIUS = 6371.229
@@ -52,8 +52,7 @@ class WidthCircle:
     transition: float | None = None
 
     def __post_init__(self) -> None:
-        check_in_range("lon", self.lon, -360 <= self.lon <= 360, "in -360..360 degrees")
-        check_in_range("lat", self.lat, -90 <= self.lat <= 90, "in -90..90 degrees")
+        check_center(self.lon, self.lat)
         check_in_range("radius", self.radius, 0 < self.radius <= np.pi * EARTH_RADIUS, "in 0..20015 km, > 0")
         check_positive("width", self.width, "in km")
         if self.transition is not None:
@@ -61,8 +60,7 @@ class WidthCircle:
 
     def within(self, outside: NDArray[np.float64], points: Points) -> NDArray[np.float64]:
         """Return widths (N,) at points, where they are `outside` without the circle: the finer counts."""
-        center = from_degrees(self.lon, self.lat)[0]
-        beyond = EARTH_RADIUS * np.arccos(np.clip(points @ center, -1, 1)) - self.radius
+        beyond = EARTH_RADIUS * angles_from(self.lon, self.lat, points) - self.radius
         wider = np.maximum(outside - self.width, 0)
         length = np.maximum(_STEEPEST / _GROWTH * wider, 1e-9) if self.transition is None else self.transition
         part = np.clip(beyond / length, 0, 1)

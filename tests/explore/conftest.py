@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from visits import Visit
+from visits import Visit, served
 
 #: Where Debian and others have Chromium; CHROMIUM names another.
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -55,11 +53,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def address(folder: Path) -> Iterator[str]:
     """Start the server, with one picture, and return its address."""
-    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
-    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
-        yield program.stdout.readline().strip()
-        program.terminate()
+    with served(folder, "photo.png") as (address, _):
+        yield address
 
 
 @pytest.fixture

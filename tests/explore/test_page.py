@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from visits import Visit
+from visits import Visit, served
 
 from cvtimg.explore import TABS
 
@@ -266,11 +266,9 @@ def test_a_reload_finds_images_settings_and_steps_back(visit: Go, folder: Path) 
 
 
 def test_a_page_without_a_server_says_so_and_counts_no_seconds(chromium: Any, folder: Path) -> None:
-    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
-    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
+    with served(folder, "photo.png") as (address, program):
         one = Visit(chromium.new_page())
-        one.page.goto(program.stdout.readline().strip())
+        one.page.goto(address)
         one.settled()
         program.terminate()
     one.until("document.getElementById('problem').textContent.includes('ended')")
@@ -283,17 +281,14 @@ def test_a_page_without_a_server_says_so_and_counts_no_seconds(chromium: Any, fo
 
 
 def test_where_nothing_is_open_a_sample_can_be_tried(chromium: Any, tmp_path: Path) -> None:
-    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser"]
-    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
+    with served(tmp_path) as (address, _):
         one = Visit(chromium.new_page())
-        one.page.goto(program.stdout.readline().strip())
+        one.page.goto(address)
         one.until("document.body.dataset.ready === 'true'")
         one.page.click("#sample")
         one.settled()
         assert one.page.inner_text("#facts").startswith("512 ")
         one.page.close()
-        program.terminate()
 
 
 def test_pictures_and_palettes_are_dropped_and_pasted(visit: Go, folder: Path) -> None:
@@ -395,11 +390,9 @@ def test_two_pages_do_not_disturb_each_other(visit: Go) -> None:
 
 
 def test_the_page_says_when_the_server_has_ended(chromium: Any, folder: Path) -> None:
-    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", "photo.png"]
-    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
+    with served(folder, "photo.png") as (address, program):
         one = Visit(chromium.new_page())
-        one.page.goto(program.stdout.readline().strip())
+        one.page.goto(address)
         one.until("document.body.dataset.ready === 'true'")
         program.terminate()
         one.until("document.getElementById('problem').textContent.includes('has ended')")

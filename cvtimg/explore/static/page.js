@@ -24,7 +24,7 @@ const settings = () => state.settings[state.tab];
 // A server that is gone
 
 function lost() {
-	rest();
+	stopCounting();
 	problem("The server has ended, or this machine was asleep. The page goes on once the server answers; where it was started again, open its new address.");
 	$("problem").dataset.lost = "true";
 }
@@ -138,7 +138,7 @@ function working() {
 	}, 200);
 }
 
-function rest() {
+function stopCounting() {
 	started = 0;
 	clearInterval(working.timer);
 	$("cancel").hidden = true;
@@ -147,7 +147,7 @@ function rest() {
 function cancel() {
 	if (!started) return;
 	link.cancel();
-	rest();
+	stopCounting();
 	facts();
 	problem("Canceled. Change a setting to begin again.");
 }
@@ -166,14 +166,14 @@ function receive(reply, about) {
 		if (!reply.error) return;
 		problem(reply.error);
 		if (about.lane === "before") return;
-		rest();
+		stopCounting();
 		$("recipe").hidden = $("save").hidden = true; // what was asked for has none
 		$("facts").textContent = "";
 		return;
 	}
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
-	if (reply.bytes !== undefined) { rest(); facts(reply.bytes); return; }
+	if (reply.bytes !== undefined) { stopCounting(); facts(reply.bytes); return; }
 	problem("");
 	recipes(reply.recipes);
 	if (reply.none) return;
@@ -182,7 +182,7 @@ function receive(reply, about) {
 	$("stage").classList.toggle("old", about.lane === "draft");
 	const drawn = repaint();
 	drawShades();
-	if (result) { rest(); offer(); }
+	if (result) { stopCounting(); offer(); }
 	facts();
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
@@ -335,7 +335,7 @@ function showTab(name) {
 	drawControls();
 	viewer.right.clear();
 	$("rightname").textContent = "";
-	if (!link.gone) rest();
+	if (!link.gone) stopCounting();
 	want();
 }
 
