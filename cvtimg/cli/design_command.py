@@ -11,6 +11,7 @@ EXAMPLES = """\
   cvtimg design -n 50 --bounds bounds.csv -o runs.csv --plot runs.png --measures
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 24 --bounds bounds.csv --shuffle 1
+  cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' -o runs.csv
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy
 """
 COLUMNS = ("n", "dimensions", "energy", "latin", "seconds", "output")
@@ -23,8 +24,8 @@ def design(given: Given) -> int:
     Points fill the box of -d or --bounds. By default they are Latin as well: each of N slices along each axis has one
     point. The energy is the mean squared distance from the box, scaled to the unit cube, to the nearest point.
     """
-    if (given.dimensions is None) == (given.bounds is None):
-        raise WrongUsageError("give either -d or --bounds")
+    if sum((given.dimensions is not None, given.bounds is not None, bool(given.axis))) != 1:
+        raise WrongUsageError("give one of -d, --bounds and --axis")
     plan = plan_alone({"-o": given.output, "--plot": given.plot}, also_read=[given.bounds, given.existing])
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
     given.prints = given.output is None and not given.as_json
@@ -37,11 +38,11 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     import cvtimg
-    from cvtimg.designs.factors import read_factors, read_runs
-    from cvtimg.files.text_tables import csv_text, write_csv
+    from cvtimg.designs.factors import read_factors, read_runs, write_runs
+    from cvtimg.files.text_tables import csv_text
     from cvtimg.tables.files import read_table
 
-    factors = read_beside(given.bounds, read_factors) if given.bounds else []
+    factors = read_beside(given.bounds, read_factors) if given.bounds else given.axis or []
     has_levels = any(factor.levels for factor in factors)
     if has_levels and given.output is not None and given.output.suffix.lower() != ".csv":
         raise ValueError("levels need a .csv file")
@@ -65,7 +66,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         columns = (factor.values(column) for factor, column in zip(factors, points.T, strict=True))
         table = [list(row) for row in zip(*columns, strict=True)]
     if "-o" in task.outputs and has_levels:
-        write_csv(task.outputs["-o"], labels, table, overwrite=given.overwrite)
+        write_runs(task.outputs["-o"], factors, points, overwrite=given.overwrite)
     elif "-o" in task.outputs:
         ordered = replace(found, points=points, unit_points=found.unit_points[order])
         ordered.save(task.outputs["-o"], names=labels, overwrite=given.overwrite)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg.files.remote import local_copy
+from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
 
 #: Whole numbers in a range are levels; at most so many.
 _MOST_LEVELS = 10_000
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,22 @@ class Factor:
     levels: tuple[str, ...] = ()
     unit: str = ""
 
+    @classmethod
+    def parse(cls, text: str) -> Factor:
+        """Read a factor from a text: ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``.
+
+        Raises
+        ------
+        ValueError
+            If the text says something else.
+        """
+        name, *values = (part.strip() for part in text.split(","))
+        if len(values) == 1 and "|" in values[0]:
+            return _factor({"name": name, "levels": values[0]})
+        if len(values) not in (2, 3) or not all(map(_is_number, values[:2])):
+            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, NAME,LOW,HIGH,integer or NAME,A|B|C")
+        return _factor(dict(zip(("name", "low", "high", "kind"), (name, *values), strict=False)))
+
     @property
     def header(self) -> str:
         """The name, and the unit in brackets."""
@@ -68,6 +86,14 @@ class Factor:
         return (np.array([self.levels.index(value) for value in values]) + 0.5) / len(self.levels)
 
 
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def read_factors(path: StrPath) -> list[Factor]:
     """Read the factors of a design: a line for each, after a line of names of columns.
 
@@ -79,7 +105,7 @@ def read_factors(path: StrPath) -> list[Factor]:
     OSError
         If the file cannot be read, or a line is not what is said here.
     """
-    return [_factor(path, fields) for fields in _lines(path)]
+    return _each_line(path, _factor)
 
 
 def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
@@ -111,12 +137,12 @@ def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
     >>> names, bounds.tolist()
     (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
     """
-    ranges = [_range(path, fields) for fields in _lines(path)]
+    ranges = _each_line(path, _range)
     return [name for name, _, _ in ranges], np.array([ends for _, *ends in ranges])
 
 
-def _lines(path: StrPath) -> list[dict[str, str]]:
-    """Return the fields of each line by the names of their columns."""
+def _each_line(path: StrPath, read: Callable[[Mapping[str, str]], _T]) -> list[_T]:
+    """Read each line of a file, given its fields by the names of their columns."""
     with local_copy(path) as file:
         text = file.read_text(encoding="utf-8-sig")
     lines = [
@@ -125,35 +151,38 @@ def _lines(path: StrPath) -> list[dict[str, str]]:
     ]
     if not lines:
         raise OSError(f"{path}: must have a line for each axis after the first")
-    return lines
+    try:
+        return [read(fields) for fields in lines]
+    except ValueError as error:
+        raise OSError(f"{path}: {error}") from error
 
 
-def _range(path: StrPath, fields: Mapping[str, str]) -> tuple[str, float, float]:
+def _range(fields: Mapping[str, str]) -> tuple[str, float, float]:
     """Return the name, low and high of an axis."""
     try:
         name, low, high = fields["name"], float(fields["low"]), float(fields["high"])
     except (KeyError, ValueError) as error:
-        raise OSError(f"{path}: must have the columns name, low and high, with a line for each axis") from error
+        raise ValueError("must have the columns name, low and high, with a line for each axis") from error
     if not -np.inf < low < high < np.inf:
-        raise OSError(f"{path}: {name} from {low:g} to {high:g} must be finite, the first below the second")
+        raise ValueError(f"{name} from {low:g} to {high:g} must be finite, the first below the second")
     return name, low, high
 
 
-def _factor(path: StrPath, fields: Mapping[str, str]) -> Factor:
+def _factor(fields: Mapping[str, str]) -> Factor:
     name, unit = fields.get("name", ""), fields.get("unit", "")
     if levels := fields.get("levels"):
         values = tuple(level.strip() for level in levels.split("|"))
         if len(values) < 2 or len(set(values)) < len(values) or fields.get("low") or fields.get("high"):
-            raise OSError(f"{path}: {name} must have two or more levels, all different, and no low and high")
+            raise ValueError(f"{name} must have two or more levels, all different, and no low and high")
         return Factor(name, levels=values, unit=unit)
-    name, low, high = _range(path, fields)
+    name, low, high = _range(fields)
     if not name:
-        raise OSError(f"{path}: must have a name in each line")
+        raise ValueError("must have a name in each line")
     kind = fields.get("kind") or "continuous"
     if kind == "continuous":
         return Factor(name, low, high, unit=unit)
     if kind != "integer" or low % 1 or high % 1 or high - low >= _MOST_LEVELS:
-        raise OSError(f"{path}: {name} of kind {kind} must be continuous, or integer between whole numbers")
+        raise ValueError(f"{name} of kind {kind} must be continuous, or integer between whole numbers")
     return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
 
 
@@ -167,3 +196,18 @@ def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
         return np.stack([f.places([row[k].strip() for row in rows]) for k, f in enumerate(factors)], axis=1)
     except ValueError as error:
         raise OSError(f"{path}: {error}") from error
+
+
+def write_runs(path: StrPath, factors: Sequence[Factor], points: ArrayLike, *, overwrite: bool = False) -> None:
+    """Write the runs of an experiment as a .csv file: a column for each factor, a row for each of (N, D) points.
+
+    Points are in the units of factors with ranges, and in 0..1 along those with levels. The file is whole or not there.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written, or exists and `overwrite` is false.
+    """
+    columns = [factor.values(column) for factor, column in zip(factors, np.asarray(points).T, strict=True)]
+    rows = [list(row) for row in zip(*columns, strict=True)]
+    write_csv(path, [factor.header for factor in factors], rows, overwrite=overwrite)

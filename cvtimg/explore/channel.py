@@ -156,9 +156,9 @@ class Channel:
 
     async def _answer(self, lane: str, asked: dict[str, Any]) -> None:
         number = asked["seq"]
-        picture = self._store.files.picture(str(asked.get("picture")))
         view = asked.get("view")
         if lane == "before":
+            picture = self._store.files.picture(str(asked.get("picture")))
             window = Window.of(view, picture.size, EXACT_PIXELS)
             about = {"lane": lane, "picture": picture.key}
             reply = await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
@@ -168,24 +168,27 @@ class Channel:
         if tab is None:
             raise UnfitRequestError("there is no such tab")
         settings = parse_settings(tab.controls, asked.get("settings"))
-        window = Window.of(view, picture.size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
+        opened = None if tab.sheet else self._store.files.picture(str(asked.get("picture")))
+        size = opened.size if opened else tab.sheet or (1, 1)
+        window = Window.of(view, size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
-        request = Request(picture, settings, self._store.files, window)
+        request = Request(opened, settings, self._store.files, window)
+        same = (tab.name, opened and opened.key, settings)
 
         def answered() -> tuple[bytes, Outcome | None, str]:
             key, outcome = "", None
             recipe = tab.recipe(request)
             outputs = tab.outputs(request)
-            recipes = [{**recipe.shown(one, picture.stem), "key": one.key, "label": one.label} for one in outputs]
+            recipes = [{**recipe.shown(one, request.stem), "key": one.key, "label": one.label} for one in outputs]
             about: dict[str, Any] = {"lane": lane, "recipes": recipes}
             if lane == "draft":
                 outcome = tab.draft(request)
-            elif self._last and self._last[0] == (tab.name, picture.key, settings):
+            elif self._last and self._last[0] == same:
                 key, outcome = self._last[1:]
             else:
                 outcome = tab.exact(request)
                 key = self._store.keep_result(outcome)
-                self._last = ((tab.name, picture.key, settings), key, outcome)
+                self._last = (same, key, outcome)
             if outcome is None:
                 return b"", None, json.dumps({"seq": number, "none": True, **about})
             about |= {"facts": outcome.facts, "result": key}

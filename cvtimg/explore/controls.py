@@ -7,6 +7,7 @@ checks what it receives by `Control.parse`, and the command that the page shows 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
@@ -19,11 +20,13 @@ __all__ = [
     "Choice",
     "Colors",
     "Control",
+    "Entry",
     "Files",
     "Number",
     "Settings",
     "Switch",
     "Switches",
+    "Table",
     "UnfitRequestError",
     "active",
     "controls_of",
@@ -147,8 +150,8 @@ class Switch(Control):
         return value
 
     def words(self, value: Any) -> list[str]:
-        """Return the option if it is on."""
-        return [self.flag] if self.flag and value else []
+        """Return the option if it is not as by default."""
+        return [self.flag] if self.flag and value != self.default else []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +174,47 @@ class Colors(Control):
     def words(self, value: Any) -> list[str]:
         """Repeat the option for each color."""
         return [word for color in value for word in (self.flag, color)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry(Control):
+    """A short text on one line."""
+
+    most: int = 80
+
+    def parse(self, value: Any) -> str:
+        """Check a text."""
+        if not isinstance(value, str) or not value.strip() or len(value) > self.most or not value.isprintable():
+            raise self.refuse(value, f"a text of 1..{self.most} letters")
+        return value.strip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table(Control):
+    """Rows of numbers and texts; the option is repeated for each row, its values with commas between them."""
+
+    default: tuple[tuple[Any, ...], ...] = ()
+    #: Columns: numbers, whose slider range is not used, and texts.
+    columns: tuple[Number | Entry, ...]
+    most: int = 64
+    adds: str = "Add"  # What the button that adds a row says
+
+    def parse(self, value: Any) -> tuple[tuple[Any, ...], ...]:
+        """Check a list of rows."""
+        if not isinstance(value, list) or len(value) > self.most:
+            raise self.refuse("rows", f"a list of at most {self.most}")
+        if not all(isinstance(row, list) and len(row) == len(self.columns) for row in value):
+            raise self.refuse("rows", f"lists of {len(self.columns)} values each")
+        return tuple(tuple(column.parse(one) for column, one in zip(self.columns, row, strict=True)) for row in value)
+
+    def words(self, value: Any) -> list[str]:
+        """Repeat the option for each row."""
+        return [word for row in value for word in (self.flag, ",".join(map(_cell, self.columns, row)))]
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        columns = [column.described() for column in self.columns]
+        return {**Control.described(self), "columns": columns, "most": self.most, "adds": self.adds}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,6 +279,8 @@ def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
     about: dict[str, Any] = {"name": option.name, "label": page.label, "about": page.about, "default": default}
     about |= {"flag": option.flag, "keyword": option.keyword}
     if isinstance(kind, record.Switch):
+        if default:
+            about["flag"] = option.words[-1].rpartition("/")[2]
         return Switch(**{**about, **changed})
     if isinstance(kind, record.Choice):
         return Choice(**{**about, "choices": {name: kind.labels.get(name, name) for name in kind.names}, **changed})
@@ -267,6 +313,12 @@ def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]
             if isinstance(other, Switches) and name in other.choices:
                 when[other.name] = [one for one in when.get(other.name, list(other.choices)) if one != name]
     return when
+
+
+def _cell(column: Number | Entry, value: Any) -> str:
+    if isinstance(column, Number):
+        return f"{shortest(value)}{column.suffix}"
+    return re.sub(r"\s*([,|])\s*", r"\1", value)
 
 
 def _is_hexadecimal(text: str) -> bool:

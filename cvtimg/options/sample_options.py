@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, passed
+
+
+def _factor(text: str) -> Any:
+    from cvtimg.designs.factors import Factor
+
+    return Factor.parse(text)
 
 
 def _labels() -> Sequence[str]:
@@ -76,13 +83,24 @@ ELBOW = (
 )
 
 DESIGN = (
-    Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True),
-    Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D"),
+    Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True).on_page(
+        "Points", slider=(4, 500), log=True, default=40
+    ),
+    Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D").on_page(
+        "Axes", slider=(1, 8), default=3
+    ),
     file(
         "bounds",
         "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
+    ),
+    Option(
+        "axis",
+        Text(_factor),
+        "An axis in place of --bounds: a range, whole numbers, or levels with | between them; once for each.",
+        metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
+        many=True,
     ),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
@@ -92,8 +110,8 @@ DESIGN = (
         "Give each of N slices along each axis exactly one point.",
         "--latin/--no-latin",
         default=True,
-    ),
-    switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic"),
+    ).on_page("Latin", about="Each of N slices along each axis has one point."),
+    switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
     Option("shuffle", Whole(0, 2**32 - 1), "Put runs in random order, with this seed.", metavar="SEED"),

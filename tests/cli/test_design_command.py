@@ -57,6 +57,18 @@ def test_points_that_exist_are_taken_into_account(capsys: pytest.CaptureFixture[
 FACTORS = "name,low,high,kind,levels,unit\nheat,20,90,,,C\nrounds,1,4,integer,,\nalloy,,,,A|B|C,\n"
 
 
+def test_axes_on_the_command_line_are_those_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "factors.csv").write_text("name,low,high,kind,levels\nheat,20,90,,\nrounds,1,4,integer,\nalloy,,,,A|B|C\n")
+    options = ["design", "-n", "6", "--effort", "fast", "--quiet"]
+    axes = ["--axis", "heat,20,90", "--axis", "rounds, 1, 4, integer", "--axis", "alloy,A|B|C"]
+    assert main([*options, "--bounds", "factors.csv", "-o", "one.csv"]) == 0
+    assert main([*options, *axes, "-o", "other.csv"]) == 0
+    assert (here / "one.csv").read_bytes() == (here / "other.csv").read_bytes()
+    for wrong in ("heat", "heat,1", "heat,9,1", "heat,0,x", "alloy,A|A"):
+        assert main([*options, "--axis", wrong]) == 2
+        assert wrong.partition(",")[0] in capsys.readouterr().err
+
+
 def table(path: str) -> list[list[str]]:
     return [line.split(",") for line in Path(path).read_text().splitlines()]
 
@@ -101,8 +113,8 @@ def test_wrong_factors_are_named(line: str, message: str, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-n", "3"], "give either -d or --bounds"),
-        (["-n", "3", "-d", "2", "--bounds", "bounds.csv"], "give either -d or --bounds"),
+        (["-n", "3"], "give one of -d, --bounds and --axis"),
+        (["-n", "3", "-d", "2", "--bounds", "bounds.csv"], "give one of -d, --bounds and --axis"),
         (["-n", "0", "-d", "2"], "'0' must be a whole number in 1..65536"),
         (["-n", "3", "-d", "2", "-o", "a.txt"], ".csv, .npy"),
     ],

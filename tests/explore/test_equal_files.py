@@ -28,6 +28,7 @@ BASE: dict[str, dict[str, Any]] = {
     "mosaic": {"n_cells": 60},
     "restore": {},
     "mesh": {"n": 60, "k": 2, "least": 40},
+    "design": {"n": 12},
 }
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
@@ -61,7 +62,7 @@ def variants(control: Control, tab: str) -> list[Any]:
     if isinstance(control, Choice):
         return [value for value in control.choices if value != control.default]
     if isinstance(control, Switch):
-        return [True]
+        return [not control.default]
     if isinstance(control, Number):
         return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
     return [["#00ff7f", "#102030"]] if isinstance(control, Colors) else []
@@ -131,7 +132,7 @@ def opened(store: Store, pixels: NDArray[Any], name: str = "my scene.png", **opt
 def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, Any]) -> Request:
     checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
     window = Window.of(None, picture.size, 1 << 20)
-    return Request(picture, checked, store.files, window)
+    return Request(None if TABS[tab].sheet else picture, checked, store.files, window)
 
 
 def check_equal(
@@ -139,9 +140,10 @@ def check_equal(
 ) -> None:
     """Compare the files of the page with those of the commands and of the lines of Python."""
     request = request_for(store, tab, picture, settings)
+    stem = request.stem
     recipe, outcome = TABS[tab].recipe(request), TABS[tab].exact(request)
     for output in outcome.outputs[:n_outputs]:
-        shown, named = recipe.shown(output, picture.stem), outcome.file(output.key)
+        shown, named = recipe.shown(output, stem), outcome.file(output.key)
         assert named is not None
         name, content = named
         assert shown["file"] == name

@@ -126,6 +126,36 @@ export class Controls {
 		return [chooser, add, list];
 	}
 
+	table(control, id) {
+		const list = element("div", {className: "rows", role: "group", ariaLabel: control.label});
+		const add = element("button", {type: "button", id, textContent: control.adds});
+		let now = [];
+		const put = rows => this.changed(control.name, rows, false);
+		add.onclick = () => put([...now, control.columns.map(column => column.default)]);
+		const cell = (column, value, row, at) => {
+			const numeric = column.kind === "number", name = `${column.label} of row ${row + 1}`;
+			const input = element("input", {type: numeric ? "number" : "text", value, step: "any", min: column.low, max: column.high, ariaLabel: name, title: column.label});
+			input.onchange = () => {
+				const typed = numeric ? Math.min(column.high, Math.max(column.low, Number(input.value))) : input.value.trim();
+				put(now.map((old, index) => index === row ? old.map((one, place) => place === at ? (typed === "" || Number.isNaN(typed) ? one : typed) : one) : old));
+			};
+			return input;
+		};
+		this.set[control.name] = value => {
+			if (JSON.stringify(value) === JSON.stringify(now) && list.children.length) return;
+			now = value;
+			const head = control.columns.map(column => element("span", {}, column.unit ? `${column.label}, ${column.unit}` : column.label));
+			list.style.gridTemplateColumns = `repeat(${head.length}, minmax(0, 1fr)) 30px`;
+			list.replaceChildren(...(value.length ? [...head, element("span")] : []), ...value.flatMap((cells, row) => {
+				const remove = element("button", {type: "button", textContent: "×", title: "Remove", ariaLabel: `Remove row ${row + 1}`});
+				remove.onclick = () => put(now.filter((_, index) => index !== row));
+				return [...cells.map((one, at) => cell(control.columns[at], one, row, at)), remove];
+			}));
+			add.disabled = value.length >= control.most;
+		};
+		return [list, add];
+	}
+
 	files(control, id, files) {
 		if (control.of === "palettes") {
 			const select = element("select", {id}, new Option(files.palettes.length ? "choose…" : "none open", ""), ...files.palettes.map(one => new Option(one.name, one.id)));

@@ -20,6 +20,8 @@ const curve = new Curve($("curve"), (k, live) => change("k", k, live, {aim: "k"}
 const link = new Link(receive, lost, back);
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
+const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
+const subject = () => sheet() ?? state.picture;
 
 // A server that is gone
 
@@ -102,11 +104,11 @@ function toggleLock(color) {
 
 // Asking
 
-const asked = () => ({picture: state.picture.id, tab: state.tab, settings: settings(), view: viewer.visible()});
+const asked = () => ({picture: state.picture?.id, tab: state.tab, settings: settings(), view: viewer.visible()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
 	keep();
-	if (!state.picture || link.gone) return;
+	if (!subject() || link.gone) return;
 	clearTimeout(timer);
 	result = "";
 	$("download").ariaDisabled = "true";
@@ -155,7 +157,7 @@ function cancel() {
 function moved() { // finer pixels of what is now in sight
 	clearTimeout(moved.timer);
 	moved.timer = setTimeout(() => {
-		if (!state.picture || !before) return;
+		if (!state.picture || !before || sheet()) return;
 		if (before.window[4] > 1) link.ask("before", {picture: state.picture.id, view: viewer.visible()}, {main: true});
 		if (last?.window?.[4] > 1 && result) wantExact();
 	}, 150);
@@ -209,7 +211,7 @@ function look() {
 
 function repaint() {
 	if (!last) return;
-	const drawn = viewer.right.show(last, state.picture, look(), before);
+	const drawn = viewer.right.show(last, subject(), look(), before);
 	$("rightname").textContent = tab().title + (kept && $("against").value === "A" ? " (B)" : "");
 	return drawn;
 }
@@ -243,15 +245,16 @@ function drawShades() {
 }
 
 function facts(bytes) {
-	if (!state.picture || !last) { $("facts").textContent = ""; return; }
-	const {width, height, distinct} = state.picture, f = last.facts, parts = [`${width} × ${height}`];
+	if (!last) { $("facts").textContent = ""; return; }
+	const {width, height, distinct} = subject(), f = last.facts, parts = sheet() ? [] : [`${width} × ${height}`];
 	const draft = result ? "" : "≈ ";
 	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
 	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segments`);
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
-	const saved = 1 - bytes / state.picture.bytes;
-	if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
+	const saved = 1 - bytes / state.picture?.bytes;
+	if (bytes && sheet()) parts.push(size(bytes));
+	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }
 
@@ -333,10 +336,20 @@ function showTab(name) {
 	if (name === "restore" && !settings().versions.length) state.settings.restore = {...settings(), versions: sameSize().map(one => one.id)};
 	if (viewer.picking && name !== "colors") pick(false);
 	drawControls();
-	viewer.right.clear();
+	lay();
 	$("rightname").textContent = "";
 	if (!link.gone) stopCounting();
 	want();
+}
+
+function lay() { // what the tab shows onto the stage: the picture, or a sheet of its own
+	const size = subject(), {width, height} = viewer.size ?? {};
+	$("stage").classList.toggle("empty", !size);
+	$("stage").classList.toggle("alone", Boolean(sheet()));
+	viewer.right.clear();
+	if (!size) return;
+	viewer.size = size;
+	if (size.width !== width || size.height !== height) viewer.fit(); else viewer.place();
 }
 
 // Opening
@@ -370,19 +383,16 @@ function added(picture) {
 }
 
 function show(picture) {
-	const resized = !state.picture || picture.width !== state.picture.width || picture.height !== state.picture.height;
 	state.picture = picture;
 	$("pictures").value = picture.id;
-	viewer.size = picture;
 	viewer.left.clear();
-	viewer.right.clear();
-	$("stage").classList.remove("empty");
+	if (sheet()) state.tab = "colors";
+	lay();
 	last = before = other = kept = null;
 	$("against").querySelector("[value=A]")?.remove();
 	$("against").value = "original";
 	$("swap").disabled = true;
 	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
-	if (resized) viewer.fit(); else viewer.place();
 	link.ask("before", {picture: picture.id, view: viewer.visible()}, {main: true});
 	showTab(state.tab);
 	measure();
@@ -401,7 +411,7 @@ async function measure() {
 // A and B
 
 function keepA() {
-	if (!last || !result) return;
+	if (!last || !result || sheet()) return;
 	kept = {last, look: look(), result, tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
 	if (!$("against").querySelector("[value=A]")) $("against").options[0].after(new Option("A", "A"));
 	$("against").value = "A";
@@ -483,7 +493,7 @@ addEventListener("keydown", event => {
 	}
 	if (event.altKey || $("keys").open || event.target.matches("input:not([type=range], [type=checkbox]), select, textarea")) return;
 	if (key === "b" && state.picture && !viewer.peek) { viewer.peek = true; viewer.place(); return; }
-	if (KEYS[key] && state.picture || key === "?") { event.preventDefault(); KEYS[key](); }
+	if (KEYS[key] && subject() || key === "?") { event.preventDefault(); KEYS[key](); }
 });
 addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && viewer.peek) { viewer.peek = false; viewer.place(); } });
 

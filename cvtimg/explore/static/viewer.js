@@ -90,7 +90,7 @@ export class Viewer {
 		new ResizeObserver(() => this.place()).observe(this.stage);
 	}
 
-	get mode() { return $("mode").value; }
+	get mode() { return this.stage.classList.contains("alone") ? "result" : $("mode").value; }
 	set mode(mode) { $("mode").value = mode; this.place(); this.moved(); }
 	get picking() { return this.stage.classList.contains("picking"); }
 	set picking(on) {

@@ -2,6 +2,7 @@
 
 from cvtimg.explore.tabs.base import Tab
 from cvtimg.explore.tabs.colors_tab import ColorsTab
+from cvtimg.explore.tabs.design_tab import DesignTab
 from cvtimg.explore.tabs.mesh_tab import MeshTab
 from cvtimg.explore.tabs.mosaic_tab import MosaicTab
 from cvtimg.explore.tabs.restore_tab import RestoreTab
@@ -12,5 +13,6 @@ __all__ = ["TABS"]
 
 #: All tabs by name, in the order of the page.
 TABS: dict[str, Tab] = {
-    tab.name: tab for tab in (ColorsTab(), SegmentsTab(), StippleTab(), MosaicTab(), RestoreTab(), MeshTab())
+    tab.name: tab
+    for tab in (ColorsTab(), SegmentsTab(), StippleTab(), MosaicTab(), RestoreTab(), MeshTab(), DesignTab())
 }

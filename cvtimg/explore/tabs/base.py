@@ -44,10 +44,22 @@ class OpenFiles:
 class Request:
     """What a tab is asked for."""
 
-    picture: Picture  # The picture that is shown
+    opened: Picture | None  # The picture that is shown; None for tabs that need none
     settings: Settings  # Values of all controls of the tab
     files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
+
+    @property
+    def picture(self) -> Picture:
+        """The picture that is shown."""
+        if self.opened is None:
+            raise UnfitRequestError("open an image first")
+        return self.opened
+
+    @property
+    def stem(self) -> str:
+        """Name of the picture without suffix, which names of files begin with."""
+        return self.opened.stem if self.opened else ""
 
 
 class Tab:
@@ -59,6 +71,8 @@ class Tab:
     about: ClassVar[str]
     verb: ClassVar[str]  # The command
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
+    # (int, int): height and width of the drawing, for tabs that need no picture.
+    sheet: ClassVar[tuple[int, int] | None] = None
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python that make the result."""
@@ -82,7 +96,8 @@ class Tab:
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
-        return ["cvtimg", self.verb, safe_name(request.picture.name), *more, *words_of(self.controls, request.settings)]
+        inputs = [] if self.sheet else [safe_name(request.picture.name)]
+        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings)]
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
@@ -95,7 +110,7 @@ class Tab:
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the tab."""
-        about = {"name": self.name, "title": self.title, "about": self.about}
+        about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet}
         return {**about, "controls": [control.described() for control in self.controls]}
 
 

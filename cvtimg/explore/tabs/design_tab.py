@@ -1,0 +1,152 @@
+"""Design: points for experiments, seen in each pair of their axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from typing import Any, ClassVar
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from cvtimg._shared.svg import drawing
+from cvtimg.designs import Design, Factor, write_runs
+from cvtimg.explore.calls import Call, literal
+from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
+from cvtimg.explore.layers import Drawing
+from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+
+#: Axes that are drawn, and points of a draft.
+_MOST_AXES, _DRAFT = 8, 200
+#: Width of the sheet, its margin, and the gap between panels.
+_SIZE, _MARGIN, _GAP = 1000, 56, 14
+
+
+class DesignTab(Tab):
+    """Designs of experiments."""
+
+    name = "design"
+    title = "Design"
+    about = "Place points for experiments evenly in a box. Needs no image."
+    verb = "design"
+    sheet = (_SIZE, _SIZE)
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "design",
+        ("number", {"name": "n"}),
+        Choice(name="box", label="Box", default="cube", choices={"cube": "unit cube", "axes": "named axes"}),
+        ("dimensions", {"when": {"box": ["cube"]}}),
+        Table(
+            name="axes",
+            label="Axes",
+            default=(("speed", "0, 30"), ("heat", "20, 90"), ("alloy", "A | B | C")),
+            columns=(
+                Entry(name="name", label="Name", default="x"),
+                Entry(name="values", label="Values", default="0, 1"),
+            ),
+            most=64,
+            adds="Add an axis",
+            flag="--axis",
+            when={"box": ["axes"]},
+            about="Values: a range as 0, 30; whole numbers as 1, 4, integer; or levels as A | B | C.",
+        ),
+        "latin",
+        "periodic",
+        "effort",
+    )
+
+    def outputs(self, request: Request) -> Sequence[Output]:
+        """Return the tables."""
+        factors = _factors(request.settings)
+        if not factors:
+            return [
+                Output(f"Points, {end[1:].upper()}", "-o", f"design{end}", saved, SAVED) for end in (".csv", ".npy")
+            ]
+        write, lines = partial(_write, factors=factors), "cvtimg.designs.write_runs({}, factors, result.points)"
+        return [Output("Runs, CSV", "-o", "design.csv", write, lines)]
+
+    def recipe(self, request: Request) -> Recipe:
+        """Return the command and the lines of Python."""
+        factors, call = _factors(request.settings), self._call(request.settings)
+        listed = ",\n    ".join(map(literal, factors))
+        axes = f"factors = [\n    {listed},\n]\n" if factors else ""
+        lines = f"import cvtimg\n\n{axes}result = {call.text(str(request.settings['n']))}"
+        return Recipe(self.words(request), lines, for_many=False)
+
+    def _call(self, settings: Settings) -> Call:
+        factors = _factors(settings)
+        bounds = [[factor.low, factor.high] for factor in factors] or settings["dimensions"]
+        return Call("design", (bounds,), self.keywords(settings))
+
+    def draft(self, request: Request) -> Outcome | None:
+        """Place the points quickly."""
+        settings = {**request.settings, "effort": "fast"}
+        return self._outcome(settings, settings["n"]) if settings["n"] <= _DRAFT else None
+
+    def exact(self, request: Request) -> Outcome:
+        """Place the points."""
+        return self._outcome(request.settings, request.settings["n"], self.outputs(request))
+
+    def _outcome(self, settings: Settings, n_points: int, outputs: Sequence[Output] = ()) -> Outcome:
+        result: Design = self._call(settings).run(n_points)
+        n_axes = result.points.shape[1]
+        factors = _factors(settings) or [Factor(f"x{axis + 1}") for axis in range(n_axes)]
+        facts: dict[str, Any] = {"k": n_points, "noun": "points"}
+        shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""
+        facts["about"] = (
+            f"In each pair of {shown}{n_axes} axes. Mean squared distance to the nearest {result.energy:.4g}."
+        )
+        return Outcome(result, Drawing(_drawn(result, factors[:_MOST_AXES])), facts, outputs)
+
+
+def _factors(settings: Settings) -> list[Factor]:
+    """Return the named axes; none for a cube."""
+    if settings["box"] == "cube":
+        return []
+    try:
+        factors = [Factor.parse(f"{name},{values}") for name, values in settings["axes"]]
+    except ValueError as error:
+        raise UnfitRequestError(f"Axes: {error}") from error
+    if not factors:
+        raise UnfitRequestError("Axes: add one")
+    return factors
+
+
+def _write(result: Design, path: Path, factors: Sequence[Factor]) -> None:
+    write_runs(path, factors, result.points)
+
+
+def _drawn(design: Design, factors: Sequence[Factor]) -> bytes:
+    """Draw the points in each pair of axes, with bars on the diagonal that count them in each tenth or level."""
+    n_axes = len(factors)
+    side = (_SIZE - 2 * _MARGIN - (n_axes - 1) * _GAP) / n_axes
+    places = design.unit_points
+    radius = float(np.clip(side / 3 / np.sqrt(len(places)), 1.2, 6))
+    body = ['<rect width="100%" height="100%" fill="#fff"/><g font-family="sans-serif" font-size="15" fill="#333">']
+    starts = [_MARGIN + axis * (side + _GAP) for axis in range(n_axes)]
+    for axis, (factor, start) in enumerate(zip(factors, starts, strict=True)):
+        counts = np.histogram(places[:, axis], min(len(factor.levels), 20) or 10, (0, 1))[0]
+        wide = side / len(counts)
+        body.append(_frame(start, start, side))
+        for bar, count in enumerate(counts.tolist()):
+            height = 0.7 * side * count / max(counts)
+            x, y = start + wide * (bar + 0.1), start + side - height
+            body.append(
+                f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide * 0.8:.1f}" height="{height:.1f}" fill="#b9cde8"/>'
+            )
+        body.append(f'<text x="{start + 8:.1f}" y="{start + 20:.1f}" font-weight="600">{escape(factor.header)}</text>')
+        ends = (factor.levels[0], factor.levels[-1]) if factor.levels else (f"{factor.low:g}", f"{factor.high:g}")
+        for text, x, anchor in zip(ends, (start, start + side), ("start", "end"), strict=True):
+            body.append(f'<text x="{x:.1f}" y="{_SIZE - _MARGIN + 20}" text-anchor="{anchor}">{escape(text)}</text>')
+    for right, down in combinations(range(n_axes), 2):
+        body.append(_frame(starts[right], starts[down], side))
+        across, up = starts[right] + side * places[:, right], starts[down] + side * (1 - places[:, down])
+        path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in zip(across.tolist(), up.tolist(), strict=True))
+        body.append(f'<path d="{path}" stroke="#0b5fc4" stroke-width="{2 * radius:.2f}" stroke-linecap="round"/>')
+    return "".join(drawing(_SIZE, _SIZE, [*body, "</g>"])).encode()
+
+
+def _frame(x: float, y: float, side: float) -> str:
+    return f'<rect x="{x:.1f}" y="{y:.1f}" width="{side:.1f}" height="{side:.1f}" fill="none" stroke="#ccc"/>'
