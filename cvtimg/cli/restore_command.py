@@ -8,6 +8,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from cvtimg.pictures import Pages
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.reconstruction import Restoration
 
@@ -36,7 +38,7 @@ _ACROSS = 4
 
 
 class VersionFiles(NamedTuple):
-    """Versions and masks as read, and the names of their files."""
+    """Versions of one image and masks as read, and the names of their files."""
 
     images: list[NDArray[Any]]
     masks: list[NDArray[np.bool_]] | None
@@ -51,6 +53,9 @@ def restore(given: Given) -> int:
     Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
     disagree, what was added to one of them or painted over in it is left out; --hidden changes that. The result has N
     flat colors; without -k, photographs get their detail back, as with --detail.
+
+    Pages of a file are versions if their axis has no name, or is the one that --merge names. Other pages, such as the
+    planes of a stack, are restored one by one into a stack, -o FILE.tif; channels are bands of their pages.
     """
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
@@ -61,38 +66,103 @@ def restore(given: Given) -> int:
     return run_plan(plan, _restore, COLUMNS, given)
 
 
-def _read(sources: Sequence[Path], masks: Sequence[Path]) -> VersionFiles:
-    """Read all versions and masks, and report all that cannot be read."""
+def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> tuple[list[VersionFiles], Pages]:
+    """Read the versions of each page of the result, and masks; report all that cannot be read."""
     from cvtimg._shared.pixels import not_black
     from cvtimg.pictures import image_info, read_pages
 
     failed: Missing = []
-    names: list[str] = []
 
-    def read(paths: Sequence[Path]) -> list[NDArray[Any]]:
-        found: list[NDArray[Any]] = []
+    def read(paths: Sequence[Path]) -> list[tuple[Path, Pages]]:
+        found = []
         for path in paths:
             try:
-                pages = read_pages(path).images
-                found += pages
-                names.extend([str(path)] if len(pages) == 1 else [f"{path}: page {n + 1}" for n in range(len(pages))])
+                found.append((path, read_pages(path)))
             except OSError as error:
                 failed.append((str(path), error))
         return found
 
-    images, known = read(sources), [not_black(mask) for mask in read(masks)]
+    images, known = read(sources), read(masks)
     if failed:
         raise InputsFailedError(failed)
+    mask_names, shown = _named([(path, pages.images) for path, pages in known])
     alpha = None if any(image_info(path).has_alpha for path in sources) else False
-    return VersionFiles(images, known or None, names[: len(images)], names[len(images) :], alpha)
+    stacks = [(path, *pages.joined().grouped(f"Q{merge or ''}")) for path, pages in images]
+    first, stack, groups = stacks[0]
+    for path, other, own in stacks:
+        if len(own) != len(groups):
+            raise ValueError(f"{path} has {other}, and {first} has {stack}; they must have as many pages")
+    versions = []
+    for number in range(len(groups)):
+        names, each = _named([(path, own[number]) for path, _, own in stacks])
+        versions.append(VersionFiles(each, [not_black(one) for one in shown] or None, names, mask_names, alpha))
+    return versions, stack
+
+
+def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[str], list[NDArray[Any]]]:
+    """Return names of pages, and the pages."""
+    names = []
+    for path, pages in files:
+        names += [str(path)] if len(pages) == 1 else [f"{path}: page {n + 1}" for n in range(len(pages))]
+    return names, [page for _, pages in files for page in pages]
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    versions, stack = _read(task.sources, given.mask or [], given.merge)
+    if len(versions) > 1:
+        _check_room(task.outputs, len(versions))
+    stopwatch.lap("read")
+    done = [_restored(read, given) for read in versions]
+    stopwatch.lap("cluster")
+    results, notes = [result for result, _ in done], [note for _, noted in done for note in noted]
+    if results[0].detail and not given.detail:
+        notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
+    notes += [*_given_twice(given.versions), *_write(task.outputs, results, versions[0], stack, given)]
+    stopwatch.lap("write")
+    first = results[0]
+    return {
+        "inputs": [name for read in versions for name in read.names],
+        "width": first.labels.shape[1],
+        "height": first.labels.shape[0],
+        "channels": first.image.shape[2] if first.image.ndim == 3 else 1,
+        **({"pages": len(results)} if len(results) > 1 else {}),
+        "versions": len(versions[0].images),
+        "k": max(len(result.colors) for result in results),
+        "unknown": sum(float((result.coverage == 0).mean()) for result in results) / len(results),
+        "left_out": sum(float((result.left_out > 0).mean()) for result in results) / len(results),
+        "noise": [noise if math.isfinite(noise) else None for result in results for noise in result.noise.tolist()],
+        "weights": first.weights.tolist(),
+        "shifts": first.shifts.tolist(),
+        "transforms": first.transforms.tolist(),
+        "motion": list(first.models),
+        "misfits": [misfit if math.isfinite(misfit) else None for misfit in first.misfits.tolist()],
+        "edge_weight": first.edge_weight,
+        "energy": sum(result.energy for result in results),
+        "n_iter": max(len(result.energies) - 1 for result in results),
+        "converged": all(result.converged for result in results),
+        **({"warning": "; ".join(dict.fromkeys(notes))} if notes else {}),
+    }
+
+
+def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
+    """Refuse outputs that cannot hold several pages."""
+    from cvtimg.pictures.pages import PAGE_SUFFIXES
+
+    for option, path in outputs.items():
+        if option == "--sheet":
+            raise ValueError(f"has {n_pages} pages to restore one by one, and --sheet shows one; --z or --t takes one")
+        if path.suffix.lower() not in PAGE_SUFFIXES:
+            ways = (
+                f"name an output that can hold them, {option} FILE.tif; or --merge T or Z, if they are versions of one"
+            )
+            raise ValueError(f"has {n_pages} pages to restore one by one: {ways}")
+
+
+def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]:
+    """Restore one image; also return what there is to say about it."""
     from cvtimg import restore
     from cvtimg.segmentation import Averaging
 
-    read = _read(task.sources, given.mask or [])
-    stopwatch.lap("read")
     try:
         averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
         with warnings.catch_warnings(record=True) as caught:
@@ -109,33 +179,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             result = restore(read.images, **about, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
-    stopwatch.lap("cluster")
-    notes = [given.worded(_with_names(str(one.message), read)) for one in caught]
-    if result.detail and not given.detail:
-        notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
-    notes += [*_given_twice(given.versions), *_write(task.outputs, result, read, given)]
-    stopwatch.lap("write")
-    return {
-        "inputs": read.names,
-        "width": result.labels.shape[1],
-        "height": result.labels.shape[0],
-        "channels": result.image.shape[2] if result.image.ndim == 3 else 1,
-        "versions": len(read.images),
-        "k": len(result.colors),
-        "unknown": float((result.coverage == 0).mean()),
-        "left_out": float((result.left_out > 0).mean()),
-        "noise": [noise if math.isfinite(noise) else None for noise in result.noise.tolist()],
-        "weights": result.weights.tolist(),
-        "shifts": result.shifts.tolist(),
-        "transforms": result.transforms.tolist(),
-        "motion": list(result.models),
-        "misfits": [misfit if math.isfinite(misfit) else None for misfit in result.misfits.tolist()],
-        "edge_weight": result.edge_weight,
-        "energy": result.energy,
-        "n_iter": len(result.energies) - 1,
-        "converged": result.converged,
-        **({"warning": "; ".join(notes)} if notes else {}),
-    }
+    return result, [given.worded(_with_names(str(one.message), read)) for one in caught]
 
 
 def _is_open(given: Given) -> bool:
@@ -158,22 +202,35 @@ def _with_names(message: str, read: VersionFiles) -> str:
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
 
-def _write(outputs: Mapping[str, Path], result: Restoration, read: VersionFiles, given: Given) -> list[str]:
+def _write(
+    outputs: Mapping[str, Path], results: Sequence[Restoration], read: VersionFiles, stack: Pages, given: Given
+) -> list[str]:
     """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
-    from cvtimg import write_image
-    from cvtimg.pictures.formats.encoding import as_stored
-
-    stored, notes = as_stored(result.image, outputs["-o"].suffix)
-    write_image(outputs["-o"], stored, overwrite=given.overwrite)
+    notes = _write_each(outputs["-o"], [result.image for result in results], stack, given)
     if "--labels" in outputs:
-        kind = np.uint8 if len(result.colors) < 256 else np.uint16
-        write_image(outputs["--labels"], result.labels.astype(kind), overwrite=given.overwrite)
+        kind = np.uint8 if all(len(result.colors) < 256 for result in results) else np.uint16
+        _write_each(outputs["--labels"], [result.labels.astype(kind) for result in results], stack, given)
     if "--sheet" in outputs:
+        from cvtimg import write_image
         from cvtimg.plotting.sheets import contact_sheet
 
-        write_image(outputs["--sheet"], contact_sheet(_panels(result, read, given)), overwrite=given.overwrite)
+        write_image(outputs["--sheet"], contact_sheet(_panels(results[0], read, given)), overwrite=given.overwrite)
+    return notes
+
+
+def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, given: Given) -> list[str]:
+    """Write an image, or the pages of a stack; return what there is to say about it."""
+    from cvtimg import write_image
+    from cvtimg.pictures import Metadata, write_pages
+    from cvtimg.pictures.formats.encoding import as_stored
+
+    if len(images) > 1:
+        write_pages(path, replace(stack, images=tuple(images), has_alpha=False), overwrite=given.overwrite)
+        return []
+    stored, notes = as_stored(images[0], path.suffix)
+    write_image(path, stored, metadata=Metadata.of_size(stack.pixel_size), overwrite=given.overwrite)
     return notes
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli.running import run_plan
-from cvtimg.cli.segment_outputs import Style, Subject, kind_of, outputs_of
+from cvtimg.cli.segment_outputs import Style, check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def segment(given: Given) -> int:
     --objects without -k counts objects without settings: noise, uneven light, brightness and size are measured on the
     image, and what was found is in the table that is printed.
 
-    Pages of a TIFF are segmented separately, or together with --volume; -o FILE.tif takes the labels of all.
+    Pages of a stack are segmented separately, or together with --volume; outputs in .tif are stacks, too.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
@@ -85,32 +85,28 @@ def _averaging(given: Given) -> Averaging | None:
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.segmentation.files import divide_file
 
+    counts = given.number is None
     if _needs_tiles(task):
         return _segment_in_tiles(task, stopwatch, given)
-    only_labels = [kind_of(option) for option in task.outputs] == ["labels"]
     found = divide_file(
         task.source,
         partial(_divide, given=given),
-        target=task.output if only_labels else None,
         mask=given.mask,
         nodata=given.nodata,
         volume=given.volume,
+        on_pages=partial(check_room, task.outputs),
         on_stage=stopwatch.lap,
     )
-    results, first, labels = found.results, found.results[0], found.labels
-    if found.pages is None:
-        subject = Subject(task.source, found.image, labels, found.header, given.style, given.overwrite, first.hierarchy)
-        subject.write(task.outputs)
-    else:
-        found.save(task.output, overwrite=given.overwrite)
+    results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
+    write_outputs(task, found, given.style, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
-        "width": found.image.shape[1],
-        "height": found.image.shape[0],
-        "channels": found.image.shape[2] if found.image.ndim == 3 else 1,
+        "width": image.shape[1],
+        "height": image.shape[0],
+        "channels": image.shape[2] if image.ndim == 3 else 1,
         **({} if found.pages is None else {"pages": len(found.pages.images)}),
         "left_out": int((labels == 0).sum()),
-        "k": max(result.n_segments for result in results),
+        "k": (sum if counts else max)(result.n_segments for result in results),
         "elbow": first.curve.elbows() if first.curve and found.pages is None else None,
         **(asdict(first.counting) if first.counting else {}),
         "edge_weight": first.edge_weight,

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import WrongUsageError, check_suffix
+from cvtimg.batch import Task, WrongUsageError, check_suffix
 from cvtimg.options.record import Given
 from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cvtimg.labels.contours import Contours
-    from cvtimg.pictures import Metadata
+    from cvtimg.labels.formats import Drawing
+    from cvtimg.pictures import Metadata, Pages
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
+    from cvtimg.segmentation.files import DividedFile
 
 #: Numbers of regions on a sheet of cuts.
 _SHOWN_CUTS = (5, 10, 20, 50)
@@ -76,111 +77,170 @@ def kind_of(option: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A segmented image and its source."""
+    """A segmented image, or a page of a stack, and its source."""
 
     source: Path
     image: NDArray[Any]
     labels: NDArray[Any]
     header: ImageInfo
     style: Style
-    overwrite: bool
     hierarchy: RegionHierarchy | None = None
+    place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
 
     @cached_property
-    def contours(self) -> Contours:
-        """The borders of the segments."""
+    def drawing(self) -> Drawing:
+        """The borders of the segments, in the coordinates of the file."""
         from cvtimg import find_contours
+        from cvtimg.plotting import contour_drawing
 
         image = self.image if self.style.subpixel else None
-        return find_contours(self.labels, image, tolerance=self.style.simplify)
+        contours = find_contours(self.labels, image, tolerance=self.style.simplify)
+        drawing = replace(contour_drawing(contours, self.labels, self.image), place=self.place)
+        if place := self.header.geo_transform:
+            return replace(drawing, transform=[place[:3], place[3:]], epsg=self.header.epsg)
+        if size := self.header.pixel_size:
+            return replace(drawing, transform=[[size.x, 0, 0], [0, size.y, 0]], unit=size.unit)
+        return drawing
 
-    def place(self, nodata: float | None = None) -> Metadata | None:
+    @property
+    def table(self) -> dict[str, NDArray[Any]]:
+        """The segments in rows, with their place in the stack."""
+        import numpy as np
+
+        from cvtimg.labels import region_table
+
+        size, channels = self.header.pixel_size, self.header.channels
+        table = region_table(self.labels, self.image, self.style.properties, pixel_size=size, channels=channels)
+        n_rows = len(table["label"])
+        return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
+
+    def metadata(self, nodata: float | None = None) -> Metadata | None:
         """Return where and how large pixels are: the georeference of a GeoTIFF, with a value for no data, or a size."""
         from cvtimg.pictures import Metadata, read_metadata
-        from cvtimg.pictures.formats.metadata import dpi_of
 
         if self.header.geo_transform:
             geo = read_metadata(self.source).geo
             return Metadata(geo=geo, nodata=nodata) if geo else None
-        scale = self.header.pixel_size.scale() if self.header.pixel_size else {}
-        return Metadata(dpi=dpi_of(scale), scale=scale) if scale else None
-
-    def write(self, outputs: Mapping[str, Path]) -> None:
-        """Write what was asked for, by option."""
-        for option, path in outputs.items():
-            _WRITERS[kind_of(option)](self, path)
+        return Metadata.of_size(self.header.pixel_size)
 
 
-def _write_labels(subject: Subject, path: Path) -> None:
-    from cvtimg.labels.files import write_labels
+def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
+    """Refuse outputs that hold one page alone, before several are segmented."""
+    from cvtimg.pictures.pages import PAGE_SUFFIXES
 
-    write_labels(path, subject.labels, metadata=subject.place(nodata=0), overwrite=subject.overwrite)
+    for option, path in outputs.items():
+        kind = kind_of(option)
+        if kind in _OF_ONE or path.suffix.lower() == ".svg":
+            raise ValueError(f"has {n_pages} pages, and {option} holds one; --page, --t or --z takes one")
+        if (kind in _DRAWN or kind == "labels") and path.suffix.lower() not in PAGE_SUFFIXES:
+            way = f"--write {kind}.tif" if option.startswith("--write") else f"{option} FILE.tif"
+            raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def _write_mean(subject: Subject, path: Path) -> None:
+def write_outputs(task: Task, found: DividedFile, style: Style, *, overwrite: bool) -> None:
+    """Write what was asked for; of several pages, all into one file."""
+    places = [{}] if found.pages is None else found.pages.places
+    tree = found.results[0].hierarchy if found.pages is None else None
+    each = zip(found.images, found.labels, places, strict=True)
+    subjects = [Subject(task.source, image, own, found.header, style, tree, at) for image, own, at in each]
+    for option, path in task.outputs.items():
+        kind = kind_of(option)
+        if kind in _WRITERS:
+            _WRITERS[kind](subjects, path, overwrite)
+        elif found.pages is None:
+            _write_image(kind, subjects[0], path, overwrite)
+        else:
+            _write_pages(kind, subjects, path, found.pages, overwrite)
+
+
+def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
     from cvtimg import write_image
-    from cvtimg.labels import mean_picture
+    from cvtimg.labels.files import write_labels
     from cvtimg.pictures.formats.encoding import as_stored
 
-    mean, _ = as_stored(mean_picture(subject.labels, subject.image), path.suffix)
-    write_image(path, mean, alpha=False, metadata=subject.place(), overwrite=subject.overwrite)
+    if kind == "labels":
+        write_labels(path, subject.labels, metadata=subject.metadata(nodata=0), overwrite=overwrite)
+        return
+    stored, _ = as_stored(_DRAWN[kind](subject, path), path.suffix)
+    write_image(path, stored, alpha=False, metadata=subject.metadata(), overwrite=overwrite)
 
 
-def _write_edges(subject: Subject, path: Path) -> None:
-    from cvtimg import find_edges, write_image
+def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Pages, overwrite: bool) -> None:
+    import numpy as np
 
-    edges = find_edges(subject.labels, mode=subject.style.edge_mode, ignore=subject.style.ignore)
-    write_image(path, edges, metadata=subject.place(), overwrite=subject.overwrite)
+    from cvtimg.labels.files import smallest_type
+    from cvtimg.pictures import write_pages
+    from cvtimg.pictures.showing import limits_to_show, shown
+
+    if kind == "labels":
+        dtype = smallest_type(max(int(subject.labels.max()) for subject in subjects))
+        images = [subject.labels.astype(dtype) for subject in subjects]
+    else:
+        if (
+            kind == "overlay" and subjects[0].image.dtype != np.uint8
+        ):  # pages are as bright beside each other as they are
+            bands = [one.image.reshape(*one.labels.shape, -1) for one in subjects]
+            limits = limits_to_show(
+                [one[by.labels != by.style.ignore] for one, by in zip(bands, subjects, strict=True)]
+            )
+            subjects = [replace(by, image=shown(one, limits)) for one, by in zip(bands, subjects, strict=True)]
+        images = [_DRAWN[kind](subject, path) for subject in subjects]
+    is_joined = pages.is_joined and kind == "mean"
+    write_pages(path, replace(pages, images=tuple(images), has_alpha=False, is_joined=is_joined), overwrite=overwrite)
 
 
-def _without_fourth(image: NDArray[Any]) -> NDArray[Any]:
-    """Drop the fourth of four bands, which is not alpha: that has been removed."""
-    return image[..., :3] if image.shape[2:] == (4,) else image
+def _mean(subject: Subject, path: Path) -> NDArray[Any]:
+    from cvtimg.labels import mean_picture
+
+    return mean_picture(subject.labels, subject.image)
 
 
-def _write_overlay(subject: Subject, path: Path) -> None:
-    from cvtimg import write_image
+def _edges(subject: Subject, path: Path) -> NDArray[Any]:
+    from cvtimg import find_edges
+
+    return find_edges(subject.labels, mode=subject.style.edge_mode, ignore=subject.style.ignore)
+
+
+def _overlay(subject: Subject, path: Path) -> NDArray[Any]:
     from cvtimg.plotting.sheets import draw_edges
 
     style = subject.style
-    color, thickness = style.line_color, style.line_width
-    drawn = draw_edges(
-        _without_fourth(subject.image), subject.labels, color=color, thickness=thickness, ignore=style.ignore
-    )
-    write_image(path, drawn, metadata=subject.place(), overwrite=subject.overwrite)
+    # The fourth of four bands is not alpha: that has been removed.
+    image = subject.image[..., :3] if subject.image.shape[2:] == (4,) else subject.image
+    return draw_edges(image, subject.labels, color=style.line_color, thickness=style.line_width, ignore=style.ignore)
 
 
-def _write_contours(subject: Subject, path: Path) -> None:
+def _strengths(subject: Subject, path: Path) -> NDArray[Any]:
+    """Return the strengths of borders: as they are, or for a picture in 8 bits with 1 and more in white."""
+    import numpy as np
+
+    strengths = _tree_of(subject).contour_map()
+    return np.rint(255 * np.minimum(strengths, 1)).astype(np.uint8) if path.suffix.lower() == ".png" else strengths
+
+
+def _write_contours(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
     from cvtimg.labels import write_contours
-    from cvtimg.plotting import contour_drawing
 
-    drawing = contour_drawing(subject.contours, subject.labels, subject.image)
-    if subject.header.geo_transform:
-        place = subject.header.geo_transform
-        drawing = replace(drawing, transform=[place[:3], place[3:]], epsg=subject.header.epsg)
-    elif size := subject.header.pixel_size:
-        drawing = replace(drawing, transform=[[size.x, 0, 0], [0, size.y, 0]], unit=size.unit)
-    write_contours(path, drawing, overwrite=subject.overwrite)
+    write_contours(path, [subject.drawing for subject in subjects], overwrite=overwrite)
 
 
-def _write_table(subject: Subject, path: Path) -> None:
-    from cvtimg.labels import region_table
+def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
+    import numpy as np
+
     from cvtimg.labels.files import write_table
 
-    table = region_table(
-        subject.labels,
-        subject.image,
-        subject.style.properties,
-        pixel_size=subject.header.pixel_size,
-        channels=subject.header.channels,
-    )
-    write_table(path, table, overwrite=subject.overwrite)
+    tables = [subject.table for subject in subjects]
+    rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    write_table(path, rows, overwrite=overwrite)
 
 
-def _write_coco(subject: Subject, path: Path) -> None:
+def _write_coco(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
+    import numpy as np
+
     from cvtimg.labels import write_coco
 
-    write_coco(path, subject.labels, subject.source.name, overwrite=subject.overwrite)
+    labels = np.stack([subject.labels for subject in subjects])
+    write_coco(path, labels if subjects[0].place else labels[0], subjects[0].source.name, overwrite=overwrite)
 
 
 def _tree_of(subject: Subject) -> RegionHierarchy:
@@ -188,23 +248,11 @@ def _tree_of(subject: Subject) -> RegionHierarchy:
     return subject.hierarchy
 
 
-def _write_tree(subject: Subject, path: Path) -> None:
-    _tree_of(subject).save(path, overwrite=subject.overwrite)
+def _write_tree(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
+    _tree_of(subjects[0]).save(path, overwrite=overwrite)
 
 
-def _write_strengths(subject: Subject, path: Path) -> None:
-    """Write the strengths of borders: as they are, or as a picture in 8 bits with 1 and more in white."""
-    import numpy as np
-
-    from cvtimg import write_image
-
-    strengths = _tree_of(subject).contour_map()
-    if path.suffix.lower() == ".png":
-        strengths = np.rint(255 * np.minimum(strengths, 1)).astype(np.uint8)
-    write_image(path, strengths, metadata=subject.place(), overwrite=subject.overwrite)
-
-
-def _write_cuts(subject: Subject, path: Path) -> None:
+def _write_cuts(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
     """Write a sheet of cuts: their borders over the image, and the regions in their mean colors."""
     import numpy as np
 
@@ -212,24 +260,29 @@ def _write_cuts(subject: Subject, path: Path) -> None:
     from cvtimg.labels import region_means
     from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges, shown_colors
 
-    tree, image, drawn, flat = _tree_of(subject), subject.image, [], []
+    tree, image, drawn, flat = _tree_of(subjects[0]), subjects[0].image, [], []
     for number in sorted({min(max(n, tree.n_parts), tree.n_leaves) for n in _SHOWN_CUTS}):
         labels = tree.cut(number)
         colors = shown_colors(np.nan_to_num(region_means(labels, image)), image, labels, ignore=0)
         drawn.append(Panel(draw_edges(image, labels, ignore=0), (f"{number} regions",)))
         flat.append(Panel(colors[labels]))
-    write_image(path, contact_sheet([drawn, flat]), overwrite=subject.overwrite)
+    write_image(path, contact_sheet([drawn, flat]), overwrite=overwrite)
 
 
-_WRITERS: dict[str, Callable[[Subject, Path], None]] = {
-    "labels": _write_labels,
-    "mean": _write_mean,
-    "edges": _write_edges,
-    "overlay": _write_overlay,
+#: Kinds of output that are images, one of each page, and how these are drawn.
+_DRAWN: dict[str, Callable[[Subject, Path], NDArray[Any]]] = {
+    "mean": _mean,
+    "edges": _edges,
+    "overlay": _overlay,
+    "strengths": _strengths,
+}
+#: Other kinds, and how they are written for all pages.
+_WRITERS: dict[str, Callable[[Sequence[Subject], Path, bool], None]] = {
     "contours": _write_contours,
     "table": _write_table,
     "coco": _write_coco,
     "tree": _write_tree,
-    "strengths": _write_strengths,
     "cuts": _write_cuts,
 }
+#: Kinds that hold a single page.
+_OF_ONE = ("tree", "strengths", "cuts")

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_labels, check_within
+from cvtimg._shared.extras import needs
 from cvtimg._shared.svg import shortest
 from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.files import Metadata, read_indices, write_image
 
 #: Suffixes of files of labels.
@@ -56,11 +57,11 @@ def write_labels(
     """
     numbers = check_labels("labels", labels)
     suffix = check_choice("suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
-    n_bytes = next(size for size in (1, 2, 4) if numbers.max() < 256**size)
+    stored_as = smallest_type(int(numbers.max()))
     if suffix == ".png":
         check_within("labels", numbers, 0, 65535, ", which .png holds; use .tif or .npy")
-    stored = numbers if suffix == ".npy" else numbers.astype(f"u{n_bytes}")
-    palette = label_colors(int(numbers.max())) if suffix == ".png" and n_bytes == 1 else None
+    stored = numbers if suffix == ".npy" else numbers.astype(stored_as)
+    palette = label_colors(int(numbers.max())) if suffix == ".png" and stored_as == np.uint8 else None
     write_image(path, stored, palette=palette, metadata=metadata, overwrite=overwrite)
 
 
@@ -97,6 +98,11 @@ def read_labels(path: StrPath) -> NDArray[np.int32]:
     return check_labels("labels", values)
 
 
+def smallest_type(largest: int) -> np.dtype[Any]:
+    """Return the type of the fewest bits that holds labels up to the largest."""
+    return np.dtype(next(name for name in ("u1", "u2", "u4") if largest <= np.iinfo(name).max))
+
+
 def label_colors(n_labels: int) -> NDArray[np.uint8]:
     """Return (n_labels + 1, 3) colors, black for label 0 and distinct ones for the others.
 
@@ -116,7 +122,12 @@ def label_colors(n_labels: int) -> NDArray[np.uint8]:
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:
-    """Write columns of numbers, such as those of `region_table`, as CSV with a line of names.
+    """Write columns of numbers, such as those of `region_table`, as .csv with a line of names, or as .parquet.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pyarrow is not installed (``pip install 'cvtimg[parquet]'``) and the path ends in .parquet.
 
     Examples
     --------
@@ -129,5 +140,18 @@ def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: 
     1,12.5
     2,3
     """
+    if Path(path).suffix.lower() == ".parquet":
+        _write_parquet(path, table, overwrite)
+        return
     rows = zip(*(map(shortest, column.tolist()) for column in table.values()), strict=True)
     write_csv(path, table, rows, overwrite=overwrite)
+
+
+def _write_parquet(path: StrPath, table: Mapping[str, NDArray[Any]], overwrite: bool) -> None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"tables in .parquet need {needs('pyarrow', 'parquet')}") from error
+    with whole_file(path, overwrite=overwrite) as file:
+        parquet.write_table(pyarrow.table({name: np.asarray(column) for name, column in table.items()}), file)

@@ -36,6 +36,11 @@ RESTORE = (
     Option(
         "mask", File(), "Image that is black where a version is missing; once per version, in their order.", many=True
     ),
+    Option(
+        "merge",
+        Choice(("T", "Z")),
+        "Axis of a stack along which pages are versions of one image; others are restored page by page.",
+    ),
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
         "Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0
     ),
@@ -105,5 +110,6 @@ RESTORE = (
     file("labels", "Write the segment of each pixel, from 1: .png, .tif or .npy.", (".png", ".tif", ".tiff", ".npy")),
     file("sheet", "Draw the versions and the restored image on one sheet, to compare."),
     common.MAX_PIXELS,
+    *common.READING,
     *common.RUN,
 )

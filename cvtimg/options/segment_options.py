@@ -19,7 +19,7 @@ KINDS = {
     "edges": (".png", ".tif", ".tiff", ".webp", ".npy"),
     "overlay": _PICTURES,
     "contours": tuple(CONTOUR_FORMATS),
-    "table": (".csv",),
+    "table": (".csv", ".parquet"),
     "coco": (".json",),
 }
 #: Kinds of output that need --hierarchy.
@@ -56,7 +56,7 @@ SEGMENT = (
     file("edges", "Write the edges of the segments, white on black.", KINDS["edges"]),
     file("overlay", "Write the image with the edges drawn over it.", KINDS["overlay"]),
     file("contours", "Write the borders as polygons, .svg or .geojson.", KINDS["contours"]),
-    file("table", "Write the area, place and mean color of each segment, .csv.", KINDS["table"]),
+    file("table", "Write the area, place and mean color of each segment, .csv or .parquet.", KINDS["table"]),
     file("coco", "Write the segments as COCO annotations, .json.", KINDS["coco"]),
     Option(
         "edge_mode",

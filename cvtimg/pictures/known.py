@@ -130,4 +130,4 @@ def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
 
 def read_whole(source: StrPath) -> NDArray[Any]:
     """Read an image; all pages of a file are stacked vertically, for uses in which only the pixels count."""
-    return np.concatenate(read_pages(source).images) if image_info(source).has_pages else read_image(source)
+    return np.concatenate(read_pages(source).joined().images) if image_info(source).has_pages else read_image(source)

@@ -74,6 +74,8 @@ class Pages:
         Whether the last channel is transparency.
     channels : tuple of str
         Names of the channels along the axis C, or of the bands of each page, where the file names them.
+    is_joined : bool
+        Whether the bands of each page are channels that `joined` made of pages; they are written as pages again.
     """
 
     images: tuple[NDArray[Any], ...]
@@ -83,6 +85,7 @@ class Pages:
     scale: Mapping[str, Any] = field(default_factory=dict)
     has_alpha: bool = False
     channels: tuple[str, ...] = ()
+    is_joined: bool = False
 
     def __post_init__(self) -> None:
         check_that("images", len(self.images) > 0, "contain at least one page")
@@ -101,6 +104,12 @@ class Pages:
         """Physical size of a pixel, if it is known."""
         return PixelSize.of(self.scale)
 
+    @property
+    def places(self) -> list[dict[str, int]]:
+        """Where each page is, from 1: by "t", "z" and so on, or by "page" along an axis that is not known."""
+        names = ["page" if axis == "Q" else axis.lower() for axis in self.axes]
+        return [dict(zip(names, (at + 1 for at in place), strict=True)) for place in np.ndindex(*self.shape)]
+
     def joined(self) -> Pages:
         """Return pages of all channels: the axis C becomes the last axis of each page."""
         if "C" not in self.axes or self.images[0].ndim == 3:
@@ -109,7 +118,27 @@ class Pages:
         values = np.moveaxis(np.stack(self.images).reshape(*self.shape, *self.images[0].shape), at, -1)
         images = tuple(np.ascontiguousarray(page) for page in values.reshape(-1, *values.shape[-3:]))
         axes, shape = self.axes[:at] + self.axes[at + 1 :], self.shape[:at] + self.shape[at + 1 :]
-        return replace(self, images=images, axes=axes or "Q", shape=shape or (1,))
+        return replace(self, images=images, axes=axes or "Q", shape=shape or (1,), is_joined=True)
+
+    def parted(self) -> Pages:
+        """Return pages of a channel each, where they were joined: C becomes the last axis of the stack."""
+        if not self.is_joined or self.images[0].ndim == 2:
+            return self
+        images = tuple(np.ascontiguousarray(page[:, :, band]) for page in self.images for band in range(page.shape[2]))
+        axes, shape = ("", ()) if len(self.images) == 1 else (self.axes, self.shape)
+        shape = (*shape, len(images) // len(self.images))
+        return replace(self, images=images, axes=f"{axes}C", shape=shape, is_joined=False)
+
+    def grouped(self, along: str) -> tuple[Pages, list[tuple[NDArray[Any], ...]]]:
+        """Return a stack without some axes, of the first pages along these, and all of them for each of its pages."""
+        inner = [at for at, axis in enumerate(self.axes) if axis in along]
+        outer = [at for at in range(len(self.axes)) if at not in inner]
+        shape = tuple(self.shape[at] for at in outer)
+        numbers = np.arange(len(self.images)).reshape(self.shape).transpose(outer + inner)
+        groups = [tuple(self.images[at] for at in group) for group in numbers.reshape(math.prod(shape), -1).tolist()]
+        axes = "".join(self.axes[at] for at in outer)
+        firsts = tuple(group[0] for group in groups)
+        return replace(self, images=firsts, axes=axes or "Q", shape=shape or (1,)), groups
 
     def __repr__(self) -> str:
         first = self.images[0]
@@ -200,7 +229,7 @@ def write_pages(
     read_pages
     """
     check_choice(f"{path}: suffix", Path(path).suffix.lower(), PAGE_SUFFIXES)
-    given = pages if isinstance(pages, Pages) else Pages(tuple(np.array(page) for page in np.asarray(pages)))
+    given = pages.parted() if isinstance(pages, Pages) else Pages(tuple(np.array(page) for page in np.asarray(pages)))
     if palette is not None:
         for image in given.images:
             check_indexed(image, palette)
@@ -349,6 +378,8 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
         unit = 2 if resolution else None
     values = np.stack([images[number] for number in order.tolist()]).reshape(*shape, *first.shape)
     described = {"axes": axes + "YX" + "S" * (first.ndim == 3), **(scale if kind else {})}
+    if "C" in axes and len(pages.channels) == shape[axes.index("C")]:
+        described |= _named_channels(kind, pages.channels, axes, shape)
     samples = sample_options(first.shape, pages.has_alpha and n_channels in (2, 4))
     if palette is not None:
         values, samples["photometric"] = values.astype(np.uint8), "palette"
@@ -367,6 +398,14 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
         software=False,
         maxworkers=n_threads(),
     )
+
+
+def _named_channels(kind: str, names: Sequence[str], axes: str, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return what names the channels: a label of each page for ImageJ, and elements for OME."""
+    if kind == "ome":
+        return {"Channel": {"Name": list(names)}}
+    at = axes.index("C")
+    return {"Labels": [names[place[at]] for place in np.ndindex(*shape)]} if kind else {}
 
 
 def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], NDArray[np.int64]]:

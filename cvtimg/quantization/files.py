@@ -399,11 +399,16 @@ def _small_enough(
 
 
 def _metadata(job: _Job, keep_profile: bool, nodata: float | None) -> Metadata | None:
-    """Return what to keep of a file: in any case its georeference and nodata, which tell what the pixels are."""
+    """Return what to keep of a file: in any case what tells where its pixels are, how large, and which are nodata."""
     tiffs = {path.suffix.lower() for path in (job.source, job.target)} <= {".tif", ".tiff"}
     if job.keep_metadata:
         return replace(read_metadata(job.source, keep_profile=keep_profile), nodata=nodata if tiffs else None)
-    return Metadata(geo=read_metadata(job.source).geo, nodata=nodata) if tiffs else None
+    found = read_metadata(job.source)
+    return (
+        Metadata(geo=found.geo, nodata=nodata, dpi=found.dpi if found.scale else None, scale=found.scale)
+        if tiffs
+        else None
+    )
 
 
 def _content(result: Quantized, file: Mapping[str, Any]) -> tuple[NDArray[Any], dict[str, Any]]:
@@ -473,7 +478,7 @@ def _pages(job: _Job, header: ImageInfo) -> QuantizedFile:
     if job.target.suffix.lower() not in PAGE_SUFFIXES:
         name = job.target.name
         raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {name}")
-    pages = read_pages(job.source)
+    pages = read_pages(job.source).joined()
     known = known_in_all(pages.images, header, job.mask, job.nodata, "page")
     job.lap("read")
     frames = Frames(pages.images, (0.0,) * len(pages.images), 1)
@@ -496,9 +501,10 @@ def _stored_pages(
     left_out = any(one.inside is not None for one in result.results)
     eight_bit = first.dtype == np.uint8 and first.shape[1] in (1, 3)
     shared = all(np.array_equal(one.palette, first) for one in result.results)
-    if shared and eight_bit and first.shape[1] == 3 and len(first) <= 256 and not left_out:
+    indexed = shared and eight_bit and first.shape[1] == 3 and len(first) <= 256
+    if indexed and not left_out and not pages.is_joined:
         return replace(pages, images=tuple(one.indices for one in result.results), has_alpha=False), first
-    if not left_out or keeps_nodata or not eight_bit:
+    if not left_out or keeps_nodata or not eight_bit or pages.is_joined:
         return replace(pages, images=tuple(one.image for one in result.results)), None
     images = []
     for one in result.results:

@@ -6,18 +6,16 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.files.whole import StrPath
-from cvtimg.labels.files import write_labels
-from cvtimg.pictures.files import ImageInfo, Metadata, image_info, read_image
+from cvtimg.pictures.files import ImageInfo, image_info, read_image
 from cvtimg.pictures.known import known_in_all, known_pixels
-from cvtimg.pictures.pages import PAGE_SUFFIXES, Pages, read_pages, write_pages
+from cvtimg.pictures.pages import Pages, read_pages
 from cvtimg.segmentation.result import Segmentation
 
 #: Takes an image and its pixels that count; `segment` and its siblings with their options.
@@ -30,38 +28,28 @@ class DividedFile:
 
     header: ImageInfo
     pages: Pages | None  # None for a picture
-    image: NDArray[Any]  # the picture, or the first page, without alpha
+    images: tuple[NDArray[Any], ...]  # the picture, or the pages, without alpha
     results: tuple[Segmentation, ...]  # of each page; one of all in a volume
 
     @property
     def labels(self) -> NDArray[np.int32]:
-        """(H, W) labels of a picture, or (T, H, W) of pages."""
-        found = np.concatenate([result.labels for result in self.results])
-        return found if self.pages is None else found.reshape(-1, *self.image.shape[:2])
-
-    def save(self, target: StrPath, metadata: Metadata | None = None, *, overwrite: bool = False) -> None:
-        """Write the labels: those of pages as pages, with as few bits as hold them."""
-        if self.pages is None:
-            write_labels(target, self.labels, metadata=metadata, overwrite=overwrite)
-            return
-        dtype = np.dtype(next(name for name in ("u1", "u2", "u4") if self.labels.max() <= np.iinfo(name).max))
-        stored = replace(self.pages, images=tuple(self.labels.astype(dtype)), has_alpha=False)
-        write_pages(target, stored, overwrite=overwrite)
+        """(P, H, W) labels of the pages."""
+        return np.concatenate([result.labels for result in self.results]).reshape(-1, *self.images[0].shape[:2])
 
 
 def divide_file(
     source: StrPath,
     divide: Divide,
     *,
-    target: StrPath | None = None,
     mask: StrPath | None = None,
     nodata: float | None = None,
     volume: bool = False,
+    on_pages: Callable[[int], None] = lambda n_pages: None,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> DividedFile:
     """Divide the picture of a file, or each of its pages, or with `volume` all pages by the same generators."""
-    # Pixels without data, black in the image `mask`, or transparent have label 0. Of several pages only labels can be
-    # written, to the `target`. `on_stage` is called with the name of each stage that is done.
+    # Pixels without data, black in the image `mask`, or transparent have label 0. `on_pages` is called with the number
+    # of pages, if there are several, before any is divided; `on_stage` with the name of each stage that is done.
     header = image_info(source)
     pages = read_pages(source).joined() if header.has_pages else None
     if pages is None or len(pages.images) == 1:
@@ -71,20 +59,17 @@ def divide_file(
         image, known = _without_alpha(image, known, header)
         result = divide(image, known)
         on_stage("cluster")
-        return DividedFile(header, None, image, (result,))
-    if target is None:
-        raise ValueError("has several pages, of which only labels are written")
-    if Path(target).suffix.lower() not in PAGE_SUFFIXES:
-        name = Path(target).name
-        raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {name}")
+        return DividedFile(header, None, (image,), (result,))
+    on_pages(len(pages.images))
     images, inside = list(pages.images), known_in_all(pages.images, header, mask, nodata, "page")
     on_stage("read")
-    if volume:
-        images, inside = [np.concatenate(images)], [np.concatenate(inside)]
     parts = [_without_alpha(image, known, header) for image, known in zip(images, inside, strict=True)]
+    seen = tuple(image for image, _ in parts)
+    if volume:
+        parts = [(np.concatenate(seen), np.concatenate([known for _, known in parts]))]
     results = tuple(divide(image, known) for image, known in parts)
     on_stage("cluster")
-    return DividedFile(header, pages, pages.images[0], results)
+    return DividedFile(header, pages, seen, results)
 
 
 def _without_alpha(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,11 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
-from cvtimg import quantize, read_image, restore, segment
+from cvtimg import find_edges, quantize, read_image, restore, segment
 from cvtimg.cli.app import main
-from cvtimg.pictures import read_pages
+from cvtimg.labels import mean_picture
+from cvtimg.pictures import image_info, read_pages
+from cvtimg.plotting import draw_edges
 
 RNG = np.random.default_rng(2)
 STACK = (RNG.integers(0, 4, (3, 20, 30, 3)) * 60 + RNG.integers(0, 9, (3, 20, 30, 3))).astype(np.uint8)
@@ -79,13 +82,90 @@ def test_restore_takes_pages_for_versions(capsys: pytest.CaptureFixture[str]) ->
     np.testing.assert_array_equal(read_image("one.png"), restore(list(versions), 4).image)
 
 
+@pytest.fixture
+def channels() -> NDArray[np.uint8]:
+    """Write channels.tif as ImageJ does: two channels in three planes."""
+    stack = np.stack([GRAY, 255 - GRAY // 2], axis=1)
+    metadata = {"axes": "ZCYX", "unit": "um", "spacing": 0.3, "Labels": ["DAPI", "GFP"] * 3}
+    tifffile.imwrite("channels.tif", stack, imagej=True, resolution=(7.0, 7.0), metadata=metadata)
+    return stack
+
+
+def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]) -> None:
+    files = ["-o", "l.tif", "--overlay", "o.tif", "--edges", "e.tif", "--mean", "m.tif"]
+    files += ["--table", "t.csv", "--contours", "c.geojson", "--coco", "c.json"]
+    (row,) = rows(capsys, "segment", "channels.tif", "-k", "3", *files)
+    labels, each = pages_of("l.tif"), np.moveaxis(channels, 1, -1)
+    np.testing.assert_array_equal(labels, [segment(page, 3).labels for page in each])
+    np.testing.assert_array_equal(pages_of("e.tif") > 0, [find_edges(page) for page in labels])
+    np.testing.assert_array_equal(pages_of("o.tif"), [draw_edges(*own) for own in zip(each, labels, strict=True)])
+    means = [mean_picture(*own) for own in zip(labels, each, strict=True)]
+    np.testing.assert_array_equal(np.stack(read_pages("m.tif").joined().images), means)
+    for name in ("l.tif", "o.tif", "m.tif"):
+        found = image_info(name)
+        assert (found.axes[0], str(found.pixel_size)) == ("Z", "0.142857 x 0.142857 x 0.3 um")
+    assert image_info("m.tif").channels == ("DAPI", "GFP")
+    with Path("t.csv").open(newline="") as file:
+        table = [(int(line["z"]), int(line["label"]), float(line["area"])) for line in csv.DictReader(file)]
+    areas = {(z + 1, k): int((labels[z] == k).sum()) for z in range(3) for k in (1, 2, 3)}
+    assert {(z, k): area for z, k, area in table} == areas
+    drawn = [one["properties"] for one in json.loads(Path("c.geojson").read_text())["features"]]
+    assert {(one["z"], one["label"]): one["area"] for one in drawn} == areas
+    masks = json.loads(Path("c.json").read_text())
+    assert [one["page"] for one in masks["images"]] == [1, 2, 3]
+    assert sorted(one["id"] for one in masks["annotations"]) == [*range(1, 10)]
+    assert row["pages"] == 3
+
+
+def test_deep_pages_are_as_bright_beside_each_other_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    deep = np.stack([GRAY[0], GRAY[0] * 3.0]).astype(np.uint16) * 50
+    tifffile.imwrite("deep.tif", deep, photometric="minisblack")
+    rows(capsys, "segment", "deep.tif", "-k", "1", "--overlay", "o.tif")
+    dim, bright = pages_of("o.tif")
+    assert np.median(bright[GRAY[0] > 100] / dim[GRAY[0] > 100]) == pytest.approx(3, rel=0.1)
+
+
+def test_channels_belong_to_the_pixel(channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]) -> None:
+    joined = np.concatenate(np.moveaxis(channels, 1, -1))
+    (row,) = rows(capsys, "quantize", "channels.tif", "-k", "4", "-o", "q.tif")
+    assert row["pages"] == 3
+    found = read_pages("q.tif")
+    assert (found.axes, found.shape, found.channels) == ("ZC", (3, 2), ("DAPI", "GFP"))
+    pixels = np.concatenate(found.joined().images).reshape(-1, 2)
+    assert len(np.unique(pixels, axis=0)) == 4
+    nearest = np.square(joined.reshape(-1, 1, 2).astype(float) - np.unique(pixels, axis=0)).sum(axis=2).min(axis=1)
+    np.testing.assert_allclose(np.square(pixels - joined.reshape(-1, 2).astype(float)).sum(axis=1), nearest)
+    (row,) = rows(capsys, "info", "channels.tif")
+    assert row["distinct_colors"] == len(np.unique(joined.reshape(-1, 2), axis=0))
+
+
+def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
+    channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (row,) = rows(capsys, "restore", "gray.tif", "-k", "3", "-o", "r.tif", "--labels", "l.tif")
+    assert (row["pages"], row["versions"]) == (3, 1)
+    each = [restore([page], 3) for page in GRAY]
+    np.testing.assert_array_equal(pages_of("r.tif"), [one.image for one in each])
+    np.testing.assert_array_equal(pages_of("l.tif"), [one.labels for one in each])
+    assert str(image_info("r.tif").pixel_size) == "0.142857 x 0.142857 x 0.3 um"
+    (row,) = rows(capsys, "restore", "gray.tif", "-k", "3", "--merge", "Z", "-o", "one.png")
+    np.testing.assert_array_equal(read_image("one.png"), restore(list(GRAY), 3).image)
+    rows(capsys, "restore", "channels.tif", "-k", "3", "-o", "c.tif")
+    assert image_info("c.tif").channels == ("DAPI", "GFP")
+    first = restore([np.moveaxis(channels[0], 0, -1)], 3, alpha=False)
+    np.testing.assert_array_equal(read_pages("c.tif").joined().images[0], first.image)
+
+
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
         (["quantize", "rgb.tif", "-k", "3"], "has several pages: name an output that can hold them, -o FILE.tif"),
         (["quantize", "rgb.tif", "-k", "3", "--depth", "8", "-o", "a.tif"], "--depth cannot be used for"),
         (["segment", "rgb.tif", "-k", "3"], "has several pages: name an output that can hold them, -o FILE.tif"),
-        (["segment", "rgb.tif", "-k", "3", "--edges", "e.png"], "has several pages, of which only labels"),
+        (["segment", "rgb.tif", "-k", "3", "--edges", "e.png"], "that can hold them, --edges FILE.tif"),
+        (["segment", "rgb.tif", "-k", "3", "--contours", "c.svg"], "--contours holds one"),
+        (["restore", "gray.tif", "-k", "3", "-o", "r.png"], "name an output that can hold them, -o FILE.tif"),
+        (["restore", "gray.tif", "-k", "3", "-o", "r.tif", "--sheet", "s.png"], "--sheet shows one"),
         (["quantize", "one.png", "-k", "3", "--weight-map", "gray.tif"], "has 3 pages, where one image is expected"),
     ],
 )

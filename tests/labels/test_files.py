@@ -257,7 +257,8 @@ def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_
 def test_a_new_contour_format_is_one_module_and_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from cvtimg.cli.segment_outputs import KINDS
 
-    def write(path: Path, drawing: Drawing, overwrite: bool) -> None:
+    def write(path: Path, drawings: list[Drawing], overwrite: bool) -> None:
+        (drawing,) = drawings
         path.write_text("".join(f"{polygon.label} {polygon.area}\n" for polygon in drawing.polygons))
 
     monkeypatch.setitem(sys.modules, "cvtimg.labels.formats.areas", SimpleNamespace(write=write))

@@ -1,14 +1,14 @@
 """Files of contours, a format per module.
 
-A module of this package has a function ``write(path, drawing, overwrite)`` that takes a `Drawing`. To add a format,
-add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there. COCO, which holds masks
-and not contours, is in `coco`.
+A module of this package has a function ``write(path, drawings, overwrite)`` that takes a `Drawing` of each page. To add
+a format, add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there. COCO, which
+holds masks and not contours, is in `coco`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +49,8 @@ class Drawing:
         Code of the coordinate system of that map.
     unit : str
         Unit of the coordinates after `transform`, such as "um"; "" for one that the map has, or pixels.
+    place : mapping of str to int
+        Place of the page in its stack, from 1, such as ``{"t": 1, "z": 3}``; empty for an image.
     """
 
     polygons: tuple[Polygon, ...]
@@ -58,28 +60,30 @@ class Drawing:
     transform: ArrayLike | None = None
     epsg: int | None = None
     unit: str = ""
+    place: Mapping[str, int] = field(default_factory=dict)
 
 
-def write_contours(path: StrPath, drawing: Drawing, *, overwrite: bool = False) -> None:
+def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overwrite: bool = False) -> None:
     """Write contours in the format that the suffix of the path names.
 
     Parameters
     ----------
     path : str or path-like
         Ends in .svg or .geojson.
-    drawing : Drawing
-        The contours, and their colors, properties and place.
+    drawing : Drawing or sequence of Drawing
+        The contours, and their colors, properties and place; several for the pages of a stack, which .svg cannot hold.
     overwrite : bool
         Replace an existing file.
 
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is another, or the format holds one page.
     OSError
         If the file cannot be written.
     """
     from cvtimg._shared.checks import check_choice
 
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), CONTOUR_FORMATS)
-    import_module(f"{__name__}.{CONTOUR_FORMATS[suffix]}").write(path, drawing, overwrite)
+    drawings = [drawing] if isinstance(drawing, Drawing) else list(drawing)
+    import_module(f"{__name__}.{CONTOUR_FORMATS[suffix]}").write(path, drawings, overwrite)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,15 @@ from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
-def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
-    """Write the polygons of a drawing with their properties, in the coordinates of its map if it has one."""
-    place: dict[str, Any] = {"transform": drawing.transform, "epsg": drawing.epsg, "unit": drawing.unit}
-    write_geojson(path, drawing.polygons, drawing.properties, **place, overwrite=overwrite)
+def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
+    """Write the polygons of drawings with their properties, in the coordinates of their map if they have one."""
+    features = (one for drawing in drawings for one in features_of(drawing))
+    _write(path, features, drawings[0].epsg, drawings[0].unit, overwrite)
+
+
+def features_of(drawing: Drawing) -> Iterator[dict[str, Any]]:
+    """Yield a feature for each label, with the place of the page in its stack."""
+    yield from _features(drawing.polygons, drawing.properties, drawing.transform, drawing.place)
 
 
 def write_geojson(
@@ -70,12 +76,23 @@ def write_geojson(
     >>> feature["geometry"]["coordinates"]
     [[[600.0, 900.0], [600.0, 870.0], [630.0, 870.0], [630.0, 900.0], [600.0, 900.0]]]
     """
-    matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
-    features = (
-        feature(_placed(pieces, matrix), {"label": label, **properties[label]})
-        for label, pieces in groupby(polygons, key=lambda polygon: polygon.label)
-    )
+    _write(path, _features(polygons, properties, transform), epsg, unit, overwrite)
+
+
+def _write(path: StrPath, features: Iterable[dict[str, Any]], epsg: int | None, unit: str, overwrite: bool) -> None:
     write_text(path, collection(features, epsg, {"unit": unit} if unit else {}), overwrite=overwrite)
+
+
+def _features(
+    polygons: Iterable[Polygon],
+    properties: Mapping[int, Mapping[str, Any]],
+    transform: ArrayLike | None,
+    place: Mapping[str, int] = MappingProxyType({}),
+) -> Iterator[dict[str, Any]]:
+    """Yield a feature for each label."""
+    matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
+    for label, pieces in groupby(polygons, key=lambda polygon: polygon.label):
+        yield feature(_placed(pieces, matrix), {"label": label, **place, **properties[label]})
 
 
 def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64]) -> list[list[list[list[float]]]]:

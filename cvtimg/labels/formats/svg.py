@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg._shared.svg import drawing as svg_drawing
 from cvtimg._shared.svg import hexadecimal, numbers
 from cvtimg.files.whole import StrPath, write_text
@@ -15,8 +16,10 @@ from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
-def write(path: StrPath, drawing: Drawing, overwrite: bool) -> None:
+def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     """Write the polygons of a drawing in its colors."""
+    check_that(f"{path}: {len(drawings)} pages", len(drawings) == 1, "be one, which .svg holds")
+    (drawing,) = drawings
     write_svg(path, drawing.polygons, drawing.colors, size=drawing.size, overwrite=overwrite)
 
 

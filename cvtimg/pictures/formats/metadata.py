@@ -19,6 +19,8 @@ from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
+    from cvtimg.pictures.formats.pixel_size import PixelSize
+
 _EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: Tags of the main EXIF directory that describe the image, not its file: description, make and model, software, date,
 #: artist, copyright, and the title, comment, author, keywords and subject of Windows.
@@ -63,6 +65,14 @@ class Metadata:
     geo: GeoTags = field(default_factory=dict)
     nodata: float | None = None
     scale: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of_size(cls, size: PixelSize | None) -> Metadata | None:
+        """Return the size of pixels for files that can tell it; None without one."""
+        if size is None:
+            return None
+        scale = size.scale()
+        return cls(dpi=dpi_of(scale), scale=scale)
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
