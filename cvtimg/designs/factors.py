@@ -207,6 +207,17 @@ def write_runs(path: StrPath, factors: Sequence[Factor], points: ArrayLike, *, o
     ------
     OSError
         If the file cannot be written, or exists and `overwrite` is false.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from cvtimg.designs import Factor, write_runs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     factors = [Factor("heat", 20, 90, unit="C"), Factor("alloy", levels=("A", "B"))]
+    ...     write_runs(f"{folder}/runs.csv", factors, [[20.5, 0.75]])
+    ...     Path(f"{folder}/runs.csv").read_text().split()
+    ['heat', '[C],alloy', '20.5,B']
     """
     columns = [factor.values(column) for factor, column in zip(factors, np.asarray(points).T, strict=True)]
     rows = [list(row) for row in zip(*columns, strict=True)]

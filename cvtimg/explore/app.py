@@ -32,6 +32,7 @@ _KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
+    ".png": "image/png",
 }
 _STATIC = Path(__file__).parent / "static"
 
@@ -154,7 +155,7 @@ class Server:
             return PlainTextResponse("this result is gone; change a setting to make it again", 404)
         try:
             named = await run_in_threadpool(outcome.file, request.path_params["output"])
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, ImportError) as error:
             return PlainTextResponse(str(error), 422)
         if named is None:
             return PlainTextResponse("there is no such file", 404)

@@ -38,7 +38,7 @@ class Call:
 
     def text(self, image: str = "image") -> str:
         """Write the call in Python."""
-        words = [image, *map(literal, self.arguments)]
+        words = [*([image] if image else []), *map(literal, self.arguments)]
         words += [f"{name}={literal(value)}" for name, value in self.keywords.items()]
         return f"cvtimg.{self.function}({', '.join(words)})"
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cvtimg.explore.controls import UnfitRequestError
 
-__all__ = ["Drawing", "Indexed", "Layer", "Pixels", "Window", "packed"]
+__all__ = ["Drawing", "Globe", "Indexed", "Layer", "Pixels", "Window", "packed"]
 
 
 class Window(NamedTuple):
@@ -112,7 +112,20 @@ class Drawing:
         return {"kind": "svg", "over": self.over}, [self.svg]
 
 
-Layer: TypeAlias = Indexed | Pixels | Drawing
+@dataclass(frozen=True, slots=True, eq=False)
+class Globe:
+    """Edges (E, 2) uint32 between (V, 3) float32 unit vectors, seen from any side."""
+
+    vertices: NDArray[np.float32]
+    edges: NDArray[np.uint32]
+
+    def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
+        """Return what describes the layer; globes are sent whole."""
+        about = {"kind": "globe", "corners": len(self.vertices)}
+        return about, [self.vertices.astype("<f4").tobytes(), self.edges.astype("<u4").tobytes()]
+
+
+Layer: TypeAlias = Indexed | Pixels | Drawing | Globe
 
 
 #: More columns and rows than any picture has.

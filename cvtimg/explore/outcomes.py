@@ -27,8 +27,8 @@ class Output:
 
     @property
     def key(self) -> str:
-        """The name of the output in addresses: option and suffix."""
-        return f"{self.option.strip('-')}{Path(self.pattern).suffix}"
+        """The name of the output in addresses: option and end of its name."""
+        return f"{self.option.strip('-')}.{self.pattern.partition('.')[2]}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,7 +80,7 @@ SPHERE = (
         "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids. "
         "Optional with --cell-width, whose widths it scales.",
         "--points -n",
-    ),
+    ).on_page("Points", slider=(12, 163842), log=True, least=12, most=163842, default=2562),
     Option(
         "cell_width",
         Text(),
@@ -88,7 +88,7 @@ SPHERE = (
         "widths: .nc with cellWidth, lat and lon, or an image, twice as wide as high.",
         metavar="KM|FILE",
         excludes=("density",),
-    ),
+    ).on_page("Width", slider=(60, 2000), log=True, least=60, most=5000, default=480, unit="km", suffix="km"),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
     Option(

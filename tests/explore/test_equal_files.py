@@ -14,7 +14,7 @@ from PIL import Image
 
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Switch, parse_settings
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Switch, Table, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.store import Store
@@ -29,6 +29,7 @@ BASE: dict[str, dict[str, Any]] = {
     "restore": {},
     "mesh": {"n": 60, "k": 2, "least": 40},
     "design": {"n": 12},
+    "sphere": {"n": 42, "cell_width": 3000},
 }
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
@@ -54,6 +55,11 @@ VALUES: dict[tuple[str, str], Any] = {
     ("mesh", "least"): 80,
     ("mesh", "n"): 80,
     ("mesh", "min_size"): 2.0,
+    ("sphere", "cell_width"): 2000,
+    ("sphere", "n"): 60,
+    ("sphere", "circles"): [[-20.5, 29, 30, 3], [100, -60, 20, 2]],
+    ("sphere", "circles_km"): [[-20.5, 29, 2500, 900]],
+    ("design", "axes"): [["heat", "20, 90"], ["rounds", "1, 4, integer"]],
 }
 
 
@@ -65,6 +71,8 @@ def variants(control: Control, tab: str) -> list[Any]:
         return [not control.default]
     if isinstance(control, Number):
         return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+    if isinstance(control, Table):
+        return [VALUES[tab, control.name]]
     return [["#00ff7f", "#102030"]] if isinstance(control, Colors) else []
 
 

@@ -219,7 +219,8 @@ def test_every_control_has_a_name_and_can_be_reached(tab: str, visit: Go) -> Non
     names = one.page.evaluate(
         "[...document.querySelectorAll('#controls [id^=c-]')].filter(i => !i.disabled).map(i => i.id)"
     )
-    assert {*(name for name in names if not name.endswith("-note")), "stage", "divider", "download"} <= visited
+    always = {"stage", "download", *([] if TABS[tab].sheet else ["divider"])}
+    assert {*(name for name in names if not name.endswith("-note")), *always} <= visited
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -397,3 +398,34 @@ def test_the_page_says_when_the_server_has_ended(chromium: Any, folder: Path) ->
         program.terminate()
         one.until("document.getElementById('problem').textContent.includes('has ended')")
         one.page.close()
+
+
+def test_a_click_on_the_globe_makes_cells_finer_there_and_a_drag_moves_them(visit: Go) -> None:
+    one = visit()
+    one.choose("sphere")
+    one.settled()
+    stage = one.page.locator("#stage").bounding_box()
+    middle = stage["x"] + stage["width"] / 2, stage["y"] + stage["height"] / 2
+    one.page.mouse.click(*middle)
+    one.settled()
+    assert "--refine 10,35,20,4 " in one.page.inner_text("#command")  # where the globe begins
+    one.page.mouse.move(*middle)
+    one.page.mouse.down()
+    one.page.mouse.move(middle[0] + 60, middle[1] + 80, steps=4)
+    one.page.mouse.up()
+    one.settled()
+    lon, lat, radius, ratio = map(float, one.page.inner_text("#command").split("--refine ")[1].split()[0].split(","))
+    assert (radius, ratio) == (20, 4)
+    assert 15 < lon < 30
+    assert 10 < lat < 30
+    one.page.mouse.click(middle[0] - 200, middle[1] - 100)
+    one.settled()
+    assert one.page.inner_text("#command").count("--refine") == 2
+    one.page.focus("#stage")
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "Enter"):
+        one.page.keyboard.press(key)
+    one.settled()
+    assert "--refine 20,40,20,4 " in one.page.inner_text("#command")
+    one.page.click("#undo")
+    one.settled()
+    assert one.page.inner_text("#command").count("--refine") == 2

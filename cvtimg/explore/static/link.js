@@ -64,6 +64,9 @@ function unpacked(buffer) {
 		reply.palette = new Uint32Array(buffer, start, reply.colors);
 		const Kind = {1: Uint8Array, 2: Uint16Array, 4: Uint32Array}[reply.size];
 		reply.indices = new Kind(buffer, start + 4 * reply.colors, reply.width * reply.height);
+	} else if (reply.kind === "globe") {
+		reply.vertices = new Float32Array(buffer, start, 3 * reply.corners);
+		reply.edges = new Uint32Array(buffer, start + 12 * reply.corners);
 	} else if (reply.kind === "pixels") reply.pixels = new Uint8ClampedArray(buffer, start);
 	else if (reply.kind === "svg") reply.svg = new Blob([new Uint8Array(buffer, start)], {type: "image/svg+xml"});
 	return reply;

@@ -1,7 +1,8 @@
 // The page: what is open, what is chosen, and what is shown of it.
 
-import {Controls, defaults, element} from "/controls.js";
+import {Controls, defaults, element, inEffect} from "/controls.js";
 import {Curve} from "/curve.js";
+import {Globe} from "/globe.js";
 import {Link, get, send} from "/link.js";
 import {Shades, hex} from "/shades.js";
 import {Viewer} from "/viewer.js";
@@ -18,9 +19,12 @@ const controls = new Controls($("controls"), change, file => openPalette(file));
 const shades = new Shades(index => { state.spot = index; repaint(); drawShades(); }, toggleLock);
 const curve = new Curve($("curve"), (k, live) => change("k", k, live, {aim: "k"}));
 const link = new Link(receive, lost, back);
+const globe = new Globe(viewer, () => { const {columns, name} = circles(); return {columns, rows: settings()[name]}; }, (rows, live) => change(circles().name, rows, live));
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
 const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
+const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
+const tools = {globe};
 const subject = () => sheet() ?? state.picture;
 
 // A server that is gone
@@ -65,8 +69,9 @@ async function found() {
 
 function change(name, value, live, more = {}) {
 	const now = performance.now();
-	if (recent.name !== name || now - recent.time > 1000) remember(); // a drag is one step back
-	recent = {name, time: now};
+	const goes = typeof value === "object" ? recent.live : now - recent.time < 1000;
+	if (recent.name !== name || !goes) remember(); // a drag is one step back
+	recent = {name, time: now, live};
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
 	if (name !== "seen") state.spot = shades.spot = -1;
 	if (name === "space" && state.tab === "colors") measure();
@@ -211,7 +216,7 @@ function look() {
 
 function repaint() {
 	if (!last) return;
-	const drawn = viewer.right.show(last, subject(), look(), before);
+	const drawn = last.kind === "globe" ? globe.show(last) : viewer.right.show(last, subject(), look(), before);
 	$("rightname").textContent = tab().title + (kept && $("against").value === "A" ? " (B)" : "");
 	return drawn;
 }
@@ -347,6 +352,9 @@ function lay() { // what the tab shows onto the stage: the picture, or a sheet o
 	$("stage").classList.toggle("empty", !size);
 	$("stage").classList.toggle("alone", Boolean(sheet()));
 	viewer.right.clear();
+	viewer.tool = tools[tab().tool] ?? null;
+	viewer.tool?.clear?.();
+	$("stage").ariaLabel = viewer.tool?.label ?? "Image: arrows move, plus and minus zoom";
 	if (!size) return;
 	viewer.size = size;
 	if (size.width !== width || size.height !== height) viewer.fit(); else viewer.place();

@@ -87,6 +87,8 @@ export class Viewer {
 		this.picked = picked;
 		this.cross = {x: 0, y: 0};
 		this.listen();
+		this.tool = null; // takes pointer and keys before the viewer does, and draws over the panes
+		this.overlay = $("overlay");
 		new ResizeObserver(() => this.place()).observe(this.stage);
 	}
 
@@ -122,6 +124,27 @@ export class Viewer {
 		$("zoom").textContent = (zoom < .1 ? (zoom * 100).toFixed(1) : Math.round(zoom * 100)) + " %";
 		$("cross").style.left = this.cross.x + "px";
 		$("cross").style.top = this.cross.y + "px";
+		this.drawTool();
+	}
+
+	drawTool() {
+		const {overlay, tool} = this, {width, height} = this.stage.getBoundingClientRect(), fine = devicePixelRatio;
+		overlay.hidden = !tool;
+		if (!tool) return;
+		const context = overlay.getContext("2d"), size = [Math.round(width * fine), Math.round(height * fine)];
+		if (overlay.width !== size[0] || overlay.height !== size[1]) [overlay.width, overlay.height] = size;
+		context.setTransform(fine, 0, 0, fine, 0, 0);
+		context.clearRect(0, 0, width, height);
+		const box = this.box();
+		for (let left = 0; left < width - 1; left += box.width) { // once for each pane
+			context.save();
+			context.beginPath();
+			context.rect(left, 0, box.width, height);
+			context.clip();
+			context.translate(left, 0);
+			tool.draw(context, box.width, height);
+			context.restore();
+		}
 	}
 
 	visible() { // the part of the picture that is seen: left, top, right, bottom
@@ -168,15 +191,17 @@ export class Viewer {
 
 	listen() {
 		const fingers = new Map();
-		let travelled = 0, apart = 0;
+		let travelled = 0, apart = 0, taken = false;
 		this.stage.addEventListener("pointerdown", event => {
 			if (!this.size || event.target.closest("#divider")) return;
 			this.stage.setPointerCapture(event.pointerId);
 			fingers.set(event.pointerId, event);
 			travelled = 0;
+			if (fingers.size === 1 && event.button === 0) taken = Boolean(this.tool?.down?.(...this.at(event), event));
 		});
 		this.stage.addEventListener("pointermove", event => {
 			const before = fingers.get(event.pointerId);
+			if (!before || (taken && fingers.size === 1)) this.tool?.move?.(...this.at(event), event);
 			if (!before) return;
 			fingers.set(event.pointerId, event);
 			travelled += Math.hypot(event.clientX - before.clientX, event.clientY - before.clientY);
@@ -185,13 +210,14 @@ export class Viewer {
 				const [px, py] = this.at({clientX: (a.clientX + b.clientX) / 2, clientY: (a.clientY + b.clientY) / 2});
 				if (apart) this.zoomTo(this.view.zoom * now / apart, px, py);
 				apart = now;
-			} else this.pan(event.clientX - before.clientX, event.clientY - before.clientY);
+			} else if (!taken) this.pan(event.clientX - before.clientX, event.clientY - before.clientY);
 		});
 		const end = event => {
 			if (fingers.delete(event.pointerId) && event.type === "pointerup" && travelled < 4 && this.picking) {
 				const pixel = this.pixelAt(...this.at(event));
 				if (pixel) this.picked(pixel);
 			}
+			if (taken && !fingers.size) { taken = false; this.tool?.up?.(...this.at(event), event); }
 			apart = 0;
 		};
 		this.stage.addEventListener("pointerup", end);
@@ -215,6 +241,7 @@ export class Viewer {
 		});
 		this.stage.addEventListener("keydown", event => {
 			if (!this.size || event.ctrlKey || event.metaKey) return;
+			if (this.tool?.key?.(event)) { event.preventDefault(); return; }
 			const far = event.shiftKey ? (this.picking ? 10 : 200) : this.picking ? 1 : 50;
 			const way = {ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]}[event.key];
 			if (way && this.picking) {

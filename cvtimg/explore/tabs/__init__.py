@@ -7,6 +7,7 @@ from cvtimg.explore.tabs.mesh_tab import MeshTab
 from cvtimg.explore.tabs.mosaic_tab import MosaicTab
 from cvtimg.explore.tabs.restore_tab import RestoreTab
 from cvtimg.explore.tabs.segments_tab import SegmentsTab
+from cvtimg.explore.tabs.sphere_tab import SphereTab
 from cvtimg.explore.tabs.stipple_tab import StippleTab
 
 __all__ = ["TABS"]
@@ -14,5 +15,14 @@ __all__ = ["TABS"]
 #: All tabs by name, in the order of the page.
 TABS: dict[str, Tab] = {
     tab.name: tab
-    for tab in (ColorsTab(), SegmentsTab(), StippleTab(), MosaicTab(), RestoreTab(), MeshTab(), DesignTab())
+    for tab in (
+        ColorsTab(),
+        SegmentsTab(),
+        StippleTab(),
+        MosaicTab(),
+        RestoreTab(),
+        MeshTab(),
+        SphereTab(),
+        DesignTab(),
+    )
 }

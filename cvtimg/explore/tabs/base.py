@@ -73,6 +73,7 @@ class Tab:
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
+    tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python that make the result."""
@@ -110,7 +111,7 @@ class Tab:
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the tab."""
-        about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet}
+        about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
         return {**about, "controls": [control.described() for control in self.controls]}
 
 

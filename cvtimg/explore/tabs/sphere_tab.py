@@ -1,0 +1,146 @@
+"""Sphere: grids of the globe, seen on a globe that turns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cvtimg.explore.calls import Call, Named
+from cvtimg.explore.controls import Choice, Control, Number, Settings, Table, UnfitRequestError, controls_of
+from cvtimg.explore.layers import Globe
+from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle
+
+#: Points that the page shows at most, and those of a draft.
+_MOST, _DRAFT = 163_842, 2562
+_FILES = {
+    ".nc": "MPAS mesh (.nc)",
+    ".ugrid.nc": "UGRID (.ugrid.nc)",
+    ".scrip.nc": "SCRIP (.scrip.nc)",
+    ".graph.info": "Graph for METIS (.graph.info)",
+    ".vtu": "VTK (.vtu)",
+    ".geojson": "Cells, GeoJSON",
+    ".csv": "Points, CSV",
+}
+
+
+def _column(name: str, label: str, default: float, low: float, high: float, unit: str, suffix: str = "") -> Number:
+    return Number(name=name, label=label, default=default, low=low, high=high, step=0.01, unit=unit, suffix=suffix)
+
+
+_CENTER = (_column("lon", "Lon", 0.0, -180, 180, "°"), _column("lat", "Lat", 0.0, -90, 90, "°"))
+_CIRCLES: dict[str, Any] = {
+    "label": "Finer in",
+    "flag": "--refine",
+    "adds": "Add a circle",
+    "about": "Click the globe to add a circle; drag its middle to move it, its rim to resize it.",
+}
+
+
+class SphereTab(Tab):
+    """Grids of the globe."""
+
+    name = "sphere"
+    title = "Sphere"
+    about = "Cells of equal or chosen size on the globe, for models of oceans and atmospheres. Needs no image."
+    verb = "sphere"
+    sheet = (1000, 1000)
+    tool = "globe"
+    controls: ClassVar[tuple[Control, ...]] = controls_of(
+        "sphere",
+        Choice(name="by", label="Sizes by", default="n", choices={"n": "number of points", "width": "width of cells"}),
+        ("number", {"name": "n", "when": {"by": ["n"]}}),
+        ("cell_width", {"when": {"by": ["width"]}}),
+        Table(
+            name="circles",
+            columns=(
+                *_CENTER,
+                _column("radius", "Radius", 20.0, 0.1, 179, "°"),
+                _column("ratio", "Times finer", 4, 1, 16, ""),
+            ),
+            when={"by": ["n"]},
+            **_CIRCLES,
+        ),
+        Table(
+            name="circles_km",
+            columns=(
+                *_CENTER,
+                _column("radius", "Radius", 2000.0, 10, 20_000, "km", "km"),
+                _column("width", "Width", 240.0, 5, 5000, "km", "km"),
+            ),
+            when={"by": ["width"]},
+            **_CIRCLES,
+        ),
+        "effort",
+    )
+
+    def outputs(self, request: Request) -> Sequence[Output]:
+        """Return the formats of grids."""
+        return [Output(label, "-o", f"globe{suffix}", saved, SAVED) for suffix, label in _FILES.items()]
+
+    def recipe(self, request: Request) -> Recipe:
+        """Return the command and the lines of Python."""
+        settings = request.settings
+        text = self._call(settings).text(str(settings["n"]) if settings["by"] == "n" else "")
+        lines = f"import cvtimg\n\nresult = {text}"
+        return Recipe(self.words(request), lines, for_many=False)
+
+    def _call(self, settings: Settings) -> Call:
+        keywords = {} if settings["effort"] == "balanced" else {"effort": settings["effort"]}
+        if density := _density(settings):
+            keywords["density"] = density
+        return Call("sphere_grid", (), keywords)
+
+    def draft(self, request: Request) -> Outcome | None:
+        """Place fewer points, quickly."""
+        settings = {**request.settings, "effort": "fast"}
+        return self._outcome(settings, min(_n_points(settings), _DRAFT))
+
+    def exact(self, request: Request) -> Outcome:
+        """Place the points."""
+        return self._outcome(request.settings, _n_points(request.settings), self.outputs(request))
+
+    def _outcome(self, settings: Settings, n_points: int, outputs: Sequence[Output] = ()) -> Outcome:
+        result: SphereGrid = self._call(settings).run(n_points)
+        cells, measures, widths = result.cells(), result.measures(), result.widths()
+        if outputs:
+            obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"
+            about = f"Least angle {measures.least_angle:.1f}°, {obtuse}. "
+        else:
+            about = ""
+        low, middle, high = np.quantile(widths, (0, 0.5, 1)).tolist()
+        facts = {
+            "k": n_points,
+            "noun": "cells",
+            "about": f"{about}Widths {low:.0f} to {high:.0f} km, median {middle:.0f}.",
+        }
+        ends = np.stack([cells.corners, np.roll(cells.corners, -1)], axis=1)
+        ends[cells.offsets[1:] - 1, 1] = cells.corners[cells.offsets[:-1]]
+        once = ends[ends[:, 0] < ends[:, 1]]  # each edge belongs to two cells, which walk it in opposite ways
+        return Outcome(result, Globe(cells.vertices.astype(np.float32), once.astype(np.uint32)), facts, outputs)
+
+
+def _density(settings: Settings) -> Any:
+    """Return what says how cells vary, written in Python; None for cells of one size."""
+    if settings["by"] == "width":
+        circles = [WidthCircle(*row) for row in settings["circles_km"]]
+        text = "".join(f", [{', '.join(f'cvtimg.sphere.{one!r}' for one in circles)}]" if circles else "")
+        return Named(
+            f"cvtimg.sphere.CellWidth({settings['cell_width']}{text})", CellWidth(settings["cell_width"], circles)
+        )
+    finer = [Refinement(*row) for row in settings["circles"]]
+    return Named(f"[{', '.join(f'cvtimg.sphere.{one!r}' for one in finer)}]", finer) if finer else None
+
+
+def _n_points(settings: Settings) -> int:
+    if settings["by"] == "n":
+        return int(settings["n"])
+    n_points: int = _density(settings).value.n_points
+    if n_points > _MOST:
+        raise UnfitRequestError(
+            f"these widths take {n_points:,} points; the page shows up to {_MOST:,}, the command line makes more"
+        )
+    return n_points
