@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
+
+from cvtimg._shared.progress import tell
 
 #: Receives the number of the step and the energy before it; returns True to stop.
 Callback = Callable[[int, float], bool | None]
@@ -30,6 +33,16 @@ class Stopping:
         if energies[-1] == 0:
             return True
         return len(energies) > 1 and energies[-2] - energies[-1] <= self.tolerance * energies[-2]
+
+    def share(self, energies: list[float]) -> float:
+        """Estimate how far the iteration is: by its steps, or by how much less than the first the last one changed."""
+        by_steps = (len(energies) - 1) / max(self.max_iterations, 1)
+        if len(energies) < 3 or self.tolerance == 0:
+            return by_steps
+        first, last = (1 - energies[at] / energies[at - 1] if energies[at - 1] else 0.0 for at in (1, -1))
+        if not self.tolerance < last < first:
+            return by_steps
+        return max(by_steps, math.log(first / last) / math.log(first / self.tolerance))
 
 
 class Watch:
@@ -79,3 +92,4 @@ def iterate(
         if after is None:
             return History(energies, True)
         energies.append(after)
+        tell(stopping.share(energies))

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import each, part
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_in_picture
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
@@ -55,6 +56,9 @@ _PEN_MOVES, _CORRECTED, _TO_ALL = 20, 4, 0.5
 #: Moves of dots to the centers of the ink of their cells at the end; and where those of other pens are in the way.
 _LAST_MOVES = {"equal": 1, "equal-mass": 5, "sized": 2}
 _LAST_MOVES_APART = {"equal": 0, "equal-mass": 1, "sized": 0}
+#: Parts of the time: until dots are balanced, until those of pens are placed, until all but the last moves are made.
+_PLACED, _OF_PENS = 0.3, 0.5
+_SPREAD = {"equal": 0.9, "equal-mass": 0.3, "sized": 0.9}
 #: Steps of the tones that sizes of dots are told by, and of the search for how they grow.
 _TONES, _HALVINGS = 1024, 40
 
@@ -68,7 +72,7 @@ def share_equally(moments: PixelMoments, points: Floats, n_moves: int) -> tuple[
     weights = np.zeros(len(points))
     if len(points) == 1:
         return points, weights
-    for _ in range(n_moves):
+    for _ in each(range(n_moves)):
         points = moments(points, _balanced(moments, points, np.zeros(len(points)))).centroids
     for _ in range(_LAST_STEPS):
         weights = _balanced(moments, points, weights)
@@ -155,7 +159,7 @@ def balance_tones(amount: Floats32, points: Floats) -> Floats:
     """
     amounts = picture_moments(amount, len(points))
     density = amount * amount
-    for _ in range(_ROUNDS):
+    for _ in each(range(_ROUNDS)):
         density *= corrections(amounts, points)
         moments = picture_moments(density, len(points))
         terms = Terms(Stopping(0.0, _MOVES), project=WhereMassIs(moments))
@@ -200,7 +204,7 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
     into_ink = {pen: WhereMassIs(of_amount[pen]) for pen in used}
     size = np.array(together.shape[::-1])
     ends = np.cumsum([len(placed[pen]) for pen in used])[:-1]
-    for move in range(1, _PEN_MOVES + 1):
+    for move in each(range(1, _PEN_MOVES + 1)):
         centers = np.split(of_all(np.concatenate([placed[pen] for pen in used])).centroids, ends)
         for pen, center in zip(used, centers, strict=True):
             if move % _CORRECTED == 0 and move < _PEN_MOVES:
@@ -229,10 +233,11 @@ def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float,
     Dots are "equal", of one size where the density tells; "equal-mass", of one size with cells of one mass; or "sized",
     each as large as its mass, with radii in a range if one is given.
     """
-    points = _spread_dots(
-        _amount(ink, n_dots, radius_range), n_dots, balanced=dots != "sized" or radius_range is not None
-    )
-    return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
+    amount = _amount(ink, n_dots, radius_range)
+    with part(0, _SPREAD[dots]):
+        points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
+    with part(_SPREAD[dots], 1):
+        return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
 
 
 def place_pens(
@@ -240,8 +245,10 @@ def place_pens(
 ) -> list[DotLayer]:
     """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
     amounts = [_amount(ink, count, radius_range) for ink, count in zip(inks, counts, strict=True)]
-    placed = [_spread_dots(amount, count, balanced=True) for amount, count in zip(amounts, counts, strict=True)]
-    apart = keep_apart(amounts, placed)
+    with part(0, _OF_PENS):
+        placed = [_spread_dots(*pen, balanced=True) for pen in each(list(zip(amounts, counts, strict=True)))]
+    with part(_OF_PENS, 1):
+        apart = keep_apart(amounts, placed)
     moves = _LAST_MOVES_APART[dots]
     return [_finished(ink, points, dots, radius_range, moves) for ink, points in zip(inks, apart, strict=True)]
 
@@ -257,8 +264,12 @@ def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
     if n_dots == 0:
         return np.empty((0, 2))
     # In a tessellation of density rho there are rho^(1/2) dots in an area.
-    points = place_in_picture(amount * amount, n_dots, effort="fast").points
-    return balance_tones(amount, points) if balanced else points
+    with part(0, _PLACED if balanced else 1):
+        points = place_in_picture(amount * amount, n_dots, effort="fast").points
+    if not balanced:
+        return points
+    with part(_PLACED, 1):
+        return balance_tones(amount, points)
 
 
 def _finished(

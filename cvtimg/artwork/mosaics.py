@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
 from cvtimg.artwork._artwork import label_triangles
@@ -52,6 +53,8 @@ _STEPS = {"fast": 25, "balanced": 80, "best": 480}
 #: may all begin on one edge; they try a nearly uniform start as well.
 _UNIFORM = {"cells": (0.05, 10.0), "triangles": (0.02, 10.0)}
 _FEW = 64
+#: Part of the time until the descent starts.
+_STARTED = 0.2
 #: Largest value of floating point images.
 _LARGEST = 1e15
 SHAPES = tuple(_UNIFORM)
@@ -334,7 +337,7 @@ def mosaic(
     bands, has_alpha = _bands(samples, space)
     ends = [
         _descended(bands, n_cells, shape, uniform, _STEPS[effort], callback or (lambda step, energy: None))
-        for uniform in _UNIFORM[shape][: 2 if n_cells <= _FEW else 1]
+        for uniform in each(_UNIFORM[shape][: 2 if n_cells <= _FEW else 1])
     ]
     tiling, points, energies = min(ends, key=lambda end: min(end[2]))
     painted = paint(bands, tiling.labels(points), tiling.n_tiles())
@@ -359,16 +362,21 @@ def _descended(
     on_step: Callable[[int, float], None],
 ) -> tuple[Tiling, NDArray[np.float64], list[float]]:
     """Start from the detail of the image and a uniform share, and descend."""
+    with part(0, _STARTED):
+        tiling, points = _started(bands, n_cells, shape, uniform)
+    with part(_STARTED, 1):
+        return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
+
+
+def _started(
+    bands: NDArray[np.float32], n_cells: int, shape: str, uniform: float
+) -> tuple[Tiling, NDArray[np.float64]]:
     density = detail_density(bands, n_cells, uniform)
     size = (bands.shape[0], bands.shape[1])
-    tiling: Tiling
     if shape == "cells":
-        points = place_in_picture(density, n_cells, effort="fast").points
-        tiling = VoronoiTiling(size, n_cells)
-    else:
-        points = place_corners(density, n_cells)
-        tiling = DelaunayTiling(size, points)
-    return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
+        return VoronoiTiling(size, n_cells), place_in_picture(density, n_cells, effort="fast").points
+    points = place_corners(density, n_cells)
+    return DelaunayTiling(size, points), points
 
 
 def _bands(samples: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.float32], bool]:

@@ -15,6 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork import _artwork
@@ -315,6 +316,7 @@ def descend_error(
         painted = paint(image, tiling.labels(points), tiling.n_tiles())
         energies.append(painted.energy)
         on_step(step, painted.energy)
+        tell(step / n_steps)
         if painted.energy < least:
             best, least = points, painted.energy
         if step == n_steps or painted.energy == 0:

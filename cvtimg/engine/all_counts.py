@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from cvtimg._shared.progress import each, part
 from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
@@ -27,6 +28,8 @@ _LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, from generators found with fewer.
 _LAST = Stopping(tolerance=0, max_iterations=1)
+#: Part of the time for fewer points.
+_FEWER = 0.7
 
 
 def chain(
@@ -36,7 +39,9 @@ def chain(
     # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
     # better end kept.
     ends: list[Iteration] = []
-    for found in _over_fewer(points, n_max, method, conditions):
+    with part(0, _FEWER if effort is None else 0.0):
+        links = _over_fewer(points, n_max, method, conditions)
+    for found in each(links):
         end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)
         if effort is not None:
             alone = _measured(points, _alone(points, len(found.generators), method, conditions, effort), conditions)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import part
 from cvtimg.engine.methods import Conditions, Iterate, Iteration, Stopping
 from cvtimg.engine.methods.breathing import breathe
 from cvtimg.engine.points import Points, coarsen, thin
@@ -81,7 +82,8 @@ def search(
         seeding = SEEDINGS["random" if ends else init]
         try:
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            ends.append(breathe(some, initial, descend, conditions.until(_SEARCHING), effort.breaths))
+            with part(len(ends) / n_starts, (len(ends) + 1) / n_starts):
+                ends.append(breathe(some, initial, descend, conditions.until(_SEARCHING), effort.breaths))
         except TooFewSamplesError:
             if some is points:
                 raise

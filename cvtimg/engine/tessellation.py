@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
     check_rows,
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
+from cvtimg._shared.progress import part
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.block_descent import (
@@ -43,6 +44,9 @@ from cvtimg.engine.samples import WeightedSamples, pack_in_order
 from cvtimg.engine.search import EFFORTS, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
 from cvtimg.files.whole import StrPath
+
+#: Part of the time that the search over fewer points takes.
+_SEARCHED = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,7 +193,10 @@ def tessellate(
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
     points, order = _points(samples, density, n_generators)
     descent = _Descent(points, asked)
-    end = descent.method.iterate(points, descent.start(settings), descent.conditions)
+    with part(0, _SEARCHED):
+        start = descent.start(settings)
+    with part(_SEARCHED, 1):
+        end = descent.method.iterate(points, start, descent.conditions)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)

@@ -20,6 +20,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.progress import watched
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome
@@ -29,6 +30,8 @@ from cvtimg.explore.tabs.base import Request
 
 __all__ = ["Channel"]
 
+#: Seconds between messages of how far a search is.
+_PATIENCE = 0.2
 #: Pixels that are sent at most of a result.
 EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 16
@@ -46,6 +49,7 @@ class Work(Generic[T]):
 
     def __init__(self, function: Callable[[], T]) -> None:
         self._loop = asyncio.get_running_loop()
+        self.share = 0.0  # how much of it is done
         self.result: asyncio.Future[T] = self._loop.create_future()
         self._lock, self._runs = Lock(), True
         self._thread = Thread(target=self._run, args=(function,), daemon=True)
@@ -63,7 +67,8 @@ class Work(Generic[T]):
     def _run(self, function: Callable[[], T]) -> None:
         with suppress(OvertakenError):
             try:
-                value = function()
+                with watched(self._done):
+                    value = function()
             except OvertakenError:
                 raise
             except Exception as error:
@@ -72,6 +77,9 @@ class Work(Generic[T]):
                 self._report(self.result.set_result, value)
             with self._lock:
                 self._runs = False
+
+    def _done(self, share: float) -> None:
+        self.share = share
 
     def _report(self, tell: Callable[[Any], None], what: Any) -> None:
         def first() -> None:
@@ -197,6 +205,7 @@ class Channel:
         work = Work(answered)
         if lane == "exact":
             self._search = work
+            await self._tell_shares(number, work)
         reply, outcome, key = await work.result
         if outcome is None:
             await self._socket.send_text(key)
@@ -206,6 +215,14 @@ class Channel:
             job = asyncio.create_task(self._weigh(number, outcome))
             self._weighing.add(job)
             job.add_done_callback(self._weighing.discard)
+
+    async def _tell_shares(self, number: int, work: Work[Any]) -> None:
+        """Tell how far a search is until it ends."""
+        told = 0.0
+        while not (await asyncio.wait([work.result], timeout=_PATIENCE))[0]:
+            if work.share > told:
+                told = work.share
+                await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "share": round(told, 3)}))
 
     async def _weigh(self, number: int, outcome: Outcome) -> None:
         """Tell the size of the main file of a result."""

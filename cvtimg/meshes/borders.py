@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
+from cvtimg._shared.progress import first_few
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, divided, divided_steps, turns_of
@@ -55,7 +56,7 @@ def place_on_borders(
     ValueError
         If edges cross however short they are.
     """
-    for round_ in range(_ROUNDS):
+    for round_ in first_few(range(_ROUNDS)):
         borders, lines = _spaced(outline, field, share)
         if len(borders.points) > most:
             return borders, field

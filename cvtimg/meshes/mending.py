@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import each
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
@@ -37,7 +38,7 @@ def mend(
     `grade` from there.
     """
     best, least, since = mesh, _badness(mesh), 0
-    for _ in range(rounds):
+    for _ in each(range(rounds)):
         ends = mesh.border_edges()
         split, added, radii = _refined(mesh, ends, shortest)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)

@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
     refuse,
 )
 from cvtimg._shared.extras import optional
+from cvtimg._shared.progress import each, first_few, part, tell
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
@@ -68,6 +69,11 @@ EFFORTS: dict[str, MeshEffort] = {
     "balanced": MeshEffort(15, 1e-3, 2, 4, 10),
     "best": MeshEffort(300, 1e-4, 5, 24, 20),
 }
+#: Part of the time of the best effort until vertices move with the balanced one.
+_BEST = 0.75
+#: Parts of the time until vertices are on borders, which takes longer if they are to be of a number, all are placed,
+#: have moved, and edges are even.
+_ON_BORDERS, _PLACED, _RELAXED, _EVEN = (0.2, 0.5), 0.5, 0.6, 0.7
 #: How vertices come to the boundary.
 BOUNDARIES = ("placed", "projected")
 #: Logarithm of the ratio of metrics from which on sizes vary.
@@ -288,10 +294,13 @@ def _mesh(
     random = np.random.default_rng(rng)
     outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
     meshes: list[Mesh] = []
-    for trial in range(settings.trials):
-        meshes += _made(outline, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
+    is_small = wanted.n is not None and wanted.n <= _SMALL  # else there is one trial, or it is short
+    for trial in each(range(settings.trials)) if is_small else range(settings.trials):
+        with part(0, 1 if is_small or effort != "best" else _BEST):
+            meshes += _made(outline, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
         if len(meshes) == 1 and effort == "best":  # where sizes vary, more moves are not always better
-            meshes += _made(outline, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
+            with part(_BEST, 1):
+                meshes += _made(outline, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
             return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
         if len(meshes) == 1:
             return meshes[0]
@@ -305,17 +314,21 @@ def _made(
 
     Small meshes of one size are returned as they are before edges are even, too.
     """
-    borders, field = _borders(outline, wanted, alone, share)
+    with part(0, _ON_BORDERS[wanted.n is not None]):
+        borders, field = _borders(outline, wanted, alone, share)
     n = wanted.n if wanted.n is not None else _number(borders, field)
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = PlaneTriangulation.constrained(borders, inner)
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
     is_tried = field.isotropic and not varies and n <= _SMALL
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
-    relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
+    with part(_PLACED, _RELAXED if field.isotropic else 1):
+        relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
     made: list[Mesh] = []
     if field.isotropic:
-        for sweep in range(settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))):
+        n_sweeps = settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))
+        for sweep in range(n_sweeps):
+            tell(_RELAXED + (_EVEN - _RELAXED) * sweep / n_sweeps)
             if is_tried and sweep in _CANDIDATES:
                 made.append(_result(mesh, relaxed, wanted.n))
             mesh.even(field.metric(mesh.points))
@@ -329,7 +342,8 @@ def _made(
         shortest = 0.0 if outline.mask is None else _SHORTEST
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         rounds = settings.mends if np.isscalar(wanted.size) else 0
-        mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
+        with part(_EVEN, 1):
+            mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
     return [*made, _result(mesh, relaxed, wanted.n)]
 
 
@@ -382,7 +396,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
             "sizes", fits, f"ask for at most {_MOST_VERTICES} vertices, which memory holds, not {start.count:.3g}"
         )
     factor, grade, before = 1.0, wanted.grade, np.inf
-    for _ in range(_ROUNDS):
+    for _ in first_few(range(_ROUNDS), 0.5):
         field = start.scaled(factor).limited(grade, wanted.least)
         borders, field = place_on_borders(outline, field, grade, wanted.least, share, _TOO_MANY * most)
         borders, field = _with_alone(borders, field, alone, grade)
@@ -400,7 +414,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
             grade = min(grade * _STEEPER, max(grade, _STEEPEST))
         before = ratio
     # The coarsest first: where the border needs too many by any sizes, that is known at once.
-    for coarser in (_COARSER[-1], *_COARSER) if len(borders.points) > most else ():
+    for coarser in first_few((_COARSER[-1], *_COARSER) if len(borders.points) > most else ()):
         field = start.scaled(coarser * factor)
         borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most)
         borders, field = _with_alone(borders, field, alone, _STEEPEST)

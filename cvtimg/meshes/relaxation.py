@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import tell
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.descent import StepMemory
 
@@ -70,6 +71,7 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
             memory.learn(done, there.masses(at.steps - there.steps))
         at = there
         energies.append(at.energy)
+        tell((len(energies) - 1) / most)
         rested = bool((_lengths(at.steps) <= tolerance * at.sizes).all())
     return Relaxed(tuple(energies), rested)
 

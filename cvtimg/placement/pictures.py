@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_picture_density, check_places
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Stopping, Watch
+from cvtimg._shared.progress import part
 from cvtimg.placement import _placement
 from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
@@ -22,6 +23,8 @@ from cvtimg.placement.result import Placement
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 #: A coarser level is worth its time from so many generators on.
 _WORTH_A_LEVEL = 1000
+#: Part of the time that coarser levels take together.
+_COARSE = 0.3
 #: Children of a generator: offsets from it, as parts of the distance to its nearest neighbor.
 _CHILDREN = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6
 
@@ -182,14 +185,19 @@ def place_by_levels(
         if not coarser or n_free < _WORTH_A_LEVEL:
             return along_hilbert_curve(cells.density, n_free, rng) / cells.scale
         coarse = cells.halved()
-        end = descend(coarse, start(coarse, -(-n_free // 4), coarser[:-1]), coarser[-1])
+        with part(0, _COARSE):
+            first = start(coarse, -(-n_free // 4), coarser[:-1])
+        with part(_COARSE, 1):
+            end = descend(coarse, first, coarser[-1])
         height, width = cells.density.shape
         split = split_generators(end.generators[len(fixed) :], n_free)
         return np.clip(split, 0, np.array([width, height]) / cells.scale)
 
     project = WhereMassIs(moments)
-    free = start(moments, n_generators - len(fixed), effort.coarse)
-    return descend(moments, project(free, free), effort.in_picture, project)
+    with part(0, _COARSE):
+        free = start(moments, n_generators - len(fixed), effort.coarse)
+    with part(_COARSE, 1):
+        return descend(moments, project(free, free), effort.in_picture, project)
 
 
 class WhereMassIs:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_alone, check_choice, check_given, check_in_range, check_non_negative, refuse
 from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
+from cvtimg._shared.progress import part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
 from cvtimg.looks.rate import USUAL, Rate
@@ -23,6 +24,10 @@ from cvtimg.quantization.remapping import MAX_COLORS
 
 #: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
 _FIRST_TRIAL = 32
+#: Parts of the time until palettes are found, without dithering and with it.
+_FOUND = (0.7, 0.2)
+#: What is left of a search after each trial, as a guess: how many there will be is not known.
+_LEFT = 0.75
 _DECIBEL = 2.0
 #: Halvings of the range of prices of bits, or of colors; the last saves a few percent of the file.
 _HALVINGS = 5
@@ -113,7 +118,9 @@ class Source(Protocol[R_co]):
 def quantized(source: Source[R], how: QuantizeOptions) -> R:
     """Quantize pixels with a number of colors, a palette, or the fewest colors of a quality."""
     if how.palette is not None or how.psnr is None:
-        return source.mapped([*map(finder(how), source.counted)], how)
+        with part(0, _FOUND[how.dither is not None]):
+            palettes = [*map(finder(how), source.counted)]
+        return source.mapped(palettes, how)
     results = Search(source, how, lambda result: result.psnr, _DECIBEL).reach(how.psnr, how.n_colors or MAX_COLORS)
     if True not in results:
         best = results[False]
@@ -193,13 +200,16 @@ class Search(Generic[R]):
         # what `quantize` returns for its size: starting from another trial would end at a higher energy.
         least = max(fixed_colors(one, self.how.locked)[2] for one in self.source.counted)
         check_room(most, least)
-        n = _FIRST_TRIAL
+        n, left = _FIRST_TRIAL, 1.0
         for effort in dict.fromkeys(["fast", self.how.engine.get("effort", "balanced")]):
             results: dict[bool, R] = {}
 
             def measure(n: int, effort: EffortName = effort, results: dict[bool, R] = results) -> float:
+                nonlocal left
                 engine = EngineOptions(**{**self.how.engine, "effort": effort})
-                result = quantized(self.source, replace(self.how, n_colors=n, psnr=None, engine=engine))
+                with part(1 - left, 1 - _LEFT * left):
+                    result = quantized(self.source, replace(self.how, n_colors=n, psnr=None, engine=engine))
+                left *= _LEFT
                 reached = self.value(result)
                 results[reached >= target] = result
                 return reached

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
+from cvtimg._shared.progress import each, part
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
@@ -81,6 +82,8 @@ _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, 
 _AUTO_KINDS = 32
 #: How often the size is halved to find low frequencies, and the shortest side of a size.
 _HALVINGS, _SHORTEST = 2, 32
+#: Part of the time that an image takes of that for it and for half its size, which has a quarter of the pixels.
+_FULL_SIZE = 0.78
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
 #: Longest side, in pixels, of the blocks in which patches are grouped.
@@ -117,8 +120,8 @@ def denoise_versions(
     estimate: Floats = gaussian_filter(fused, (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
-    with threadpool_limits(1, user_api="blas"):
-        for number, largest in enumerate(passes):
+    with threadpool_limits(1, user_api="blas"), part(0, _FULL_SIZE):
+        for number, largest in each(list(enumerate(passes))):
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)
                 fused, weight = fuse(kept, trust)
@@ -131,6 +134,7 @@ def denoise_versions(
             kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
+    with threadpool_limits(1, user_api="blas"), part(_FULL_SIZE, 1):
         lower = _with_low_frequencies(done.image, noisy, axes, passes, n_generators, _HALVINGS, rng)
         estimate = axes.back(lower)
     labels = done.labels + 1
@@ -153,11 +157,13 @@ def _with_low_frequencies(
     if n_halvings == 0 or min(image.shape[:2]) < 2 * _SHORTEST:
         return image
     half = halved(noisy)
-    for number, largest in enumerate(passes):
-        kinds = Kinds.of(axes.looks(half.estimate), n_generators, rng)
-        coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0).image
-        half = replace(half, estimate=with_border(coarse))
-    coarse = _with_low_frequencies(coarse, half, axes, passes, n_generators, n_halvings - 1, rng)
+    with part(0, _FULL_SIZE):
+        for number, largest in each(list(enumerate(passes))):
+            kinds = Kinds.of(axes.looks(half.estimate), n_generators, rng)
+            coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0).image
+            half = replace(half, estimate=with_border(coarse))
+    with part(_FULL_SIZE, 1):
+        coarse = _with_low_frequencies(coarse, half, axes, passes, n_generators, n_halvings - 1, rng)
     return with_low_frequencies(image, coarse, noisy.usual_variance)
 
 
@@ -176,7 +182,7 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
             blocks.append(PatchBlock(rows, columns, groups))
             labels[rows, columns] = own.reshape(labels[rows, columns].shape)
             energy += float(apart.sum(dtype=np.float64))
-    images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in axes.slices]
+    images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in each(axes.slices)]
     return Detailed(np.concatenate(images, axis=2), labels, energy)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
@@ -83,13 +84,13 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
     usual = noisy.usual_variance
     # The filters of a large image are made again for each round: together they would fill the memory.
     kept = [_Filtering.of(noisy.part(block), block, from_estimate, usual) for block in blocks[: len(blocks) == 1]]
-    for _ in range(_ROUNDS):
+    for _ in each(range(_ROUNDS)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
         change = noisy.precision[:, :, None] * (noisy.values - estimate)
         total = np.zeros_like(estimate)
         weight = np.zeros_like(noisy.precision)
-        for block in blocks:
+        for block in each(blocks):
             filtering = kept[0] if kept else _Filtering.of(noisy.part(block), block, from_estimate, usual)
             filtering.add(estimate, change, total, weight)
         inner = slice(REACH, -REACH)

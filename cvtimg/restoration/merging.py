@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import white_of
+from cvtimg._shared.progress import each
 from cvtimg.colors.spaces import to_space
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
@@ -82,8 +83,10 @@ class _Search:
         """Find the segments of lowest energy; `cost` is the edge weight in 8-bit levels."""
         values, weights = self.data.values, self.data.weights(self.trust)
         values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # so that float32 is precise enough
-        starts = (self._start(blur, n_generators, how.effort) for blur in _BLURS[how.effort])
-        ends = (self._settle(values, weights, start, n_generators) for start in starts)
+        ends = (
+            self._settle(values, weights, self._start(blur, n_generators, how.effort), n_generators)
+            for blur in each(_BLURS[how.effort])
+        )
         end = min(ends, key=lambda end: end.energies[-1])
         generators, masses = measured(self.versions, self.trust, end.labels, n_generators)
 

@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.choices import AlignName, AutoEffortName, AveragingName, SpaceName
+from cvtimg._shared.progress import part
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
@@ -31,6 +32,9 @@ from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.averaging import Averaging, as_averaging
 
 __all__ = ["Restoration", "restore"]
+
+#: Parts of the time until versions are prepared, without and with their alignment.
+_PREPARED, _ALIGNED = 0.05, 0.3
 
 
 @hints_at_keywords
@@ -175,7 +179,8 @@ def restore(
         f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
     )
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
-    evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
+    with part(0, _PREPARED if model is None else _ALIGNED):
+        evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
     if isinstance(n_generators, str):
         check_choice("n_generators", n_generators, ("auto",))
         number = None
@@ -183,9 +188,10 @@ def restore(
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     if detail == "auto":
         detail = not is_drawing(evidence)
-    if detail:
-        found = denoise_versions(evidence, number, effort, np.random.default_rng(rng))
-    else:
-        how = Merging(average, cost, power, rule, "balanced" if effort == "auto" else effort, space)
-        found = merge_versions(evidence, number, how)
+    with part(_PREPARED if model is None else _ALIGNED, 1):
+        if detail:
+            found = denoise_versions(evidence, number, effort, np.random.default_rng(rng))
+        else:
+            how = Merging(average, cost, power, rule, "balanced" if effort == "auto" else effort, space)
+            found = merge_versions(evidence, number, how)
     return in_order(found, evidence, space)

@@ -9,12 +9,14 @@ its average, and the generators are updated from the original pixels, until the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import AveragingName
+from cvtimg._shared.progress import tell
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.points import assign, pack
 
@@ -105,10 +107,14 @@ def average_segments(
     inside = labels > 0
     rows = values[inside]
     seen: set[bytes] = set()
+    changed: list[float] = []
     own, before = labels[inside] - 1, None
     while len(seen) < _MAX_ROUNDS and own.tobytes() not in seen:
-        if before is not None and np.count_nonzero(own != before) <= _AT_REST * len(own):
-            break
+        if before is not None:
+            changed.append(np.count_nonzero(own != before) / len(own))
+            if changed[-1] <= _AT_REST:
+                break
+            tell(log(max(changed) / changed[-1]) / log(max(changed) / _AT_REST))
         seen.add(own.tobytes())
         masses = np.bincount(own, minlength=n_segments)
         means = per_mass(sum_by_label(own, rows, n_segments), masses)

@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import log
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg.segmentation import _segments
@@ -88,10 +90,14 @@ def settle(
     """Sweep until almost nothing moves; return the energies before each sweep and at the end, and whether it rests."""
     energies = [state.energy(edge_weight, volume_power)]
     all_visited, converged = True, False
+    shares: list[float] = []  # of pixels on boundaries that moved
     while not converged and len(energies) <= max_sweeps:
         moved = state.sweep(edge_weight, volume_power, connected, backward=len(energies) % 2 == 0)
         energies.append(state.energy(edge_weight, volume_power))
-        at_rest = moved <= _ALMOST_NONE * state.n_boundary
+        shares.append(moved / max(state.n_boundary, 1))
+        at_rest = shares[-1] <= _ALMOST_NONE
+        if not at_rest:
+            tell(log(max(shares) / shares[-1]) / log(max(shares) / _ALMOST_NONE))
         # Generators have moved a little since some pixels were last visited: visit all once more before stopping.
         converged = at_rest and all_visited
         all_visited = at_rest

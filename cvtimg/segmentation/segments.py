@@ -17,6 +17,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
+from cvtimg._shared.progress import part
 from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
@@ -32,6 +33,8 @@ from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MAX_SEGMENTS = 1 << 16
 _BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
+#: Parts of the time until their number is picked, and until segments are found but for their neighbors.
+_CURVE, _CELLS = 0.4, 0.6
 
 
 @hints_at_keywords
@@ -138,17 +141,20 @@ def segment(
     prepared = None if plain else smoothness.prepare(values, volume_power)
     curve = None
     if n_segments == "auto":
-        curve = _curve(values, prepared, CHORD_ENDS, volume_power, rng)
+        with part(0, _CURVE):
+            curve = _curve(values, prepared, CHORD_ENDS, volume_power, rng)
         n_segments = curve.elbow()
     n_cells = min(n_segments, values.samples.n_colors)
     start = prepared.start(n_cells) if prepared else None
     samples: Any = values.samples if start is None else start[values.inside]
-    cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
+    with part(_CURVE if curve else 0, _CELLS):
+        cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
     if prepared is None:
         result = from_tessellation(values, cells)
     else:
         own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
-        labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
+        with part(_CELLS, 1):
+            labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
         if pieces is not None:
             labels = pieces.applied(labels, prepared.data, prepared.length_price)
         result = from_labels(values, prepared.field, labels, descent or cells, prepared.edge_weight)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import cvtimg
+from cvtimg._shared.progress import tell
 
 pytest.importorskip("starlette")
 
@@ -91,6 +92,8 @@ def request(page: TestClient, picture: str, tab: str = "colors", lane: str = "ex
     with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
         message = socket.receive()
+        while "share" in json.loads(message.get("text") or "{}"):
+            message = socket.receive()
     if message.get("text"):
         return Reply(7, json.loads(message["text"]), b"")
     number, length = struct.unpack_from("<II", message["bytes"])
@@ -476,6 +479,22 @@ def test_a_search_that_is_canceled_ends(page: TestClient, monkeypatch: pytest.Mo
             socket.send_json({"seq": 2, **over})
             assert json.loads(socket.receive_text()) == {"seq": 1, "lane": "exact", "error": ""}
             assert ended.wait(20)
+
+
+def test_a_search_tells_how_far_it_is(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    def exact(request: Any) -> Any:
+        for share in (0.25, 0.5):
+            tell(share)
+            time.sleep(0.3)
+        raise ValueError("the end")
+
+    monkeypatch.setattr(TABS["mosaic"], "exact", exact)
+    about = opened(page, png(np.zeros((8, 8, 3))))
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
+        socket.send_json({"seq": 1, "lane": "exact", "picture": about["id"], "tab": "mosaic", "settings": {}})
+        replies = [socket.receive_json() for _ in range(3)]
+    assert [reply.get("share") for reply in replies] == [0.25, 0.5, None]
+    assert replies[2]["error"] == "the end"
 
 
 def test_work_that_has_ended_is_what_it_was() -> None:

@@ -12,7 +12,7 @@ const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
 const state = {tabs: [], tab: "colors", settings: {}, picture: null, pictures: [], palettes: [], spot: -1};
-let past = [], future = [], recent = {}, last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, frame = 0;
+let past = [], future = [], recent = {}, last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, share = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file));
@@ -132,6 +132,7 @@ function want(t0 = performance.now(), rest = AT_ONCE) {
 function wantExact(t0) {
 	clearTimeout(timer);
 	started = performance.now();
+	share = 0;
 	working();
 	link.ask("exact", asked(), {t0: t0 ?? started, tab: state.tab});
 }
@@ -141,14 +142,17 @@ function working() {
 	working.timer = setInterval(() => {
 		if (!started) return clearInterval(working.timer);
 		const seconds = (performance.now() - started) / 1000;
-		if (seconds > .5) { $("facts").textContent = `working… ${seconds.toFixed(1)} s`; $("cancel").hidden = false; }
+		if (seconds < .5) return;
+		$("facts").textContent = `working… ${share ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s`;
+		$("share").hidden = $("cancel").hidden = false;
+		if (share) $("share").value = share; else $("share").removeAttribute("value");
 	}, 200);
 }
 
 function stopCounting() {
-	started = 0;
+	started = share = 0;
 	clearInterval(working.timer);
-	$("cancel").hidden = true;
+	$("share").hidden = $("cancel").hidden = true;
 }
 
 function cancel() {
@@ -180,6 +184,7 @@ function receive(reply, about) {
 	}
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
+	if (reply.share !== undefined) { share = reply.share; return; }
 	if (reply.bytes !== undefined) { stopCounting(); facts(reply.bytes); return; }
 	problem("");
 	recipes(reply.recipes);

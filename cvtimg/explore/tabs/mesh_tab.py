@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import part
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call
 from cvtimg.explore.controls import Choice, Control, Number, Settings, controls_of
@@ -19,6 +20,8 @@ from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
+#: Part of the time until the image is divided into segments.
+_SEGMENTED = 0.15
 _FILES = {".vtu": "VTK (.vtu)", ".msh": "Gmsh (.msh)", ".obj": "Wavefront (.obj)", ".stl": "STL (.stl)"}
 
 
@@ -86,8 +89,10 @@ class MeshTab(Tab):
 
     def exact(self, request: Request) -> Outcome:
         """Mesh the segments or the mask."""
-        labels = self._labels(request)
-        result: Mesh = self._call(request).run(labels)
+        with part(0, _SEGMENTED):
+            labels = self._labels(request)
+        with part(_SEGMENTED, 1):
+            result: Mesh = self._call(request).run(labels)
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())
         facts: dict[str, Any] = {"k": len(result.points), "noun": "vertices"}

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
@@ -25,6 +26,8 @@ from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MOST_LEAVES = 1 << 16
+#: Parts of the time until leaves are sought, and until those of the whole image are found.
+_READY, _FULL_SIZE = 0.2, 0.7
 #: Smaller images are not looked at from farther away.
 _ENOUGH_PIXELS = 1 << 12
 #: Weight of the hierarchy of the reduced image, and its factor on the scale of strengths.
@@ -106,11 +109,13 @@ def segment_hierarchy(
     factor = reduction(inside.size)
     seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
     values = picture_values(seen, space, seen_inside)
-    leaves = find_leaves(values, find_channels(values), n_leaves)
+    with part(_READY, _FULL_SIZE):
+        leaves = find_leaves(values, find_channels(values), n_leaves)
     if inside.size >= _ENOUGH_PIXELS:
         smaller, smaller_inside = reduced(seen, seen_inside, 2)
         half = picture_values(smaller, space, smaller_inside)
-        leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
+        with part(_FULL_SIZE, 1):
+            leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
     return _measured(leaves, values, peak(array.dtype) / peak(values.dtype))

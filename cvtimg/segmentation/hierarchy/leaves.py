@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import part
 from cvtimg._shared.sums import sum_by_label
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -23,6 +24,8 @@ from cvtimg.segmentation.values import PictureValues
 COMPACTNESS = 5.0
 #: Leaves smaller than the mean size divided by this join a neighbor.
 _SPECK = 12
+#: Part of the time that superpixels take.
+_DIVIDED = 0.5
 #: What steps of eigenvectors across a border add to its strength.
 _GLOBAL_WEIGHT = 0.6
 
@@ -47,7 +50,8 @@ class Leaves:
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
     """Divide an image into about so many superpixels, and measure them."""
-    labels = _superpixels(channels, n_leaves)
+    with part(0, _DIVIDED):
+        labels = _superpixels(channels, n_leaves)
     own = labels[values.inside] - 1
     rows = values.field()[values.inside]
     squares = np.einsum("nd,nd->n", rows, rows, dtype=np.float64)
