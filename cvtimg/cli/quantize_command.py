@@ -38,7 +38,7 @@ EXAMPLES = """\
   curl -s example.org/photo.jpg | cvtimg quantize - -k 32 > small.png
 """
 #: Arguments of a search, for which there is none where the palette is known.
-_FINDING = ("n_colors", "locked", "effort", "method", "init", "volume_power", "rng")
+_FINDING = ("n_colors", "locked", "color_bits", "effort", "method", "init", "volume_power", "rng")
 COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "output_bytes", "seconds", "output")
 
 #: Said where nothing tells what is wanted.

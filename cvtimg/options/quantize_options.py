@@ -87,6 +87,13 @@ QUANTIZE = (
         metavar="COLOR|FILE",
         many=True,
     ),
+    passed(
+        "color_bits",
+        Text(common.color_bits),
+        "Use only colors of hardware with this many bits per channel, such as 5, or 5,6,5 for red, green and blue.",
+        metavar="N|R,G,B",
+        excludes=("palette",),
+    ),
     file("weight_map", "Gray image of the same size: the weight of each pixel."),
     replace(common.MASK, keyword="mask"),
     replace(common.NODATA, keyword="nodata"),

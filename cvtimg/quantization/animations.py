@@ -93,6 +93,7 @@ def quantize_frames(
     space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
     dither: DitherName | None = None,
     dither_strength: float | None = None,
     **engine: Unpack[EngineOptions],
@@ -117,7 +118,7 @@ def quantize_frames(
     masks : sequence of (H, W) array or None, optional
         For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
         value, and become transparent in indexed files.
-    space, palette, locked, dither, dither_strength, method, init, effort, volume_power, rng, callback
+    space, palette, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
     Returns
@@ -146,7 +147,7 @@ def quantize_frames(
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
     n_colors = MOST_INDEXED if n_colors is None and psnr is not None else n_colors
-    how = QuantizeOptions(n_colors, psnr, palette, locked, space, dither, dither_strength, engine)
+    how = QuantizeOptions(n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine)
     how.check(per_frame=per_frame or None)
     return quantized(Film(frames, per_frame, alpha, masks), how)
 

@@ -50,6 +50,7 @@ class QuantizeOptions:
     psnr: float | None = None
     palette: ArrayLike | None = None
     locked: ArrayLike | None = None
+    color_bits: int | Sequence[int] | None = None
     space: SpaceName = "rgb"
     dither: DitherName | None = None
     dither_strength: float | None = None
@@ -78,7 +79,7 @@ class QuantizeOptions:
         if self.palette is not None:
             if self.n_colors == "auto":
                 refuse("n_colors", self.n_colors, "a number with palette")
-            found = {"locked": self.locked, "psnr": self.psnr, **others, **self.engine}
+            found = {"locked": self.locked, "psnr": self.psnr, "color_bits": self.color_bits, **others, **self.engine}
             check_alone("palette", [name for name, value in found.items() if value is not None])
         elif self.psnr is None:
             check_given("n_colors, psnr or palette", self.n_colors)
@@ -132,10 +133,10 @@ def quantized(source: Source[R], how: QuantizeOptions) -> R:
 def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     """Return what finds the palette of samples, or returns the given one."""
     if how.palette is None:
-        n_colors: Any = how.n_colors
-        return partial(find_palette, n_colors=n_colors, space=how.space, locked=how.locked, **how.engine)
+        names = ("n_colors", "space", "locked", "color_bits")
+        return partial(find_palette, **{name: getattr(how, name) for name in names}, **how.engine)
     if how.n_colors is not None:
-        n_colors = how.n_colors
+        n_colors: Any = how.n_colors
         return partial(best_of, palette=how.palette, n_colors=n_colors, space=how.space)
     colors = np.array(how.palette)
     given = Palette(colors, None, colors.shape[1:] == (4,))

@@ -39,6 +39,8 @@ from cvtimg.quantization.tiled import Strips
 
 __all__ = ["QuantizedFile", "UnfitOptionError", "quantize_file"]
 
+#: Options that all ways to a single image take.
+_HOW = ("locked", "color_bits", "space", "dither", "dither_strength")
 #: Options that need a single image, and those that need all of it in memory.
 _OF_ONE_IMAGE = ("quality", "weights", "n_colors='auto'", "optimize")
 _OF_PICTURES = ("psnr", "max_bytes", *_OF_ONE_IMAGE, "depth")
@@ -151,6 +153,7 @@ def quantize_file(
     max_bytes: int | None = None,
     palette: ArrayLike | None = None,
     locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
     space: SpaceName = "rgb",
     dither: DitherName | None = None,
     dither_strength: float | None = None,
@@ -184,7 +187,7 @@ def quantize_file(
     target : path
         The suffix selects the format; of an image in tiles, .tif, .tiff or .zarr. Up to 256 colors of 8 bits are
         written indexed where the format allows. A TIFF keeps the georeference.
-    n_colors, psnr, palette, locked, space, dither, dither_strength, weights, goal, quality
+    n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, weights, goal, quality
         As in `quantize`, `quality` for single images; given colors of 8 or 16 bits are brought to the depth of the
         image. An indexed image of at most `n_colors` colors keeps its palette.
     max_bytes : int, optional
@@ -246,7 +249,7 @@ def quantize_file(
     """
     check_keywords(quantize_file, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, palette, locked, space, dither, dither_strength, engine, goal, quality
+        n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     job = _Job(
         Path(source), Path(target), how, max_bytes, weights, mask, nodata, depth, per_frame, save_palette,
@@ -356,7 +359,7 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
         image = to_depth(image, np.dtype(f"uint{job.depth}"))
     hint = read_palette(job.source) if header.mode == "P" and not given_colors else None
     how = job.at_depth(image.dtype)
-    options: dict[str, Any] = {name: getattr(how, name) for name in ("locked", "space", "dither", "dither_strength")}
+    options: dict[str, Any] = {name: getattr(how, name) for name in _HOW}
     options |= {"mask": mask, "weights": job.weights, **how.engine}
     if job.max_bytes is None:
         aims = {name: getattr(how, name) for name in ("psnr", "quality", "goal", "palette")}

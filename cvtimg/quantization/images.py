@@ -43,6 +43,7 @@ def quantize(
     palette: ArrayLike | None = None,
     palette_hint: ArrayLike | None = None,
     locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
     psnr: float | None = None,
     dither: DitherName | None = None,
     dither_strength: float | None = None,
@@ -87,6 +88,9 @@ def quantize(
         others, it is kept, so that indices keep their meaning; otherwise it plays no part.
     locked : (L, C) array, optional
         Colors that the palette must contain, in the units of the image.
+    color_bits : int or three ints, optional
+        Bits per channel of the hardware that shows the colors, in 1..8, such as 5 or (5, 6, 5): the palette has only
+        colors that it can show; see `find_palette`.
     psnr : float, optional
         Use the fewest colors that reach this quality in dB.
     dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16", "compact"}
@@ -145,13 +149,13 @@ def quantize(
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, palette, locked, space, dither, dither_strength, engine, goal, quality
+        n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     how.check(weights=weights)
     if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):
         return cast(Quantized, quantized(BlockSource(PixelBlocks.of(image, nodata), bool(alpha)), how))
     source = PictureSource(image, alpha, mask, nodata, weights)
-    if palette_hint is not None and isinstance(n_colors, int) and locked is None:
+    if palette_hint is not None and isinstance(n_colors, int) and locked is None and color_bits is None:
         kept = source.kept(np.asarray(palette_hint), n_colors, how)
         if kept is not None:
             return kept
@@ -191,6 +195,7 @@ def quantize_to_size(
     mask: ArrayLike | None = None,
     space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
     dither: DitherName | None = None,
     dither_strength: float | None = None,
     weights: ArrayLike | None = None,
@@ -208,7 +213,9 @@ def quantize_to_size(
         Returns the number of bytes that a file of the result would have.
     n_colors : int
         Maximum number of colors; by default as many as an indexed file holds.
-    alpha, mask, space, locked, dither, dither_strength, weights, method, init, effort, volume_power, rng, callback
+    alpha, mask, space, locked, color_bits, dither, dither_strength, weights
+        As in `quantize`.
+    method, init, effort, volume_power, rng, callback
         As in `quantize`.
 
     Returns
@@ -236,7 +243,9 @@ def quantize_to_size(
     """
     check_keywords(quantize_to_size, engine, EngineOptions.__annotations__)
     check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
-    how = QuantizeOptions(locked=locked, space=space, dither=dither, dither_strength=dither_strength, engine=engine)
+    how = QuantizeOptions(
+        locked=locked, space=space, dither=dither, dither_strength=dither_strength, engine=engine, color_bits=color_bits
+    )
     if isinstance(image, Frames):
         masks: Any = mask
         return to_size(Film(image, False, alpha, masks), how, max_bytes, size, n_colors)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict, Unpack
 
@@ -22,6 +22,7 @@ from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
+from cvtimg.quantization.hardware import check_color_bits, hardware_colors, rounded, suited
 from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
 
 #: Colors shown in a notebook.
@@ -91,6 +92,7 @@ def find_palette(
     *,
     space: SpaceName = "rgb",
     locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Palette:
     """Find the palette that represents samples with the least error: of one image, or of several merged ones.
@@ -107,6 +109,9 @@ def find_palette(
         Color space in which distances are measured and means taken.
     locked : (L, C) array, optional
         Colors that the palette must contain, in the units of the samples.
+    color_bits : int or three ints, optional
+        Bits per channel of the hardware that shows the colors, in 1..8, such as 5 or (5, 6, 5): the palette has only
+        colors that it can show. For images of unsigned integers. See Notes.
     method, init, effort, volume_power, rng, callback
         As in `tessellate`. Initial colors, if given, are in the coordinates of the space. An exception that
         `callback` raises ends the search.
@@ -125,6 +130,13 @@ def find_palette(
     map_to_palette : Maps an image to a palette.
     shared_palette : One palette of many images.
 
+    Notes
+    -----
+    A channel of few bits becomes one of the image by repeating its bits, as emulators do: of 5 bits, abcde becomes
+    abcdeabc, so that 31 becomes 255. Rounding comes before the last steps of the search, not after it: colors that
+    become equal are merged, those set free are used where the error is largest, and the rest move to the hardware
+    colors nearest to the means of their cells. Alpha is not rounded.
+
     Examples
     --------
     >>> import numpy as np
@@ -139,6 +151,8 @@ def find_palette(
         samples = count_blocks(PixelBlocks.of(samples)).of_some()
     elif not isinstance(samples, ColorSamples):
         samples = color_samples(samples)
+    if color_bits is not None:
+        return _hardware_palette(samples, n_colors, space, locked, check_color_bits(color_bits), engine)
     samples, fixed, least = fixed_colors(samples, locked)
     check_room(n_colors, least)
     kinds = kinds_of(samples.colors, samples.alpha)
@@ -347,6 +361,25 @@ def _opaque_palette(
     found = find_palette(seen, n_left, space=space, locked=locked, **engine)
     colors = np.concatenate([fixed[~opaque], with_alpha(found.colors)])
     return Palette(_in_order(colors, True), found.tessellation, True)
+
+
+def _hardware_palette(
+    samples: ColorSamples,
+    n_colors: int,
+    space: SpaceName,
+    locked: ArrayLike | None,
+    bits: tuple[int, int, int],
+    engine: EngineOptions,
+) -> Palette:
+    """Find a palette of hardware colors: all of those nearest to the samples, or a palette rounded to some of them."""
+    samples, fixed, least = fixed_colors(suited(samples, bits), locked)
+    check_room(n_colors, least)
+    nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits)]), samples.alpha)
+    if len(nearest) <= n_colors:
+        return Palette(nearest, None, samples.alpha)
+    found = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+    colors = hardware_colors(samples, found.colors, fixed, n_colors, space, bits)
+    return Palette(_in_order(colors, samples.alpha), found.tessellation, samples.alpha)
 
 
 def _keep_opaque(

@@ -58,6 +58,8 @@ def colors_of(path: str) -> set[tuple[int, ...]]:
             {"n_colors": 9, "dither": "blue-noise", "dither_strength": 0.5},
         ),
         (["--psnr", "27"], {"psnr": 27}),
+        (["-k", "9", "--color-bits", "5,6,5"], {"n_colors": 9, "color_bits": (5, 6, 5)}),
+        (["-k", "9", "--color-bits", "3", "--dither", "bayer-4"], {"n_colors": 9, "color_bits": 3, "dither": "bayer-4"}),
         (["-k", "60", "--psnr", "20"], {"n_colors": 60, "psnr": 20}),
     ],
 )
