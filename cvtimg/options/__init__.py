@@ -36,7 +36,7 @@ _MODULES = {
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
 PANELS = {
     "What to get": "",
-    "Colors": "space dither dither_strength palette lock color_bits depth shared_palette palette_per_frame",
+    "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette palette_per_frame",
     "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table coco tree "
     "strengths cuts generators save_palette csv sheet plot view over edge_mode line_color line_width subpixel simplify "
     "properties width marks pen_width order cells outline scale measures keep_metadata optimize overwrite as_json "

@@ -79,6 +79,13 @@ QUANTIZE = (
         "with -k, the best of them.",
         excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
     ),
+    switch(
+        "ramp",
+        "Map by lightness, so that all colors of the palette are used: for tones of one color, as those of game-boy.",
+        needs=("palette",),
+        excludes=("number", "space", "goal=eyes", "quality", "dither=compact", "shared_palette"),
+        keyword="ramp",
+    ),
     Option(
         "lock",
         Text(common.color_or_file),

@@ -92,6 +92,7 @@ def quantize_frames(
     masks: Sequence[ArrayLike | None] | None = None,
     space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
+    ramp: bool = False,
     locked: ArrayLike | None = None,
     color_bits: int | Sequence[int] | None = None,
     dither: DitherName | None = None,
@@ -118,7 +119,7 @@ def quantize_frames(
     masks : sequence of (H, W) array or None, optional
         For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
         value, and become transparent in indexed files.
-    space, palette, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
+    space, palette, ramp, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
 
     Returns
@@ -147,7 +148,7 @@ def quantize_frames(
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
     n_colors = MOST_INDEXED if n_colors is None and psnr is not None else n_colors
-    how = QuantizeOptions(n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine)
+    how = QuantizeOptions(n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine)
     how.check(per_frame=per_frame or None)
     return quantized(Film(frames, per_frame, alpha, masks), how)
 
@@ -175,12 +176,14 @@ class Film:
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedFrames:
         """Map each frame to its palette, or to the one of all."""
-        if how.palette is not None and self.counted[0].alpha:  # which may need a transparent color, the same in all
+        if (
+            how.palette is not None and not how.ramp and self.counted[0].alpha
+        ):  # which may need a transparent color, the same in all
             palettes = [Palette(map_samples(self.counted[0], palettes[0].colors, how.space, None, 1.0).palette, None)]
         frames, results = self._frames, []
         of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
         for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
-            result = map_samples(samples, found.colors, how.space, how.dither, how.strength, how.rate)
+            result = map_samples(samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones)
             results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
         n_distinct = max(samples.n_colors for samples in self.counted)
         return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

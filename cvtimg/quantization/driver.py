@@ -11,7 +11,16 @@ from typing import Any, Generic, Literal, Protocol, TypeVar, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_alone, check_choice, check_given, check_in_range, check_non_negative, refuse
+from cvtimg._shared.checks import (
+    check_alone,
+    check_choice,
+    check_excluded,
+    check_given,
+    check_in_range,
+    check_needs,
+    check_non_negative,
+    refuse,
+)
 from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.colors.samples import ColorSamples
@@ -19,7 +28,15 @@ from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
 from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
-from cvtimg.quantization.palette_search import EngineOptions, Palette, best_of, check_room, find_palette, fixed_colors
+from cvtimg.quantization.palette_search import (
+    EngineOptions,
+    Palette,
+    best_of,
+    check_room,
+    find_palette,
+    fixed_colors,
+    ramp_of,
+)
 from cvtimg.quantization.remapping import MAX_COLORS
 
 #: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
@@ -51,6 +68,7 @@ class QuantizeOptions:
     palette: ArrayLike | None = None
     locked: ArrayLike | None = None
     color_bits: int | Sequence[int] | None = None
+    ramp: bool = False
     space: SpaceName = "rgb"
     dither: DitherName | None = None
     dither_strength: float | None = None
@@ -64,7 +82,7 @@ class QuantizeOptions:
         if check_choice("goal", self.goal, get_args(GoalName)) == "error" and self.quality is None:
             return self
         others = {"n_colors": self.n_colors == "auto", "psnr": self.psnr is not None}
-        others |= {"space": self.space not in ("rgb", "oklab")}
+        others |= {"space": self.space not in ("rgb", "oklab"), "ramp": self.ramp}
         for name in (name for name, given in others.items() if given):
             raise ValueError(f"{name}={getattr(self, name)!r} cannot be combined with goal='eyes' or quality")
         if self.quality is not None:
@@ -76,6 +94,13 @@ class QuantizeOptions:
 
     def check(self, **others: object) -> None:
         """Require an aim, and refuse aims and other options that exclude each other."""
+        check_needs("ramp", self.ramp, "palette", self.palette is not None)
+        no_ramp = {
+            "n_colors": self.n_colors,
+            "space": self.space != "rgb",
+            "dither='compact'": self.dither == "compact",
+        }
+        check_excluded("ramp", self.ramp, **no_ramp)
         if self.palette is not None:
             if self.n_colors == "auto":
                 refuse("n_colors", self.n_colors, "a number with palette")
@@ -135,6 +160,8 @@ def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     if how.palette is None:
         names = ("n_colors", "space", "locked", "color_bits")
         return partial(find_palette, **{name: getattr(how, name) for name in names}, **how.engine)
+    if how.ramp:
+        return partial(ramp_of, palette=how.palette)
     if how.n_colors is not None:
         n_colors: Any = how.n_colors
         return partial(best_of, palette=how.palette, n_colors=n_colors, space=how.space)

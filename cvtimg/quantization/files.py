@@ -44,7 +44,7 @@ _HOW = ("locked", "color_bits", "space", "dither", "dither_strength")
 #: Options that need a single image, and those that need all of it in memory.
 _OF_ONE_IMAGE = ("quality", "weights", "n_colors='auto'", "optimize")
 _OF_PICTURES = ("psnr", "max_bytes", *_OF_ONE_IMAGE, "depth")
-_IN_MEMORY = (*_OF_PICTURES, "goal='eyes'", "dither", "keep_metadata")
+_IN_MEMORY = (*_OF_PICTURES, "ramp", "goal='eyes'", "dither", "keep_metadata")
 
 
 class UnfitOptionError(ValueError):
@@ -152,6 +152,7 @@ def quantize_file(
     psnr: float | None = None,
     max_bytes: int | None = None,
     palette: ArrayLike | None = None,
+    ramp: bool = False,
     locked: ArrayLike | None = None,
     color_bits: int | Sequence[int] | None = None,
     space: SpaceName = "rgb",
@@ -187,7 +188,7 @@ def quantize_file(
     target : path
         The suffix selects the format; of an image in tiles, .tif, .tiff or .zarr. Up to 256 colors of 8 bits are
         written indexed where the format allows. A TIFF keeps the georeference.
-    n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, weights, goal, quality
+    n_colors, psnr, palette, ramp, locked, color_bits, space, dither, dither_strength, weights, goal, quality
         As in `quantize`, `quality` for single images; given colors of 8 or 16 bits are brought to the depth of the
         image. An indexed image of at most `n_colors` colors keeps its palette.
     max_bytes : int, optional
@@ -249,7 +250,7 @@ def quantize_file(
     """
     check_keywords(quantize_file, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine, goal, quality
+        n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     job = _Job(
         Path(source), Path(target), how, max_bytes, weights, mask, nodata, depth, per_frame, save_palette,
@@ -300,6 +301,7 @@ class _Job:
             "quality": self.how.quality is not None,
             "goal='eyes'": self.how.goal == "eyes",
             "dither": self.how.dither is not None,
+            "ramp": self.how.ramp,
             "depth": self.depth is not None,
             "depth='16'": self.depth == "16",
             "keep_metadata": self.keep_metadata,
@@ -362,7 +364,7 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     options: dict[str, Any] = {name: getattr(how, name) for name in _HOW}
     options |= {"mask": mask, "weights": job.weights, **how.engine}
     if job.max_bytes is None:
-        aims = {name: getattr(how, name) for name in ("psnr", "quality", "goal", "palette")}
+        aims = {name: getattr(how, name) for name in ("psnr", "quality", "goal", "palette", "ramp")}
         result = quantize(image, how.n_colors, palette_hint=hint, **aims, **options)
     else:
         result = _small_enough(job, image, how, options, file)

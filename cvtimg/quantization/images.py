@@ -41,6 +41,7 @@ def quantize(
     nodata: float | None = None,
     space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
+    ramp: bool = False,
     palette_hint: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     color_bits: int | Sequence[int] | None = None,
@@ -83,6 +84,10 @@ def quantize(
     palette : (K, C) array, optional
         Colors to map the image to, in its units, instead of finding a palette. With `n_colors`, those of them that
         represent it best.
+    ramp : bool
+        Let the colors of `palette`, from dark to light, stand for as many tones of the image, those that represent its
+        lightness best: all of them are used, however dark or colored the image is. For the tone ramps of consoles.
+        An image that has no other colors stays as it is.
     palette_hint : (K, C) array, optional
         The palette of an indexed file, from `read_palette`. If it has at most `n_colors` colors and the image no
         others, it is kept, so that indices keep their meaning; otherwise it plays no part.
@@ -149,10 +154,11 @@ def quantize(
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, palette, locked, color_bits, space, dither, dither_strength, engine, goal, quality
+        n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine, goal, quality
     ).aimed()
     how.check(weights=weights)
-    if is_image_in_blocks(image) and n_colors != "auto" and all(one is None for one in (mask, psnr, dither, weights)):
+    needs_all = ramp or n_colors == "auto" or any(one is not None for one in (mask, psnr, dither, weights))
+    if is_image_in_blocks(image) and not needs_all:
         return cast(Quantized, quantized(BlockSource(PixelBlocks.of(image, nodata), bool(alpha)), how))
     source = PictureSource(image, alpha, mask, nodata, weights)
     if palette_hint is not None and isinstance(n_colors, int) and locked is None and color_bits is None:
@@ -315,7 +321,7 @@ class PictureSource:
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""
         found = palettes[0]
-        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength, how.rate)
+        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones)
         colors, alpha = result.palette, result.alpha
         if self._has_idle_alpha and not alpha:
             colors, alpha = with_alpha(colors), True

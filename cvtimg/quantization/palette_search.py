@@ -23,7 +23,7 @@ from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization.hardware import check_color_bits, hardware_colors, rounded, suited
-from cvtimg.quantization.remapping import MAX_COLORS, nearest_of_kind
+from cvtimg.quantization.remapping import MAX_COLORS, map_samples, nearest_of_kind, tones_of
 
 #: Colors shown in a notebook.
 _SHOWN = 256
@@ -60,11 +60,14 @@ class Palette(ReadOnly):
         so few colors that the palette holds all of them.
     alpha : bool
         Whether the last channel is alpha.
+    tones : (K,) array of the type of the samples, or None
+        The lightness of the pixels that each color stands for, if it is not the color that counts.
     """
 
     colors: NDArray[Any]
     tessellation: Tessellation | None
     alpha: bool = False
+    tones: NDArray[Any] | None = None
 
     def __repr__(self) -> str:
         """Tell the number of colors, and the first of them, in one line."""
@@ -259,6 +262,23 @@ def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: Spa
         left_out = left_out + 1 if sums[best] >= sums[chosen[0]] else 0
         chosen = [*chosen[1:], best if not left_out else chosen[0]]
     return Palette(colors[sorted(chosen)], None, samples.alpha)
+
+
+def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
+    """Let the colors of a palette, from dark to light, stand for as many tones that represent the samples best."""
+    samples, colors = agree(samples, check_colors("palette", palette, samples.colors.dtype))
+    alpha, visible = samples.alpha, kinds_of(samples.colors, samples.alpha) != CLEAR
+    if not visible.all() and CLEAR not in kinds_of(colors, alpha):
+        colors = np.concatenate([np.zeros_like(colors[:1]), colors])
+    if map_samples(samples, colors, "rgb", None, 1.0).energy == 0:
+        return Palette(colors, None, alpha)
+    ramp = np.flatnonzero(kinds_of(colors, alpha) != CLEAR)
+    ramp = ramp[np.argsort(tones_of(colors[ramp], alpha), kind="stable")]
+    grays = color_samples(tones_of(samples.colors[visible], alpha)[np.newaxis])
+    found = find_palette(grays.weighted(samples.density[visible][np.newaxis]), len(ramp)).colors[:, 0]
+    tones = np.zeros(len(colors))  # images of fewer tones use the ends of the ramp
+    tones[ramp] = np.interp(np.linspace(0, len(found) - 1, len(ramp)), np.arange(len(found)), found)
+    return Palette(colors, None, alpha, tones.astype(colors.dtype))
 
 
 def _merged(places: NDArray[Any], density: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -16,6 +16,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
+from cvtimg.colors.spaces import to_depth, to_space
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 from cvtimg.engine.tessellation import Tessellation
@@ -224,8 +225,9 @@ def map_samples(
     dither: DitherName | None,
     dither_strength: float,
     rate: Rate = USUAL,
+    tones: NDArray[Any] | None = None,
 ) -> Quantized:
-    """Map samples with the way back to their pixels; see `map_to_palette`."""
+    """Map samples with the way back to their pixels; see `map_to_palette`, and `Palette` for the tones."""
     if dither is not None:
         check_choice("dither", dither, (*dithering.DITHERS, "compact"))
     colors = check_colors("palette", palette, samples.colors.dtype)
@@ -236,10 +238,13 @@ def map_samples(
         colors = np.concatenate([np.zeros_like(colors[:1]), colors])
     if len(colors) > MAX_COLORS:
         raise ValueError(f"palette must have at most {MAX_COLORS} colors, not {len(colors)}")
+    seen, ends = (samples, colors) if tones is None else _by_tone(samples, colors, tones)
     if dither is None:
-        labels, energy = _map(samples, colors, space)
+        labels, energy = _map(seen, ends, space)
     else:
-        labels, energy = _dither(samples, colors, space, dither, dither_strength, rate)
+        labels, energy = _dither(seen, ends, space, dither, dither_strength, rate)
+    if tones is not None:
+        energy = _energy_of_pixels(samples, colors, labels[samples.inverse] if dither is None else labels)
     if lacks_clear:
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
@@ -272,6 +277,19 @@ def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[An
     return colors, labels
 
 
+def tones_of(colors: NDArray[Any], alpha: bool) -> NDArray[Any]:
+    """Return the (N,) lightness of colors in Oklab, in their units."""
+    lightness = to_space(np.ascontiguousarray(colors[:, : colors.shape[1] - alpha]), "oklab")[:, :1]
+    return to_depth(lightness, colors.dtype)[:, 0]
+
+
+def _by_tone(samples: ColorSamples, palette: NDArray[Any], tones: NDArray[Any]) -> tuple[ColorSamples, NDArray[Any]]:
+    """Return samples and the colors of a palette as grays, with their alpha."""
+    n_seen = palette.shape[1] - samples.alpha
+    rows = np.column_stack([tones_of(samples.colors, samples.alpha), samples.colors[:, n_seen:]])
+    return replace(samples, rows=rows), np.column_stack([tones, palette[:, n_seen:]])
+
+
 def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.int32], float]:
     """Return the (M,) index of the nearest color of each sample, and the energy of this map in sRGB."""
     alpha = samples.alpha
@@ -302,11 +320,16 @@ def _dither(
             allowed=allowed_for(kinds_of(palette, samples.alpha)),
             inside=samples.inside,
         )
+    return labels, _energy_of_pixels(samples, palette, labels)
+
+
+def _energy_of_pixels(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int32]) -> float:
+    """Return the energy in sRGB of (H, W) labels of the pixels that count."""
     places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
-    if samples.inside is None:
-        return labels, dithering.energy_of(places, samples.inverse, ends, labels)
-    inverse, known = samples.inverse[samples.inside][None], labels[samples.inside][None]
-    return labels, dithering.energy_of(places, inverse, ends, known)
+    inverse = samples.inverse
+    if samples.inside is not None:
+        inverse, labels = inverse[samples.inside][None], labels[samples.inside][None]
+    return dithering.energy_of(places, inverse, ends, labels)
 
 
 def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:

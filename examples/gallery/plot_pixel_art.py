@@ -2,7 +2,7 @@
 Pixel art with a fixed palette
 ==============================
 
-A photograph reduced to 90 x 60 pixels, in 16 colors of its own and in the 16 colors of a game console.
+A photograph reduced to 90 x 60 pixels, in 16 colors of its own, and in the colors of two game consoles.
 """
 
 from pathlib import Path
@@ -23,10 +23,12 @@ SAMPLES = Path("../../sample_images")
 PICO_8 = """000000 1d2b53 7e2553 008751 ab5236 5f574f c2c3c7 fff1e8
 ff004d ffa300 ffec27 00e436 29adff 83769c ff77a8 ffccaa"""
 colors = np.array([list(bytes.fromhex(color)) for color in PICO_8.split()], np.uint8)
+greens = cvtimg.read_palette("game-boy")
 
 # %%
 # Reduce first and quantize afterwards: scaling a quantized image would mix its colors again. Oklab measures
-# distances as people see them. Dithering mixes colors that a fixed palette lacks.
+# distances as people see them. Dithering mixes colors that a fixed palette lacks. Four greens show more of the image
+# as tones, from dark to light, than as its nearest colors.
 
 photograph = cvtimg.read_image(SAMPLES / "chelsea.png")
 small = np.asarray(Image.fromarray(photograph).resize((90, 60), Image.Resampling.BOX))
@@ -53,6 +55,11 @@ rows = [
         panel("PICO-8, nearest in Oklab", palette=colors, space="oklab"),
         panel("Oklab, Floyd-Steinberg", palette=colors, space="oklab", dither="floyd-steinberg"),
         panel("Oklab, blue noise 0.6", palette=colors, space="oklab", dither="blue-noise", dither_strength=0.6),
+    ],
+    [
+        panel("Game Boy, nearest in Oklab", palette=greens, space="oklab"),
+        panel("Game Boy, as a ramp of tones", palette=greens, ramp=True),
+        panel("Ramp, Bayer 4 x 4", palette=greens, ramp=True, dither="bayer-4"),
     ],
 ]
 

@@ -58,8 +58,12 @@ def colors_of(path: str) -> set[tuple[int, ...]]:
             {"n_colors": 9, "dither": "blue-noise", "dither_strength": 0.5},
         ),
         (["--psnr", "27"], {"psnr": 27}),
+        (["--palette", "game-boy", "--ramp"], {"palette": read_palette("game-boy"), "ramp": True}),
         (["-k", "9", "--color-bits", "5,6,5"], {"n_colors": 9, "color_bits": (5, 6, 5)}),
-        (["-k", "9", "--color-bits", "3", "--dither", "bayer-4"], {"n_colors": 9, "color_bits": 3, "dither": "bayer-4"}),
+        (
+            ["-k", "9", "--color-bits", "3", "--dither", "bayer-4"],
+            {"n_colors": 9, "color_bits": 3, "dither": "bayer-4"},
+        ),
         (["-k", "60", "--psnr", "20"], {"n_colors": 60, "psnr": 20}),
     ],
 )
@@ -277,3 +281,11 @@ def test_a_quality_that_is_not_reached_says_what_is_and_writes_nothing(run: Run,
     answer = run("in.png", "--quality", "99", "-k", "8", "--effort", "fast")
     assert re.search(r"--quality 99.0 must be at most -?\d+\.\d, which 8 colors reach", answer["error"])
     assert not Path("out.png").exists()
+
+
+@pytest.mark.usefixtures("picture")
+def test_options_of_hardware_name_what_they_need(run: Run) -> None:
+    assert "'0' must be a number of bits in 1..8, or three such as 5,6,5" in run("in.png", "--color-bits", "0")["error"]
+    assert "--ramp needs --palette" in run("in.png", "-k", "4", "--ramp")["error"]
+    assert "--color-bits and --palette" in run("in.png", "--palette", "nes", "--color-bits", "5")["error"]
+    assert run("in.png", "--palette", "nes", "--ramp", "--goal", "eyes")["status"] == 2

@@ -39,9 +39,7 @@ def test_all_colors_are_bits_that_repeat(bits: int, dtype: Any, photograph: NDAr
 
 @pytest.mark.parametrize("n_bits", [3, 4, 5])
 @pytest.mark.parametrize("n_colors", [8, 32, 128])
-def test_the_error_is_at_most_that_of_rounding_afterwards(
-    n_bits: int, n_colors: int, photograph: NDArray[Any]
-) -> None:
+def test_the_error_is_at_most_that_of_rounding_afterwards(n_bits: int, n_colors: int, photograph: NDArray[Any]) -> None:
     samples = color_samples(photograph[::2, ::2])
     rounded = afterwards(samples, n_colors, n_bits)
     palette = find_palette(samples, n_colors, color_bits=n_bits).colors
