@@ -12,6 +12,7 @@ Typer does by itself:
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
@@ -42,6 +43,7 @@ class _Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Convert values by the records; Typer sees to --help, and to arguments that are missing."""
+        ctx.meta["words"] = list(args)
         known = {word for option in self.options.values() for word in option.words}
         same = {"-n": "-k", "-k": "-n"}  # either letter stands for the number, where a command has but one of them
         args = [same[word] if word in same and word not in known else word for word in args]
@@ -62,7 +64,9 @@ class _Command(TyperCommand):
         return rest
 
     def invoke(self, ctx: Any) -> int:
-        return self.function(collected(self.options.values(), ctx.params))
+        given = collected(self.options.values(), ctx.params)
+        given.command = f"{ctx.command_path} {shlex.join(ctx.meta['words'])}"
+        return self.function(given)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [self.options_metavar or "", *(argument.display_name_raw for argument in self._arguments())]

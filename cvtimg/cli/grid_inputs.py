@@ -50,17 +50,18 @@ def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
 
 def cut_out(grid: SphereGrid, given: Given) -> PartialGrid | None:
     """Return the part of a grid that --land or --region leaves; None for all of it."""
-    from cvtimg.sphere import Box, Cap, cull_land, limit_area
+    from cvtimg.sphere import Box, Cap, cull_land, earth_land, limit_area
 
+    part = None
     if given.land is not None:
         straits = [line for text in given.strait or [] for line in _lines(text)]
-        land = _part("--land", given.land)
-        return cull_land(grid, land, straits=straits, largest=not given.all_seas, fill_bays=not given.keep_bays)
+        land = earth_land() if str(given.land) == "earth" else _part("--land", given.land)
+        part = cull_land(grid, land, straits=straits, largest=not given.all_seas, fill_bays=not given.keep_bays)
     if given.area is None:
-        return None
-    if isinstance(given.area, Path):
-        return limit_area(grid, _part("--region", given.area), layers=given.layers)
-    return limit_area(grid, (Cap if len(given.area) == 3 else Box)(*given.area), layers=given.layers)
+        return part
+    is_file = isinstance(given.area, Path)
+    within = _part("--region", given.area) if is_file else (Cap if len(given.area) == 3 else Box)(*given.area)
+    return limit_area(part or grid, within, layers=given.layers)
 
 
 def _part(option: str, path: Path) -> Any:
@@ -123,16 +124,29 @@ def _width_map(path: Path) -> NDArray[np.float64]:
 def read_netcdf(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
     """Read variables of a netCDF file; netCDF4 reads those in the format of HDF5."""
     import numpy as np
-    from scipy.io import netcdf_file
 
-    with path.open("rb") as file:
-        is_classic = file.read(3) == b"CDF"
-    opened = netcdf_file(path, "r", mmap=False) if is_classic else optional("netCDF4", "globe").Dataset(path)
-    with opened as content:
+    with _opened(path) as content:
         missing = [name for name in names if name not in content.variables]
         if missing:
             raise ValueError(f"{path} must have the variables {', '.join(names)}; it has no {missing[0]}")
         return {name: np.array(content.variables[name][:], np.float64) for name in names}
+
+
+def _opened(path: Path) -> Any:
+    from scipy.io import netcdf_file
+
+    with path.open("rb") as file:
+        is_classic = file.read(3) == b"CDF"
+    return netcdf_file(path, "r", mmap=False) if is_classic else optional("netCDF4", "globe").Dataset(path)
+
+
+def read_lineage(path: Path) -> str:
+    """Return the file_id of an MPAS mesh and those of its parents, a line each; nothing of a table."""
+    if path.suffix.lower() != ".nc":
+        return ""
+    with local_copy(path) as file, _opened(file) as content:
+        texts = [getattr(content, name, b"") for name in ("file_id", "parent_id")]
+    return "\n".join(text.decode() if isinstance(text, bytes) else text for text in texts if text)
 
 
 def read_grid_points(path: Path) -> NDArray[np.float64]:
@@ -159,7 +173,10 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
 def _from_netcdf(path: Path) -> NDArray[np.float64]:
     import numpy as np
 
-    return np.stack(list(read_netcdf(path, ("xCell", "yCell", "zCell")).values()), axis=1)
+    *places, vertices = read_netcdf(path, ("xCell", "yCell", "zCell", "xVertex")).values()
+    if len(vertices) != 2 * len(places[0]) - 4:
+        raise OSError(f"--parent {path} is a part of a grid; it must cover the globe")
+    return np.stack(places, axis=1)
 
 
 def _from_table(path: Path) -> NDArray[np.float64]:

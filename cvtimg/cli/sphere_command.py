@@ -23,11 +23,12 @@ EXAMPLES = """\
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
   cvtimg sphere -n 10000 --refine lights.png,6 -o cities.vtu
   cvtimg sphere -n 40962 --coast land.png -o coast.nc
-  cvtimg sphere --cell-width 480km --land land.png --strait -10,36,3,38 -o ocean.nc
+  cvtimg sphere --cell-width 480km --land earth --strait -10,36,3,38 -o ocean.nc --plot ocean.png
   cvtimg sphere --cell-width 480km --region 10,50,20 -o europe.nc
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
 COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
+_WIDTHS = ("least_width_km", "median_width_km", "largest_width_km")
 
 
 def sphere(given: Given) -> int:
@@ -47,9 +48,13 @@ def sphere(given: Given) -> int:
     given.finer = [_circle_in_km(text) if in_km else _refinement(text) for text in given.refine or []]
     given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
-    pictures = [given.density, given.coast, given.parent, given.over]
+    given.below = None if str(given.over) == "none" else given.over
+    pictures = [given.density, given.coast, given.parent, given.below]
     given.area = None if given.region is None else _area(given.region)
-    pictures += [given.land, given.area if isinstance(given.area, Path) else None]
+    pictures += [
+        None if str(given.land) == "earth" else given.land,
+        given.area if isinstance(given.area, Path) else None,
+    ]
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
     pictures += [given.width] if isinstance(given.width, Path) else []
     parts = None
@@ -57,7 +62,10 @@ def sphere(given: Given) -> int:
         if find_spec("pymetis") is None:
             raise WrongUsageError(f"--parts needs {needs('pymetis', 'globe')}")
         parts = given.output.with_name(f"{given.output.name}.part.{given.parts}")
-    plan = plan_alone({"-o": given.output, "--parts": parts, "--plot": given.plot}, also_read=pictures)
+    outputs = {"-o": given.output, "--parts": parts, "--plot": given.plot, "--histograms": given.histograms}
+    if given.output.name.endswith("nod2d.out"):  # FESOM reads the two together
+        outputs["elem2d.out"] = given.output.with_name(given.output.name.replace("nod2d.out", "elem2d.out"))
+    plan = plan_alone(outputs, also_read=pictures)
     return run_plan(plan, _sphere, COLUMNS, given)
 
 
@@ -107,8 +115,10 @@ def _numbers(option: str, text: str, names: tuple[str, ...]) -> tuple[float, ...
 def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
+    import numpy as np
+
     import cvtimg
-    from cvtimg.cli.grid_inputs import cut_out, read_densities, read_globe, read_grid_points, read_width
+    from cvtimg.cli.grid_inputs import cut_out, read_densities, read_globe, read_grid_points, read_lineage, read_width
     from cvtimg.sphere import Cap, coastal_grid, nested_grid
 
     width = None if given.width is None else read_width(given.width, given.finer)
@@ -117,7 +127,10 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     number = width.n_points if width is not None and given.number is None else given.number
     land = None if given.coast is None else read_globe("--coast", given.coast)
     old = None if given.parent is None else read_grid_points(given.parent)
-    image = None if given.over is None else cvtimg.read_image(given.over)
+    attributes = {"history": given.command}
+    if given.parent is not None:
+        attributes["parent_id"] = read_lineage(given.parent)
+    image = None if given.below is None else cvtimg.read_image(given.below)
     stopwatch.lap("read")
     found: SphereGrid
     if land is not None:
@@ -127,44 +140,49 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     else:
         found = cvtimg.sphere_grid(number, **making)
     part = cut_out(found, given)
+    whole = part or found
     stopwatch.lap("place")
     if "--parts" in task.outputs:
-        (part or found).save_parts(task.outputs["--parts"], given.parts, overwrite=given.overwrite)
-    (part or found).save(task.outputs["-o"], radius=given.radius, overwrite=given.overwrite)
+        whole.save_parts(task.outputs["--parts"], given.parts, overwrite=given.overwrite)
+    whole.save(task.outputs["-o"], radius=given.radius, attributes=attributes, overwrite=given.overwrite)
+    if "elem2d.out" in task.outputs:
+        whole.save(task.outputs["elem2d.out"], overwrite=given.overwrite)
+    kept = np.ones(len(found.points), bool) if part is None else part.kept
     if "--plot" in task.outputs:
-        _plot(found, None if part is None else part.kept, task.outputs["--plot"], given, image)
+        _plot(found, kept, task.outputs["--plot"], given, image)
+    if "--histograms" in task.outputs:
+        _draw_histograms(found, kept, task.outputs["--histograms"], given)
     stopwatch.lap("write")
     return {
         "n": len(found.points),
-        "kept": len(found.points) if part is None else len(part.points),
+        "kept": len(whole.points),
         "triangles": len(found.triangles),
         "fixed": int(found.fixed.sum()),
         "energy": found.energy,
         "offset": found.offset,
         **asdict(found.measures()),
-        **dict(zip(("least_width_km", "median_width_km", "largest_width_km"), _widths(found), strict=True)),
+        **dict(zip(_WIDTHS, np.quantile(found.widths(), (0, 0.5, 1)).tolist(), strict=True)),
     }
 
 
-def _widths(grid: SphereGrid) -> list[float]:
-    import numpy as np
-
-    widths: list[float] = np.quantile(grid.widths(), (0, 0.5, 1)).tolist()
-    return widths
-
-
 def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: Any) -> None:
-    import numpy as np
-
     from cvtimg.plotting import draw_globe, draw_map, save_plot
-    from cvtimg.sphere import cell_polygons
+    from cvtimg.sphere import cell_polygons, earth_coasts
 
-    cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
-    kept = np.ones(len(sizes), bool) if kept is None else kept
-    sizes = sizes[kept]
-    more = {"image": image, "overwrite": given.overwrite}
+    cells, widths = grid.cells(), grid.widths()[kept]
+    more = {"image": image, "label": "cell width (km)", "overwrite": given.overwrite}
+    more["lines"] = earth_coasts() if given.over is None else ()
     if given.view is not None:
-        save_plot(path, draw_globe, list(compress(cells, kept)), sizes, center=given.view, **more)
+        save_plot(path, draw_globe, list(compress(cells, kept)), widths, center=given.view, **more)
     else:
         polygons = compress(cell_polygons(cells.vertices, cells.corners, cells.offsets), kept)
-        save_plot(path, draw_map, list(polygons), sizes, **more)
+        save_plot(path, draw_map, list(polygons), widths, **more)
+
+
+def _draw_histograms(grid: SphereGrid, kept: Any, path: Path, given: Given) -> None:
+    from cvtimg.halfedges import measure_triangles
+    from cvtimg.plotting import draw_histograms, save_plot
+
+    each = measure_triangles(grid.points, grid.triangles[kept[grid.triangles].all(axis=1)])
+    values = {"cell width (km)": grid.widths()[kept], "angle of triangles (degrees)": each.angles}
+    save_plot(path, draw_histograms, values, overwrite=given.overwrite)

@@ -94,6 +94,12 @@ class TriangleMeasures:
     circumradii: Values
     qualities: Values
 
+    @property
+    def angles(self) -> Values:
+        """All angles (3 T,) in degrees: the least of each triangle, the middle ones, and the largest."""
+        middle = 180 - self.least_angles - self.largest_angles
+        return np.concatenate([self.least_angles, middle, self.largest_angles])
+
 
 def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasures:
     """Measure each triangle.

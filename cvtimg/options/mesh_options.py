@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Option, Pair, Real, Text, Whole, passed
 
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
+#: Radii of the earth in meters, as models have it.
+_RADII = {"mpas": 6_371_229.0, "cesm": 6_371_220.0}
 #: Growth of sizes, as in `mesh_region`.
 GRADE = 0.2
+
+
+def _radius(text: Any) -> float:
+    """Return a radius by its name, or a number."""
+    try:
+        return _RADII.get(text) or Real(above=0).parse(text)
+    except ValueError as error:
+        raise ValueError(f"{error}, or {', '.join(_RADII)}") from None
+
 
 MESH = (
     replace(
@@ -89,7 +101,11 @@ SPHERE = (
         metavar="KM|FILE",
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, least=60, most=5000, default=480, unit="km", suffix="km"),
-    common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
+    common.output(
+        "Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, nod2d.out (FESOM; elem2d.out goes beside it), .vtu, "
+        ".geojson or .csv.",
+        required=True,
+    ),
     file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
     Option(
         "refine",
@@ -115,8 +131,9 @@ SPHERE = (
     ),
     file(
         "land",
-        "Remove the cells whose points are on land: a map with white land, or polygons; keep the largest sea.",
-        excludes=("region",),
+        "Remove the cells whose points are on land: a map with white land, polygons, or `earth` for coasts at 1:110 "
+        "million; keep the largest sea.",
+        metavar="FILE|earth",
     ),
     Option(
         "strait",
@@ -136,7 +153,14 @@ SPHERE = (
     ),
     Option("layers", Whole(0, 1000), "Layers of cells around --region.", default=7, needs=("region",)),
     Option("parts", Whole(2, 1 << 20), "Divide cells among N processes by METIS: write OUTPUT.part.N, too."),
-    Option("radius", Real(above=0), "Radius of the sphere in the file.", metavar="R", default=1.0),
+    Option(
+        "radius",
+        Text(_radius),
+        "Radius of the sphere in the file: a number, `mpas` for 6371229 m (WRF, too) or `cesm` for 6371220 m (E3SM, "
+        "too).",
+        metavar="R|mpas|cesm",
+        default=1.0,
+    ),
     file("plot", "Plot the cells on a map, .png or .svg, colored by size.", common.PLOTS),
     Option(
         "view",
@@ -145,7 +169,10 @@ SPHERE = (
         metavar="LON LAT",
         needs=("plot",),
     ),
-    file("over", "Map to show below the cells in --plot.", metavar="IMAGE", needs=("plot",)),
+    file(
+        "over", "Map to show below the cells in --plot, instead of coasts; or `none`.", metavar="IMAGE", needs=("plot",)
+    ),
+    file("histograms", "Plot histograms of widths and angles, .png or .svg.", common.PLOTS),
     common.EFFORT,
     common.SEED,
     *common.RUN,

@@ -229,6 +229,8 @@ def passed(name: str, kind: Kind, help: str, flags: str | None = None, **more: A
 class Given(SimpleNamespace):
     """The values of all options of a verb, as attributes."""
 
+    #: What was typed.
+    command: str
     #: Arguments of the Python function by option, and how the command line writes them.
     keywords: Mapping[str, str]
     flags: Mapping[str, str]
@@ -273,8 +275,8 @@ def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
             raise WrongUsageError(f"{option.flag} needs {' or '.join(map(worded, option.needs))}")
         for other in filter(holds, option.excludes):
             raise WrongUsageError(f"{option.flag} and {worded(other)} exclude each other")
-        if option.name == "plot" and find_spec("matplotlib") is None:
-            raise WrongUsageError(f"--plot needs {needs('matplotlib', 'plot')}")
+        if option.name in ("plot", "histograms") and find_spec("matplotlib") is None:
+            raise WrongUsageError(f"{option.flag} needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
             check_suffix(option.flag, values[option.name], option.kind.endings)
     passed = [option for option in known.values() if option.keyword]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import cleandoc
 from io import BytesIO
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PLOT_SUFFIXES = (".png", ".svg")
 #: More axes than this would leave no room for their pairs.
 _MOST_AXES = 8
-_BINS = 10
+_BINS, _FINE_BINS = 10, 60
 _Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
 
@@ -33,6 +33,29 @@ def chart(draw: _Draw) -> _Draw:
     if draw.__doc__:  # there is none under python -OO
         draw.__doc__ = f"{cleandoc(draw.__doc__)}\n\n{returns}\n\n{raises}\n"
     return draw
+
+
+@chart
+def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str) -> bytes:
+    """Draw a histogram of each quantity, with its quantiles.
+
+    Parameters
+    ----------
+    values : mapping of str to (n,) arrays
+        The values of each quantity by its name and unit.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    """
+    with figure_file(4.2 * len(values), 3.2, suffix) as (figure, content):
+        for axes, (name, of_one) in zip(figure.subplots(1, len(values), squeeze=False)[0], values.items(), strict=True):
+            low, middle, high = np.quantile(of_one, (0.01, 0.5, 0.99))
+            axes.hist(of_one, bins=_FINE_BINS, color="C0")
+            axes.axvline(middle, color="C3", linewidth=1)
+            axes.set_title(f"median {middle:.4g}, 98 % in {low:.4g} to {high:.4g}", fontsize=8)
+            axes.set_xlabel(name)
+            axes.set_yticks([])
+            axes.spines[["top", "left", "right"]].set_visible(False)
+    return content.getvalue()
 
 
 @chart

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ _ACROSS = 1000
 _EDGE = 30.0
 #: More polygons than this are drawn as pixels in SVG files.
 _MANY = 20_000
+#: Numbers on color bars, by the largest value to the least.
+_TICKS = ((10, (1, 2, 5)), (2, (1, 1.5, 2, 3, 4, 6, 8)), (0, tuple(np.arange(10, 100) / 10)))
+#: Of coasts and other lines.
+_LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
 #: Light comes from the upper left, and from all sides.
 _LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.6
 
@@ -35,7 +39,9 @@ def draw_globe(
     *,
     center: tuple[float, float] = (0.0, 20.0),
     image: NDArray[np.uint8] | None = None,
+    lines: Sequence[Values] = (),
     label: str = "cell size (degrees)",
+    scale: Literal["log", "linear"] = "log",
 ) -> bytes:
     """Draw the cells of a grid of the sphere as they are seen from far away (orthographic projection).
 
@@ -44,15 +50,19 @@ def draw_globe(
     cells : sequence of (C, 3) arrays
         The corners of each cell, unit vectors, as `cvtimg.sphere.SphereGrid.cells` returns them.
     sizes : (N,) array
-        What cells are colored by, > 0.
+        What cells are colored by: their sizes, or values of a field.
     suffix : {".png", ".svg"}
         Format of the file.
     center : (lon, lat)
         Place in the middle of the image, in degrees.
     image : (H, W) or (H, W, 3) uint8 array, optional
         Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
+    lines : sequence of (M, 2) arrays
+        Lines of longitudes and latitudes in degrees to draw on top, such as `cvtimg.sphere.earth_coasts()`.
     label : str
         What the sizes are.
+    scale : {"log", "linear"}
+        Of the colors; "log" for sizes > 0.
 
     See Also
     --------
@@ -68,7 +78,12 @@ def draw_globe(
         outlines = [
             outline for outline, is_seen in zip(np.split(turned[:, :2], ends[:-1]), seen, strict=True) if is_seen
         ]
-        drawn = _add_polygons(axes, outlines, sizes[seen], sizes, over_image=image is not None)
+        drawn = _add_polygons(axes, outlines, sizes[seen], sizes, scale, over_image=image is not None)
+        for line in lines:
+            x, y, toward = _axes_of_view(*center) @ _unit_vectors(line)
+            axes.plot(np.where(toward > 0, x, np.nan), y, **_LINE)
+        around = np.linspace(0, 2 * np.pi, 361)
+        axes.plot(np.cos(around), np.sin(around), **_LINE)
         axes.set_xlim(-1.01, 1.01)
         axes.set_ylim(-1.01, 1.01)
         axes.set_aspect("equal")
@@ -84,7 +99,9 @@ def draw_map(
     suffix: str,
     *,
     image: NDArray[np.uint8] | None = None,
+    lines: Sequence[Values] = (),
     label: str = "cell size (degrees)",
+    scale: Literal["log", "linear"] = "log",
 ) -> bytes:
     """Draw the cells of a grid of the sphere on a map of longitudes and latitudes (equirectangular projection).
 
@@ -93,8 +110,8 @@ def draw_map(
     rings : sequence of sequences of (K, 2) arrays
         The polygons of each cell, in degrees, as `cvtimg.sphere.cell_polygons` yields them.
     sizes : (N,) array
-        What cells are colored by, > 0.
-    suffix, image, label
+        What cells are colored by: their sizes, or values of a field.
+    suffix, image, lines, label, scale
         As in `draw_globe`.
     """
     pieces = [np.asarray(ring) for cell in rings for ring in cell]
@@ -103,7 +120,10 @@ def draw_map(
         axes = figure.subplots()
         if image is not None:
             axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", vmin=0, vmax=255, zorder=0)
-        drawn = _add_polygons(axes, pieces, sizes[of_cell], sizes, over_image=image is not None)
+        drawn = _add_polygons(axes, pieces, sizes[of_cell], sizes, scale, over_image=image is not None)
+        for line in lines:
+            for turn in (-360, 0, 360):  # lines may go on beyond the antimeridian
+                axes.plot(line[:, 0] + turn, line[:, 1], **_LINE)
         axes.set_xlim(-180, 180)
         axes.set_ylim(-90, 90)
         axes.set_aspect("equal")
@@ -174,16 +194,18 @@ def draw_surface(
 
 
 def _add_polygons(
-    axes: Axes, outlines: list[Any], values: Values, all_values: Values, *, over_image: bool
+    axes: Axes, outlines: list[Any], values: Values, all_values: Values, scale: str, *, over_image: bool
 ) -> PolyCollection:
-    """Add polygons with colors on a logarithmic scale of all values."""
+    """Add polygons with colors on a scale of all values."""
     from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LogNorm
+    from matplotlib.colors import LogNorm, Normalize
 
     low, high = float(all_values.min()), float(all_values.max())
-    middle = (low * high) ** 0.5
-    # Cells that are all alike get one color, not a scale of their rounding.
-    norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
+    norm = Normalize(low, high)
+    if scale == "log":
+        middle = (low * high) ** 0.5
+        # Cells that are all alike get one color, not a scale of their rounding.
+        norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
     thickness = min(_EDGE / max(len(outlines), 1) ** 0.5, 0.8)
     drawn = PolyCollection(
         outlines,
@@ -191,7 +213,7 @@ def _add_polygons(
         cmap="viridis",
         norm=norm,
         edgecolors=(1, 1, 1, 0.7) if over_image else "0.1",
-        linewidths=thickness * np.clip(values / np.median(values), 0.25, 1) if len(values) else thickness,
+        linewidths=thickness * np.clip(values / np.median(all_values), 0.25, 1) if scale == "log" else thickness,
         alpha=0.35 if over_image else 1.0,
         rasterized=len(outlines) > _MANY,
     )
@@ -201,13 +223,23 @@ def _add_polygons(
 
 def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) -> None:
     """Add a color bar with plain numbers, few enough to be read."""
+    from matplotlib.colors import LogNorm
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.6, format=FuncFormatter(lambda x, _: f"{x:g}"))
+    if not isinstance(drawn.norm, LogNorm):
+        return
     low, high = drawn.get_clim()
-    bar.locator = LogLocator(subs=(1, 2, 5) if high > 2 * low else tuple(np.arange(10, 100) / 10), numticks=9)
+    subs = next(subs for least, subs in _TICKS if high > least * low)
+    bar.locator = LogLocator(subs=subs, numticks=9)
     bar.minorformatter = NullFormatter()
     bar.update_ticks()
+
+
+def _unit_vectors(places: Values) -> Values:
+    """Return longitudes and latitudes (M, 2) in degrees as unit vectors (3, M)."""
+    x, y = np.radians(places).T
+    return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)])
 
 
 def _axes_of_view(longitude: float, latitude: float) -> Values:

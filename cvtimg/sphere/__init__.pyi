@@ -7,6 +7,8 @@ from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
 from .densities import by_spacing as by_spacing
+from .earth import earth_coasts as earth_coasts
+from .earth import earth_land as earth_land
 from .formats import GRID_FORMATS as GRID_FORMATS
 from .formats.polygons import cell_polygons as cell_polygons
 from .grids import EFFORTS as EFFORTS

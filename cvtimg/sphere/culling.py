@@ -96,22 +96,30 @@ class PartialGrid(ReadOnly):
         """Areas (K,) of the kept cells on the unit sphere."""
         return self.whole.areas[self.kept]
 
-    def save(self, path: StrPath, *, radius: float = 1.0, overwrite: bool = False) -> None:
+    def save(
+        self,
+        path: StrPath,
+        *,
+        radius: float = 1.0,
+        attributes: Mapping[str, str] | None = None,
+        overwrite: bool = False,
+    ) -> None:
         """Write the kept cells to a file, as `SphereGrid.save` writes all.
 
         Edges and vertices of kept cells are kept; beyond the boundary there is no cell: 0 in files of MPAS, which have
         boundaryCell, boundaryEdge and boundaryVertex (1 at the boundary) and, with layers, bdyMaskCell, bdyMaskEdge and
-        bdyMaskVertex.
+        bdyMaskVertex. Their parent_id begins with the file_id of the whole grid.
         """
-        write_grid(path, self._content(check_positive("radius", radius)), overwrite=overwrite)
+        write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
 
     def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
         """Divide the kept cells among processes, as `SphereGrid.save_parts` divides all."""
         check_count("n_parts", n_parts, int(self.kept.sum()), "the number of cells")
         write_parts(path, self._content(), n_parts, overwrite=overwrite)
 
-    def _content(self, radius: float = 1.0) -> CulledContent:
-        whole = GridContent(self.whole.points, self.whole.triangles, self.whole.density, radius)
+    def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> CulledContent:
+        grid = self.whole
+        whole = GridContent(grid.points, grid.triangles, grid.density, radius, attributes=attributes or {})
         return CulledContent.of(whole, self.kept, {"boundary_layer": self.layers} if self.layers.any() else {})
 
     def __repr__(self) -> str:
@@ -173,12 +181,13 @@ def cull_land(
     return PartialGrid(grid, sea, np.zeros(int(sea.sum()), np.int32))
 
 
-def limit_area(grid: SphereGrid, within: PartLike, *, layers: int = 7) -> PartialGrid:
+def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int = 7) -> PartialGrid:
     """Keep the cells whose points are in a part of the globe, and layers of cells around them.
 
     Parameters
     ----------
-    grid : SphereGrid
+    grid : SphereGrid or PartialGrid
+        Of a partial one, such as the sea, cells that it lacks stay away.
     within : callable, GeoJSON, shapely geometry or (H, 2 H) array
         The part: a `Cap`, a `Box`, or what `cull_land` takes as land.
     layers : int
@@ -208,14 +217,15 @@ def limit_area(grid: SphereGrid, within: PartLike, *, layers: int = 7) -> Partia
     [75, 34]
     """
     check_at_least("layers", layers, 0, "the number of layers of cells around")
-    kept = _inside("within", within, grid.points)
+    whole, there = (grid.whole, grid.kept) if isinstance(grid, PartialGrid) else (grid, np.ones(len(grid.points), bool))
+    kept = there & _inside("within", within, whole.points)
     check_that("within", bool(kept.any()), "hold a point of the grid")
     numbers = np.where(kept, 0, -1)
     for layer in range(1, layers + 1):
-        near = np.unique(grid.triangles[(numbers[grid.triangles] >= 0).any(axis=1)])
-        numbers[near[numbers[near] < 0]] = layer
+        near = np.unique(whole.triangles[(numbers[whole.triangles] >= 0).any(axis=1)])
+        numbers[near[(numbers[near] < 0) & there[near]]] = layer
     kept = numbers >= 0
-    return PartialGrid(grid, kept, numbers[kept].astype(np.int32))
+    return PartialGrid(whole, kept, numbers[kept].astype(np.int32))
 
 
 def _inside(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,17 +153,27 @@ class SphereGrid(ReadOnly):
         """Measure how good the grid is."""
         return measure_grid(self.points, self.triangles)
 
-    def save(self, path: StrPath, *, radius: float = 1.0, overwrite: bool = False) -> None:
+    def save(
+        self,
+        path: StrPath,
+        *,
+        radius: float = 1.0,
+        attributes: Mapping[str, str] | None = None,
+        overwrite: bool = False,
+    ) -> None:
         """Write the grid to a file; the end of its name picks the format.
 
         Parameters
         ----------
         path : str or path-like
             .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
-            cells, for METIS), .vtu and .geojson (cells as polygons) or .csv (a row per point).
+            cells, for METIS), nod2d.out and elem2d.out (FESOM), .vtu and .geojson (cells as polygons) or .csv (a row
+            per point).
         radius : float
             Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
-            of the earth in meters, 6371229, as MPAS-Ocean takes it.
+            of the earth in meters: 6371229 in MPAS and WRF, 6371220 in CESM and E3SM.
+        attributes : mapping of str to str, optional
+            Global attributes of .nc files, such as history, or parent_id in meshes of MPAS.
         overwrite : bool
             Replace an existing file.
 
@@ -173,7 +184,7 @@ class SphereGrid(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        write_grid(path, self._content(check_positive("radius", radius)), overwrite=overwrite)
+        write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
 
     def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
         """Divide cells among processes by METIS; write the part of each, from 0: MPAS reads graph.info.part.N.
@@ -190,8 +201,8 @@ class SphereGrid(ReadOnly):
         check_count("n_parts", n_parts, len(self.points), "the number of cells")
         write_parts(path, self._content(), n_parts, overwrite=overwrite)
 
-    def _content(self, radius: float = 1.0) -> GridContent:
-        return GridContent(self.points, self.triangles, self.density, radius, self._flags())
+    def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
+        return GridContent(self.points, self.triangles, self.density, radius, self._flags(), attributes or {})
 
     def _flags(self) -> dict[str, NDArray[np.int32]]:
         """Return flags of cells that files have."""

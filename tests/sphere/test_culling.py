@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from cvtimg import sphere_grid
-from cvtimg.sphere import Box, Cap, PartialGrid, coastal_grid, cull_land, limit_area
+from cvtimg.sphere import Box, Cap, PartialGrid, coastal_grid, cull_land, earth_coasts, earth_land, limit_area
 from cvtimg.sphere.densities import from_degrees
 
 GRID = sphere_grid(642)
@@ -215,3 +216,40 @@ def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
 def test_wrong_parts_are_named(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_the_land_of_the_earth_is_known() -> None:
+    shape = shapely.geometry.shape(earth_land())
+    for lon, lat, on_land in ((2, 48, True), (-30, 40, False), (181, 66.5, True), (0, -89, True), (50, 42, False)):
+        assert shapely.contains_xy(shape, lon, lat) == on_land
+    kept = cull_land(GRID, earth_land(), largest=False, fill_bays=False).kept
+    beyond = shapely.contains_xy(shape, np.where(GRID.lon < 0, GRID.lon + 360, GRID.lon), GRID.lat)
+    wrong = kept == (shapely.contains_xy(shape, GRID.lon, GRID.lat) | beyond)
+    assert not wrong[np.abs(GRID.lat) < 89].any()  # a pole is on the boundary of the polygons
+    assert np.average(kept, weights=GRID.areas) == pytest.approx(0.71, abs=0.02)
+    steps = np.concatenate([np.abs(np.diff(line, axis=0)) for line in earth_coasts()])
+    assert steps.max() < 15
+
+
+def test_the_sea_of_a_region_has_its_layers(tmp_path: Path) -> None:
+    sea = cull_land(GRID, LAND)
+    area = limit_area(sea, Cap(60, 10, 30), layers=2)
+    assert not (area.kept & ~sea.kept).any()
+    assert (area.kept <= limit_area(GRID, Cap(60, 10, 30), layers=2).kept).all()
+    assert set(area.layers.tolist()) == {0, 1, 2}
+
+
+def test_fesom_meshes_hold_the_triangles_of_the_sea(tmp_path: Path) -> None:
+    sea = cull_land(GRID, LAND)
+    for name in ("nod2d.out", "elem2d.out"):
+        sea.save(tmp_path / name)
+    nodes = np.loadtxt(tmp_path / "nod2d.out", skiprows=1)
+    elements = np.loadtxt(tmp_path / "elem2d.out", skiprows=1, dtype=int)
+    assert (nodes[:, 0] == np.arange(1, len(nodes) + 1)).all()
+    places = from_degrees(nodes[:, 1], nodes[:, 2])
+    expected = GRID.points[GRID.triangles[sea.kept[GRID.triangles].all(axis=1)]]
+    assert places[elements - 1] == pytest.approx(expected, abs=1e-12)
+    # By its definition, the coast is where an edge is in one triangle only.
+    edges = np.sort(np.concatenate([elements[:, [0, 1]], elements[:, [1, 2]], elements[:, [2, 0]]]), axis=1)
+    once, times = np.unique(edges, axis=0, return_counts=True)
+    assert set(np.flatnonzero(nodes[:, 3]) + 1) == set(once[times == 1].ravel())

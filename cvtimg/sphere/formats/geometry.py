@@ -206,6 +206,7 @@ class GridContent:
     density: Values  # (N,): at the generators
     radius: float  # Of the sphere in the file; lengths and areas are in its unit
     flags: Mapping[str, Indices] = field(default_factory=dict)  # (N,): of cells, such as 1 on land
+    attributes: Mapping[str, str] = field(default_factory=dict)  # of the whole file, where a format has them
 
     @cached_property
     def closed(self) -> ClosedConnectivity:
@@ -216,6 +217,18 @@ class GridContent:
     def around(self) -> Connectivity:
         """What touches what."""
         return self.closed
+
+    @property
+    def identity(self) -> str:
+        """Ten characters that stand for the grid: a hash, so that equal grids have equal files."""
+        from hashlib import sha256
+
+        return sha256(self.points.tobytes() + self.triangles.tobytes()).hexdigest()[:10]
+
+    @property
+    def full_triangles(self) -> Indices:
+        """The triangles whose three cells are there."""
+        return self.triangles
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -241,9 +254,16 @@ class CulledContent(GridContent):
 
     @classmethod
     def of(cls, whole: GridContent, kept: NDArray[np.bool_], flags: Mapping[str, Indices]) -> CulledContent:
-        """Keep some cells; `flags` are those of these."""
+        """Keep some cells; `flags` are those of these. The whole grid is the parent, before its own."""
         points, density = whole.points[kept], whole.density[kept]
-        return cls(points, whole.triangles, density, whole.radius, flags, whole=whole, kept=kept)
+        older = whole.attributes.get("parent_id")
+        attributes = {**whole.attributes, "parent_id": "\n".join(filter(None, [whole.identity, older]))}
+        return cls(points, whole.triangles, density, whole.radius, flags, attributes, whole=whole, kept=kept)
+
+    @property
+    def full_triangles(self) -> Indices:
+        """The triangles whose three cells are there."""
+        return self.around.cells_on_vertex[(self.around.cells_on_vertex >= 0).all(axis=1)]
 
     @cached_property
     def _edges(self) -> NDArray[np.bool_]:

@@ -116,8 +116,9 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
         "mesh_spec": "1.0",
         "Conventions": "MPAS",
         "source": "cvtimg",
-        "file_id": _identity(grid),
+        "file_id": grid.identity,
         "history": "",
+        **grid.attributes,
     }
     write_netcdf(file, dimensions, variables, attributes)
 
@@ -147,13 +148,6 @@ def _masks(grid: GridContent) -> dict[str, Variable]:
         for place, (along, cells) in tables.items():
             found[f"boundary{place}"] = Variable((along,), (cells < 0).any(axis=1).astype(np.int32))
     return found
-
-
-def _identity(grid: GridContent) -> str:
-    """Ten characters that stand for the grid: a hash, so that equal grids have equal files."""
-    from hashlib import sha256
-
-    return sha256(grid.points.tobytes() + grid.triangles.tobytes()).hexdigest()[:10]
 
 
 def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
@@ -202,7 +196,7 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
     ):
         variables[name] = Variable(("n_face",), values, {"long_name": text, "mesh": "mesh", "location": "face"})
     attributes = {"Conventions": "CF-1.8 UGRID-1.0", "source": "cvtimg", "sphere_radius": float(grid.radius)}
-    write_netcdf(file, dimensions, variables, attributes)
+    write_netcdf(file, dimensions, variables, {**attributes, **grid.attributes})
 
 
 def write_scrip(file: BinaryIO, grid: GridContent) -> None:
@@ -229,7 +223,8 @@ def write_scrip(file: BinaryIO, grid: GridContent) -> None:
         "grid_area": Variable(size, geometry.cell_areas, {"units": "radians^2"}),
     }
     dimensions = {"grid_size": len(grid.points), "grid_corners": corners.shape[1], "grid_rank": 1}
-    write_netcdf(file, dimensions, variables, {"Conventions": "SCRIP", "title": "cvtimg", "source": "cvtimg"})
+    attributes = {"Conventions": "SCRIP", "title": "cvtimg", "source": "cvtimg", **grid.attributes}
+    write_netcdf(file, dimensions, variables, attributes)
 
 
 def _coordinates(name: str, places: Values) -> dict[str, Variable]:
