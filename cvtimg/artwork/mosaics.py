@@ -43,7 +43,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
-from cvtimg.pictures.files import encode_image, lossless_suffixes, write_image
+from cvtimg.pictures.files import encode_image, image_suffixes, write_image
 from cvtimg.placement import pixel_labels, place_in_picture
 from cvtimg.placement.cells import Polygons, power_cells
 
@@ -76,7 +76,7 @@ VECTORS = (".svg", ".geojson")
 
 def suffixes() -> list[str]:
     """List what mosaics can be written in."""
-    return [*VECTORS, *(suffix for suffix in lossless_suffixes() if suffix != ".npy"), *_OPAQUE]
+    return [*VECTORS, *(suffix for suffix in image_suffixes() if suffix != ".npy")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

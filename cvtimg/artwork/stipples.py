@@ -20,7 +20,7 @@ from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
-from cvtimg.pictures.files import Metadata, encode_image, lossless_suffixes, write_image
+from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
 from cvtimg.placement.cells import Polygons, power_cells
 
 #: Parts of a pixel, each way, by which its coverage is measured.
@@ -72,8 +72,7 @@ class PenDots:
 
 def suffixes() -> list[str]:
     """List what dots can be written in."""
-    pixels = [suffix for suffix in lossless_suffixes() if suffix not in TABLES]
-    return [".svg", *pixels, ".jpg", ".jpeg", *TABLES]
+    return [".svg", *(suffix for suffix in image_suffixes() if suffix not in TABLES), *TABLES]
 
 
 def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> None:

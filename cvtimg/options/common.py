@@ -66,6 +66,13 @@ def _pixel_size(text: str) -> Any:
 # What files may end in, known to modules that import NumPy.
 
 
+def pictures() -> Sequence[str]:
+    """Return the suffixes of images."""
+    from cvtimg.pictures.files import image_suffixes
+
+    return image_suffixes()
+
+
 def lossless() -> Sequence[str]:
     """Return the suffixes of images that keep all values."""
     from cvtimg.pictures.files import lossless_suffixes

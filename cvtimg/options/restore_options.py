@@ -24,7 +24,7 @@ def _weights(text: str) -> list[float]:
 
 RESTORE = (
     common.inputs("Versions of one image, all of one size: files, folders or patterns.", "VERSION...", name="versions"),
-    common.output("Write the restored image; - for standard output.", common.lossless, standard=".png", required=True),
+    common.output("Write the restored image; - for standard output.", common.pictures, standard=".png", required=True),
     Option(
         "number",
         Whole(1, common.MAX_COLORS - 1, auto=True),  # more segments no file of labels holds

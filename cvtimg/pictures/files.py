@@ -17,7 +17,7 @@ from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
-from cvtimg.pictures.formats.encoding import encode_image, encoder, lossless_suffixes
+from cvtimg.pictures.formats.encoding import encode_image, encoder, image_suffixes, lossless_suffixes
 from cvtimg.pictures.formats.header import ImageInfo, read_header
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
 from cvtimg.pictures.formats.opening import Source, reading, selected, selecting
@@ -28,6 +28,7 @@ __all__ = [
     "Metadata",
     "encode_image",
     "image_info",
+    "image_suffixes",
     "lossless_suffixes",
     "read_image",
     "read_indices",

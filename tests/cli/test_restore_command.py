@@ -114,7 +114,7 @@ def test_the_sheet_has_the_versions_on_top_and_the_restored_picture_below(run: R
         ("v_1.png v_2.png -k 2 -o out.png --labels out.png", 2, "would both become out.png"),
         ("v_1.png v_2.png -k 2 -o mask_1.png", 1, "mask_1.png: exists already"),
         ("v_1.png v_2.png -k 0 -o out.png", 2, "'0' must be auto or a whole number in 1..65535"),
-        ("v_1.png v_2.png -k 2 -o out.jpg", 2, "'out.jpg' must end in one of"),
+        ("v_1.png v_2.png -k 2 -o out.txt", 2, "'out.txt' must end in one of"),
         ("v_1.png v_2.png -k 2 -o out.png --edge-weight x", 2, "'x' must be auto or a number >= 0"),
         ("v_1.png v_2.png -k 2 -o out.png --weights 1,-2", 2, "'1,-2' must be numbers > 0"),
         ("v_1.png v_2.png -k 2 -o out.png --weights 1", 1, "weights of shape (1,) must be (2,)"),

@@ -50,7 +50,7 @@ export class Link {
 		// A result is wanted only for the settings that are shown; of drafts the newest so far.
 		if (asked.lane === "exact" && reply.seq !== this.newest) return;
 		if (asked.lane === "draft" && reply.seq < (this.lastShown || 0)) return;
-		if (asked.lane !== "before" && !reply.error) this.lastShown = reply.seq;
+		if (asked.lane !== "before" && !reply.error && reply.share === undefined) this.lastShown = reply.seq;
 		this.receive(reply, asked);
 	}
 }

@@ -14,10 +14,13 @@ from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
 
-_FLAT = {"when": {"detail": [False]}}
+_FLAT = {"when": {"way": ["flat"]}}
+#: Formats of results of 8 bits, the first of others, too; AVIF loses a little.
+_SUFFIXES = [suffix for suffix in (".png", ".webp", ".avif") if suffix in image_suffixes()]
 _RESTORED = "{}-restored.png"
 
 
@@ -37,11 +40,17 @@ class RestoreTab(Tab):
             most=32,
             about="All of one size. Transparent pixels are missing.",
         ),
-        "detail",
-        ("number", {"name": "k", "keyword": ""}),
+        Choice(
+            name="way",
+            label="Restore",
+            default="auto",
+            choices={"auto": "what the image shows", "detail": "a photograph, with its detail", "flat": "flat colors"},
+            about="Photographs get their detail back; drawings in few colors stay flat.",
+        ),
+        ("number", {"name": "k", "keyword": "", "default": 6, "auto": False, "always": True, **_FLAT}),
         ("align", {"keyword": ""}),
         ("motion", {"when": {"align": [True]}}),
-        "channels",
+        ("channels", _FLAT),
         "hidden",
         ("renormalize", _FLAT),
         Switch(name="has_nodata", label="Missing value"),
@@ -50,7 +59,7 @@ class RestoreTab(Tab):
         ("radius", _FLAT),
         ("edge_weight", _FLAT),
         ("space", _FLAT),
-        ("effort", _FLAT),
+        "effort",
         Choice(
             name="seen",
             label="Show",
@@ -63,8 +72,11 @@ class RestoreTab(Tab):
         """Return the restored picture and its segments."""
         kind = '"uint8" if len(result.colors) < 256 else "uint16"'
         labels = f"cvtimg.write_image({{}}, result.labels.astype({kind}))"
-        files = [Output("Restored image, PNG", "-o", _RESTORED, saved, SAVED)]
-        if request.settings["detail"]:
+        files = [
+            Output(f"Restored image, {suffix[1:].upper()}", "-o", f"{{}}-restored{suffix}", saved, SAVED)
+            for suffix in _SUFFIXES[: None if request.picture.array.dtype == np.uint8 else 1]
+        ]
+        if request.settings["way"] != "flat":
             return files
         return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", _save_labels, labels)]
 
@@ -74,24 +86,22 @@ class RestoreTab(Tab):
         names = ", ".join(quoted(picture.name) for picture in versions)
         lines = f"import cvtimg\n\nimages = [cvtimg.read_image(name) for name in [{names}]]"
         words = ["cvtimg", self.verb, *(safe_name(picture.name) for picture in versions)]
+        words += ["--detail"] if request.settings["way"] == "detail" else []
         words += words_of(self.controls, request.settings)
         lines += f"\nresult = {self._call(request.settings).text('images')}"
         return Recipe(words, lines, for_many=False, always=_RESTORED)
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)
-        # As on the command line, the picture decides if nothing asks for segments.
-        for_segments = (settings["channels"], settings["averaging"] != "none", settings["edge_weight"] != "auto")
-        is_open = settings["k"] == "auto" and not any(for_segments)
-        if settings["detail"] or is_open:
-            keywords["detail"] = settings["detail"] or "auto"
+        if settings["way"] != "flat":
+            keywords["detail"] = True if settings["way"] == "detail" else "auto"
         if settings["align"]:
             keywords["align"] = settings["motion"]
         if "nodata" in self.in_effect(settings):
             keywords["nodata"] = settings["nodata"]
         if "averaging" in self.in_effect(settings) and settings["averaging"] != "none":
             keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
-        return Call("restore", (settings["k"],), keywords)
+        return Call("restore", (settings["k"],) if settings["way"] == "flat" else (), keywords)
 
     def exact(self, request: Request) -> Outcome:
         """Restore the picture."""

@@ -161,6 +161,11 @@ def encoder(
     return write_optimized if optimize else write
 
 
+def image_suffixes() -> list[str]:
+    """List the suffixes of formats that `write_image` writes; .avif if Pillow supports it."""
+    return list(_FORMATS)
+
+
 def lossless_suffixes() -> list[str]:
     """List the suffixes of formats that `write_image` writes losslessly."""
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
