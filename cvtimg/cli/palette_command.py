@@ -22,8 +22,6 @@ EXAMPLES = """\
   cvtimg palette photos/ --json
 """
 _MOST_OWN = 256
-#: Chroma in Oklab, of which both coordinates are doubled, below which a color is gray.
-_GRAY = 0.04
 
 
 def palette(given: Given) -> int:
@@ -41,8 +39,10 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     from cvtimg import quantize, write_palette
+    from cvtimg.cli.quantize_command import locked_colors
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
+    from cvtimg.palettes import color_order
     from cvtimg.pictures.known import read_whole
     from cvtimg.quantization import main_palette, map_to_palette
 
@@ -52,33 +52,22 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise ValueError(f"has {image.shape[2]} bands, which are no colors")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
+    locked = locked_colors(given.lock) if given.lock else None
     if given.main:
-        result = map_to_palette(image, main_palette(image, given.number or MAIN_COLORS).colors, space="oklab")
+        result = map_to_palette(
+            image, main_palette(image, given.number or MAIN_COLORS, locked=locked).colors, space="oklab"
+        )
     else:
         wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
-        result = quantize(image, wanted, space=given.space)
+        result = quantize(image, wanted, space=given.space, locked=locked)
     counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
-    order = _order(result.palette, counts, given.sort)
+    order = color_order(result.palette, given.sort, density=counts)
     found, counts = result.palette[order], counts[order]
     stopwatch.lap("cluster")
     if "--save-palette" in task.outputs:
         write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=given.overwrite)
         stopwatch.lap("write")
     return {"distinct_colors": n_distinct, "k": len(found), "colors": _entries(found, counts)}
-
-
-def _order(palette: NDArray[Any], counts: NDArray[np.int64], sort: str) -> NDArray[np.intp]:
-    """Return the order of colors; colors of hardly any chroma, of which the hue says nothing, come before others."""
-    import numpy as np
-
-    from cvtimg.colors.spaces import to_space
-
-    if sort == "share":
-        return np.argsort(-counts, kind="stable")
-    channels = [0, 0, 0] if palette.shape[1] < 3 else [0, 1, 2]
-    lightness, a, b = to_space(palette[:, channels], "oklab").T
-    hue = np.where(np.hypot(a, b) < _GRAY, -1, np.arctan2(b, a) % (2 * np.pi))
-    return np.lexsort((lightness, hue)) if sort == "hue" else np.argsort(lightness, kind="stable")
 
 
 def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:

@@ -102,7 +102,7 @@ def quantize(given: Given) -> int:
     if given.weight_map:
         how["weights"] = _read("--weight-map", given.weight_map, _read_weights)
     if given.lock:
-        how["locked"] = _locked(given.lock)
+        how["locked"] = locked_colors(given.lock)
     palette = _read("--palette", given.palette, read_palette) if given.palette else None
     if given.shared_palette:
         running = running_of(given)
@@ -214,7 +214,7 @@ def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> NDArra
     return find_palette(samples, **options).colors
 
 
-def _locked(colors: list[str | Path]) -> NDArray[np.uint8]:
+def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
     """(L, 3) colors, or (L, 4) if some have transparency, each once."""
     import numpy as np
 

@@ -24,6 +24,7 @@ __all__ = [
     "Files",
     "Number",
     "Settings",
+    "Swatches",
     "Switch",
     "Switches",
     "Table",
@@ -173,7 +174,20 @@ class Colors(Control):
 
     def words(self, value: Any) -> list[str]:
         """Repeat the option for each color."""
-        return [word for color in value for word in (self.flag, color)]
+        return [word for color in value for word in (self.flag, color)] if self.flag else []
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swatches(Colors):
+    """Colors in an order of their own, which the page edits in the result."""
+
+    most: int = 256
+
+    def parse(self, value: Any) -> tuple[str, ...]:
+        """Check a list of colors, which may be equal."""
+        if not isinstance(value, list) or len(value) > self.most:
+            raise self.refuse("colors", f"a list of at most {self.most}")
+        return tuple(color for one in value for color in Colors.parse(self, one))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,6 +22,15 @@ def _images() -> Sequence[str]:
     return [*common.lossless(), ".zarr"]
 
 
+_LOCK = Option(
+    "lock",
+    Text(common.color_or_file),
+    "Keep a color ('#fff', '#rrggbb', '#rrggbbaa', 'white') or those of a palette file in the palette; can be "
+    "repeated.",
+    metavar="COLOR|FILE",
+    many=True,
+)
+
 QUANTIZE = (
     common.IMAGES,
     Option(
@@ -75,8 +84,8 @@ QUANTIZE = (
     ),
     file(
         "palette",
-        "Use the colors of a palette file or of an image, or a palette by name: cga, game-boy, nes, pico-8, web-safe; "
-        "with -k, the best of them.",
+        "Use the colors of a palette file or of an image, a palette by name: cga, game-boy, nes, pico-8, web-safe; or "
+        "colors as '#102030,#f0e0d0'; with -k, the best of them.",
         excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
     ),
     switch(
@@ -86,14 +95,7 @@ QUANTIZE = (
         excludes=("number", "space", "goal=eyes", "quality", "dither=compact", "shared_palette"),
         keyword="ramp",
     ),
-    Option(
-        "lock",
-        Text(common.color_or_file),
-        "Keep a color ('#fff', '#rrggbb', '#rrggbbaa', 'white') or those of a palette file in the palette; can be "
-        "repeated.",
-        metavar="COLOR|FILE",
-        many=True,
-    ),
+    _LOCK,
     passed(
         "color_bits",
         Text(common.color_bits),
@@ -144,20 +146,21 @@ PALETTE = (
         Whole(1, common.MAX_COLORS),
         f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
         "--colors -k",
-    ),
+    ).on_page("Colors", slider=(2, 64), log=True, most=256, default=8),
     switch(
         "main",
         f"Find the few colors that stand out, {MAIN_COLORS} by default: small vivid parts count, large areas do not "
         "count more than they must.",
         excludes=("space",),
     ),
+    replace(_LOCK, needs=("number",)),
     Option(
         "sort",
         Choice(("share", "lightness", "hue")),
         "Order of the colors: by share, the largest first, lightness, the darkest first, or hue, grays first.",
         default="share",
-    ),
-    common.SPACE,
+    ).on_page("Sort by"),
+    common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     common.PALETTE_OUTPUT,
     common.SKIP_EXISTING,
     common.MAX_PIXELS,

@@ -19,7 +19,7 @@ from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
 from cvtimg.palettes.formats.aseprite import read_aseprite, write_aseprite
 from cvtimg.palettes.formats.picture import read_picture, write_picture
-from cvtimg.palettes.known import known_palettes
+from cvtimg.palettes.known import known_palettes, written_palette
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
@@ -65,7 +65,7 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     path : str or path-like
         Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .scss, .svg (fills), .pal (JASC, RIFF),
         .txt (paint.net) or .aseprite; any other file is read as an image. Or the name of a palette: "cga", "game-boy",
-        "nes", "pico-8", "web-safe".
+        "nes", "pico-8", "web-safe"; or the colors themselves, as "#102030,#f0e0d0".
 
     Returns
     -------
@@ -96,9 +96,11 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     ...     read_palette(f"{folder}/flag.hex").tolist()
     [[0, 0, 255], [255, 255, 0]]
     """
-    known = known_palettes()
+    known, written = known_palettes(), written_palette(str(path))
     if str(path) in known and not Path(path).exists():
         return known[str(path)]
+    if written is not None:
+        return written
     form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
     with reading(path) as file:
         return form.read(file.read())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,13 @@ _CODES = {
         f0d0b0 fce0a8 f8d878 d8f878 b8f8b8 b8f8d8 00fcfc d8d8d8""",
     "web-safe": " ".join(f"{r}{g}{b}" for r in _WEB for g in _WEB for b in _WEB),
 }
+
+
+def written_palette(text: str) -> NDArray[np.uint8] | None:
+    """Return the (K, 3) or (K, 4) colors that a text writes as ``"#102030,#f0e0d0"``; None for other texts."""
+    if not re.fullmatch(r"#(?:[0-9a-fA-F]{6}(?:,#[0-9a-fA-F]{6})*|[0-9a-fA-F]{8}(?:,#[0-9a-fA-F]{8})*)", text):
+        return None
+    return np.array([list(bytes.fromhex(code[1:])) for code in text.split(",")], np.uint8)
 
 
 def known_palettes() -> dict[str, NDArray[np.uint8]]:

@@ -184,7 +184,13 @@ def find_palette(
     return Palette(_in_order(found, alpha), tessellation, alpha)
 
 
-def main_palette(image: ColorSamples | ArrayLike, n_colors: int = 6, **engine: Unpack[EngineOptions]) -> Palette:
+def main_palette(
+    image: ColorSamples | ArrayLike,
+    n_colors: int = 6,
+    *,
+    locked: ArrayLike | None = None,
+    **engine: Unpack[EngineOptions],
+) -> Palette:
     """Find the few colors that stand out in an image, as a designer would pick them.
 
     Small vivid parts count, which the palette of least error leaves out: pixels of similar colors, in the same cube of
@@ -196,7 +202,7 @@ def main_palette(image: ColorSamples | ArrayLike, n_colors: int = 6, **engine: U
         As in `find_palette`.
     n_colors : int
         Size of the palette, in 1..65536.
-    method, init, effort, volume_power, rng, callback
+    locked, method, init, effort, volume_power, rng, callback
         As in `find_palette`.
 
     Returns
@@ -225,7 +231,7 @@ def main_palette(image: ColorSamples | ArrayLike, n_colors: int = 6, **engine: U
     cubes = np.unique(np.floor(places / _CUBE), axis=0, return_inverse=True)[1].reshape(-1)
     masses = np.bincount(cubes, samples.density)[cubes]
     evened = samples.density * np.where(masses > 0, masses, 1) ** (_POWER - 1)
-    return find_palette(replace(samples, density=evened), n_colors, space="oklab", **engine)
+    return find_palette(replace(samples, density=evened), n_colors, space="oklab", locked=locked, **engine)
 
 
 def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: SpaceName) -> Palette:

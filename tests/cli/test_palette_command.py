@@ -126,3 +126,24 @@ def test_colors_are_sorted_as_asked(tmp_path: Path, capsys: pytest.CaptureFixtur
 
     assert sorted_by("lightness") == ["#000080", "#808080", "#ff0000", "#00ff00", "#ffffff"]
     assert sorted_by("hue") == ["#808080", "#ffffff", "#ff0000", "#00ff00", "#000080"]
+
+
+@pytest.mark.parametrize("main_colors", [False, True])
+def test_locked_colors_are_in_the_palette_and_the_others_around_them(
+    main_colors: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], photograph: NDArray[np.uint8]
+) -> None:
+    write_image(tmp_path / "a.png", photograph)
+    words = ["-k", "5", "--lock", "#ff00ff", *(["--main"] if main_colors else [])]
+    found = {code for code, _ in palette_of(capsys, tmp_path / "a.png", *words)}
+    assert "#ff00ff" in found
+    assert len(found) == 5
+    assert main(["palette", str(tmp_path / "a.png"), "--lock", "#ff00ff"]) == 2
+    assert "--lock needs -k" in capsys.readouterr().err
+
+
+def test_colors_themselves_are_a_palette() -> None:
+    assert read_palette("#102030,#F0e0d0").tolist() == [[16, 32, 48], [240, 224, 208]]
+    assert read_palette("#10203040").tolist() == [[16, 32, 48, 64]]
+    for wrong in ("#102030,#f0e0d0ff", "#1020", "102030,f0e0d0"):
+        with pytest.raises(OSError, match="no such file"):
+            read_palette(wrong)

@@ -16,7 +16,7 @@ from scipy.io import netcdf_file
 
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Switch, Table, parse_settings
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Swatches, Switch, Table, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.store import Store
@@ -26,6 +26,7 @@ from cvtimg.explore.tabs.base import Request
 BASE: dict[str, dict[str, Any]] = {
     "colors": {},
     "segments": {},
+    "palette": {"k": 5, "colors": ["#102030", "#f0e0d0", "#a05030"]},
     "stipple": {"n_dots": 300},
     "mosaic": {"n_cells": 60},
     "restore": {},
@@ -73,6 +74,8 @@ def variants(control: Control, tab: str) -> list[Any]:
         return [not control.default]
     if isinstance(control, Number):
         return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+    if isinstance(control, Swatches):
+        return [["#00ff7f", "#102030", "#00ff7f"]]
     if isinstance(control, Table):
         return [VALUES[tab, control.name]]
     return [["#00ff7f", "#102030"]] if isinstance(control, Colors) else []
@@ -276,6 +279,7 @@ def test_every_control_has_an_effect_on_the_command_or_shows_another() -> None:
 SAID_BY_TABS = {
     ("colors", "k"),
     ("colors", "strength"),
+    ("palette", "colors"),
     ("stipple", "least"),
     ("stipple", "greatest"),
     ("stipple", "pens"),

@@ -429,3 +429,43 @@ def test_a_click_on_the_globe_makes_cells_finer_there_and_a_drag_moves_them(visi
     one.page.click("#undo")
     one.settled()
     assert one.page.inner_text("#command").count("--refine") == 2
+
+
+def test_colors_of_a_palette_are_dragged_edited_locked_and_found_again(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.choose("palette")
+    one.settled()
+    swatches = page.locator("#swatches button")
+    listed = "[...document.querySelectorAll('#swatches button')].map(one => one.title.slice(0, 7))"
+    before = page.evaluate(listed)
+    first, fourth = swatches.nth(0).bounding_box(), swatches.nth(3).bounding_box()
+    page.mouse.move(first["x"] + 9, first["y"] + 9)
+    page.mouse.down()
+    page.mouse.move(fourth["x"] + 9, fourth["y"] + 9, steps=8)
+    page.mouse.up()
+    one.settled()
+    moved = [*before[1:4], before[0], *before[4:]]
+    assert page.evaluate(listed) == moved
+    assert f"--palette '{','.join(moved)}'" in page.inner_text("#command")
+    swatches.nth(1).click()
+    page.fill("#editone", "#ff2080")
+    one.settled()
+    assert page.evaluate(listed) == [moved[0], "#ff2080", *moved[2:]]
+    page.click("#lockone")
+    page.click("#again")
+    one.settled()
+    assert "cvtimg palette photo.png -k 8 --lock '#ff2080'" in page.inner_text("#command")
+    assert "#ff2080" in page.evaluate(listed)
+    page.click("#undo")
+    page.click("#undo")
+    page.click("#undo")
+    one.settled()
+    assert page.evaluate(listed) == moved
+    swatches.nth(0).focus()
+    page.keyboard.press("Alt+ArrowRight")
+    one.settled()
+    assert page.evaluate(listed) == [moved[1], moved[0], *moved[2:]]
+    page.keyboard.press("Delete")
+    one.settled()
+    assert page.evaluate(listed) == [moved[1], *moved[2:]]

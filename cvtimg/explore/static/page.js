@@ -16,7 +16,12 @@ let past = [], future = [], recent = {}, last = null, before = null, result = ""
 
 const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file));
-const shades = new Shades(index => { state.spot = index; repaint(); drawShades(); }, toggleLock);
+const shades = new Shades(locate, toggleLock, (colors, live, spot) => {
+	const old = shades.hexes[spot], {locked} = settings(), edited = colors.length === shades.hexes.length && colors[spot];
+	const kept = colors.includes(old) || !edited ? locked : locked.map(one => one === old ? edited : one);
+	change("colors", colors, live, {start: "hand", locked: kept});
+	Object.assign(shades, {spot, hexes: colors});
+});
 const curve = new Curve($("curve"), (k, live) => change("k", k, live, {aim: "k"}));
 const link = new Link(receive, lost, back);
 const globe = new Globe(viewer, () => { const {columns, name} = circles(); return {columns, rows: settings()[name]}; }, (rows, live) => change(circles().name, rows, live));
@@ -72,6 +77,7 @@ function change(name, value, live, more = {}) {
 	const goes = typeof value === "object" ? recent.live : now - recent.time < 1000;
 	if (recent.name !== name || !goes) remember(); // a drag is one step back
 	recent = {name, time: now, live};
+	if (name === "start" && value === "hand" && last?.facts.counts) more = {colors: shades.hexes}; // begins with what is seen
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
 	if (name !== "seen") state.spot = shades.spot = -1;
 	if (name === "space" && state.tab === "colors") measure();
@@ -98,6 +104,13 @@ function travel(from, to) {
 	$("undo").disabled = !past.length;
 	$("redo").disabled = !future.length;
 	if (moved) showTab(then.tab); else { drawControls(); want(performance.now(), AT_ONCE); }
+}
+
+function locate(index) {
+	shades.spot = index;
+	state.spot = shades.editable && $("whereone").ariaPressed !== "true" ? -1 : index; // edits are seen in all colors
+	repaint();
+	drawShades();
 }
 
 function toggleLock(color) {
@@ -248,9 +261,10 @@ function drawControls() {
 const sameSize = () => state.pictures.filter(one => !state.picture || (one.width === state.picture.width && one.height === state.picture.height));
 
 function drawShades() {
-	const has = last?.kind === "indexed" && (state.tab === "colors" || state.tab === "segments");
+	const {locked = [], start} = settings(), has = Boolean(last?.facts.counts);
 	$("shades").hidden = !has;
-	if (has) shades.draw(last, settings().locked ?? []);
+	$("again").hidden = start !== "hand" || !locked.length;
+	if (has) shades.draw(last, locked, "colors" in settings());
 	if (state.tab === "colors" && last) curve.mark(last.facts.k);
 }
 
@@ -263,7 +277,7 @@ function facts(bytes) {
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
 	const saved = 1 - bytes / state.picture?.bytes;
-	if (bytes && sheet()) parts.push(size(bytes));
+	if (bytes && (sheet() || !recipes.list[0].key.startsWith("o."))) parts.push(size(bytes));
 	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }
@@ -344,7 +358,7 @@ function showTab(name) {
 	$("note").textContent = "";
 	problem("");
 	if (name === "restore" && !settings().versions.length) state.settings.restore = {...settings(), versions: sameSize().map(one => one.id)};
-	if (viewer.picking && name !== "colors") pick(false);
+	if (viewer.picking && !("locked" in settings())) pick(false);
 	drawControls();
 	lay();
 	$("rightname").textContent = "";
@@ -380,8 +394,8 @@ async function openPalette(file) {
 	try {
 		const palette = await send(`/palette?name=${encodeURIComponent(file.name)}`, file);
 		state.palettes.push(palette);
-		if (state.tab !== "colors") showTab("colors");
-		change("palette", [palette.id], false, {aim: "palette"});
+		if (!["colors", "palette"].includes(state.tab)) showTab("colors");
+		change("palette", [palette.id], false, state.tab === "palette" ? {start: "given"} : {aim: "palette"});
 	} catch (error) { report(error.message); }
 }
 
@@ -474,6 +488,8 @@ $("redo").onclick = () => travel(future, past);
 $("keep").onclick = keepA;
 $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
+$("again").onclick = () => change("start", "image", false, {k: Math.max(settings().colors.length, 1)});
+$("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
 $("fill").onchange = repaint;
 $("output").onchange = showRecipe;
 $("download").onclick = download;
@@ -492,7 +508,7 @@ addEventListener("paste", event => { const files = [...event.clipboardData.files
 
 const KEYS = {
 	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
-	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => state.tab === "colors" && pick(!viewer.picking),
+	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => "locked" in settings() && pick(!viewer.picking),
 	v: () => { const modes = ["divider", "beside", "result"]; viewer.mode = modes[(modes.indexOf(viewer.mode) + 1) % 3]; },
 	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : cancel(),
 };

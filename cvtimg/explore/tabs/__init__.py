@@ -5,6 +5,7 @@ from cvtimg.explore.tabs.colors_tab import ColorsTab
 from cvtimg.explore.tabs.design_tab import DesignTab
 from cvtimg.explore.tabs.mesh_tab import MeshTab
 from cvtimg.explore.tabs.mosaic_tab import MosaicTab
+from cvtimg.explore.tabs.palette_tab import PaletteTab
 from cvtimg.explore.tabs.restore_tab import RestoreTab
 from cvtimg.explore.tabs.segments_tab import SegmentsTab
 from cvtimg.explore.tabs.sphere_tab import SphereTab
@@ -17,6 +18,7 @@ TABS: dict[str, Tab] = {
     tab.name: tab
     for tab in (
         ColorsTab(),
+        PaletteTab(),
         SegmentsTab(),
         StippleTab(),
         MosaicTab(),

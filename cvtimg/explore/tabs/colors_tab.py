@@ -137,7 +137,7 @@ class ColorsTab(Tab):
                 text = f"cvtimg.colors.to_depth({text}, image.dtype)"
             return Call("quantize", (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
         if settings["locked"]:
-            keywords["locked"] = to_depth(_rgb(settings["locked"]), dtype)
+            keywords["locked"] = to_depth(rgb(settings["locked"]), dtype)
         if settings["effort"] != "balanced":
             keywords["effort"] = settings["effort"]
         if settings["aim"] == "psnr":
@@ -200,7 +200,7 @@ class ColorsTab(Tab):
             )
             colors = np.unique(found, axis=0)
             return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
-        locked = to_depth(_rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
+        locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
         samples = picture.small_samples
         return find_palette(samples, number, space=settings["space"], locked=locked, effort="fast").colors
 
@@ -245,7 +245,8 @@ def _usual_strength(settings: Settings) -> float:
     return 1.0 if settings["aim"] == "palette" else STRENGTH
 
 
-def _rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
+def rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
+    """(K, 3) colors that are written as #rrggbb."""
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 
 
