@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled loops of looks: one pass each. Scratch is allocated here."""
 
-from libc.stdint cimport int32_t, uint8_t, uint16_t
+from libc.stdint cimport int16_t, int32_t, uint8_t, uint16_t
 
 import numpy as np
 
@@ -9,6 +9,7 @@ N_ERRORS = 6
 LONGEST = RATE_LONGEST
 FARTHEST = RATE_FARTHEST
 MOST_MATCHES = RATE_MOST_MATCHES
+MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
     enum: BLUR_RADIUS
@@ -50,6 +51,24 @@ cdef extern from "rate.h" nogil:
         int32_t *older
         Py_ssize_t stride, run
     void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row)
+
+cdef extern from "lzw.h" nogil:
+    enum: LZW_CODES, LZW_MOST_PATHS, LZW_DECIDED, LZW_AHEAD
+    ctypedef struct lzw_paths:
+        pass
+    ctypedef struct lzw_book:
+        int16_t (*longer)[256]
+        int next, bits, phrase
+    ctypedef struct lzw_scratch:
+        lzw_book book
+        int n_paths
+        const float *kept
+        float *above
+        float *below
+        float *squares
+        lzw_paths *paths
+        int16_t *slots
+    void lzw_map(const rate_band *band, lzw_scratch *scratch, Py_ssize_t n_rows)
 
 
 def xyb(const float[:, :, ::1] linear):
@@ -143,3 +162,43 @@ def map_band(
     with nogil:
         for row in range(height):
             rate_map_row(&band, &scratch, row)
+
+
+def map_phrases(
+    const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
+    const float[:, :, ::1] kept, int n_paths, float price, float strength, float longest, uint8_t[:, ::1] indices,
+):
+    """Map an image by rate for LZW, into `indices`.
+
+    Parameters
+    ----------
+    targets, visibility, entries, price, strength, longest, indices
+        As in `map_band`.
+    kept : (H, W, 4) float32 array or None
+        Places of what the image is drawn over, for which the index is K.
+    n_paths : int
+        Most paths that are followed, in 1..MOST_PATHS.
+    """
+    cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1
+    columns = np.ascontiguousarray(np.asarray(entries)[:-1].T)
+    cdef const float[:, ::1] by_column = columns
+    cdef rate_band band = rate_band(
+        width, n_entries, 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &by_column[0, 0], NULL, NULL,
+        price, 0, strength, longest, &indices[0, 0],
+    )
+    longer, slots = np.empty((LZW_CODES + 1, 256), np.int16), np.full(LZW_CODES, -1, np.int16)
+    rows, squares = np.zeros((2, width + 2, RATE_WIDTH), np.float32), np.empty(n_entries, np.float32)
+    paths = np.empty((LZW_DECIDED + LZW_AHEAD + 1) * sizeof(lzw_paths), np.uint8)
+    cdef int16_t[:, ::1] of_book = longer
+    cdef int16_t[::1] of_slots = slots
+    cdef float[:, :, ::1] handed = rows
+    cdef float[::1] of_entries = squares
+    cdef uint8_t[::1] of_paths = paths
+    cdef lzw_scratch scratch
+    scratch.book.longer = <int16_t (*)[256]>&of_book[0, 0]
+    scratch.n_paths = n_paths
+    scratch.kept = NULL if kept is None else &kept[0, 0, 0]
+    scratch.above, scratch.below = &handed[0, 0, 0], &handed[1, 0, 0]
+    scratch.squares, scratch.paths, scratch.slots = &of_entries[0], <lzw_paths *>&of_paths[0], &of_slots[0]
+    with nogil:
+        lzw_map(&band, &scratch, height)

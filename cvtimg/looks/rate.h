@@ -93,6 +93,19 @@ static inline void rate_wanted(const float *target, const float *above, const fl
   for (int c = 0; c < RATE_WIDTH; c++) place[c] = target[c] + above[c] + (error ? error[c] : 0);
 }
 
+// Hand the error of a finished pixel on, in shares, to the next one and to the three below it.
+static inline void rate_spread(const rate_band *band, const float *wanted, const float *given, float right, float below,
+                               float aside, float *carried, float *three) {
+  float error[RATE_WIDTH];
+  rate_hand_on(wanted, given, band, error);
+  for (int c = 0; c < RATE_WIDTH; c++) {
+    carried[c] = error[c] * right;
+    three[c] += error[c] * aside;
+    three[c + RATE_WIDTH] += error[c] * below;
+    three[c + 2 * RATE_WIDTH] += error[c] * aside;
+  }
+}
+
 // Find the entries near a place, with squares at most `room` above the least, which is returned.
 RATE_CLONES static float rate_look(const rate_band *band, const float *place, float weight, float room, float *squares,
                                    rate_near *near) {
@@ -284,16 +297,10 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
   float carried[RATE_WIDTH] = {0};
   memset(scratch->below, 0, sizeof(float) * RATE_WIDTH * (size_t)(width + 2));
   for (Py_ssize_t i = 0; i < width; i++) {
-    float place[RATE_WIDTH], error[RATE_WIDTH];
+    float place[RATE_WIDTH];
     rate_wanted(targets + RATE_WIDTH * i, scratch->above + RATE_WIDTH * (i + 1), carried, place);
-    rate_hand_on(place, band->entries + RATE_WIDTH * indices[i], band, error);
-    for (int c = 0; c < RATE_WIDTH; c++) {
-      float *below = scratch->below + RATE_WIDTH * i + c;
-      carried[c] = error[c] * RATE_RIGHT;
-      below[0] += error[c] * RATE_ASIDE;
-      below[RATE_WIDTH] += error[c] * RATE_BELOW;
-      below[2 * RATE_WIDTH] += error[c] * RATE_ASIDE;
-    }
+    rate_spread(band, place, band->entries + RATE_WIDTH * indices[i], RATE_RIGHT, RATE_BELOW, RATE_ASIDE, carried,
+                scratch->below + RATE_WIDTH * i);
     if (i + 1 < width) {
       const int pair = indices[i] << 8 | indices[i + 1];
       const int32_t here = (int32_t)(row * scratch->stride + i);

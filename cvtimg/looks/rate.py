@@ -1,13 +1,15 @@
-"""Mapping to a palette by rate: indices that deflate stores in few bits, where the eye does not see the difference.
+"""Mapping to a palette by rate: indices that take few bits in files, where the eye does not see the difference.
 
-Each row takes the path of least cost through single indices and repetitions of earlier ones, where cost is the visible
-squared error plus the bits that deflate (RFC 1951) needs, at a price. What is left of the error is diffused, as by
-R. Floyd and L. Steinberg, Proc. SID 17 (1976) 75-77, but more along the path than to the next row.
+Each row takes the path of least cost, where cost is the visible squared error plus the bits that the file needs, at a
+price. For PNG a path goes through single indices and repetitions of earlier ones, as deflate (RFC 1951) has them; for
+GIF through the phrases that LZW (T. A. Welch, Computer 17 (6), 1984, 8-19) has learned from the pixels before. What is
+left of the error is diffused, as by R. Floyd and L. Steinberg, Proc. SID 17 (1976) 75-77; for PNG more along the path
+than to the next row.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +36,10 @@ _DISTANCES = np.append(0, np.repeat(_DISTANCE_BITS + _DISTANCE_EXTRA, 1 << _DIST
 _FAR, _LEAST = 1e15, 1e-12
 
 
+#: Ways to code indices: of PNG, and of GIF.
+CoderName: TypeAlias = Literal["deflate", "lzw"]
+
+
 class Rate(NamedTuple):
     """What small files are worth."""
 
@@ -43,6 +49,8 @@ class Rate(NamedTuple):
     #: Most matches that are followed from a pixel, in 1..256: four times as many make files 1 to 4 % smaller, and take
     #: two to three times as long.
     n_matches: int = 64
+    #: Whose bits count. With "lzw" a fourth as many paths are followed as there are matches.
+    coder: CoderName = "deflate"
 
 
 #: What keeps photographs as they are seen.
@@ -75,8 +83,9 @@ def map_by_rate(
     seen: NDArray[np.float32],
     rate: Rate,
     strength: float = STRENGTH,
+    kept: NDArray[np.float32] | None = None,
 ) -> NDArray[np.uint8]:
-    """Map pixels to the entries of a palette so that deflate needs few bits.
+    """Map pixels to the entries of a palette so that a file needs few bits.
 
     Parameters
     ----------
@@ -90,35 +99,45 @@ def map_by_rate(
         What small files are worth.
     strength : float
         Fraction of the error that is handed on, in 0..1.
+    kept : (H, W, D) float32 array, optional
+        Where the colors lie that a frame is drawn over, in a file coded by "lzw"; K <= 255.
 
     Returns
     -------
     (H, W) uint8 array
-        The same for any number of threads.
+        K where the frame below is kept. The same for any number of threads.
     """
-    price, n_matches = rate
-    height, width, n_dims = places.shape
-    targets = np.zeros((height, width, 4), np.float32)
-    targets[:, :, :n_dims] = places
-    palette = np.zeros((len(entries) + 1, 4), np.float32)
-    palette[:-1, :n_dims], palette[-1] = entries, _FAR
-    weights = np.maximum(seen, np.float32(_LEAST))
-    indices = np.empty((height, width), np.uint8)
+    height, width, _ = places.shape
+    targets, weights = _wide(places), np.maximum(seen, np.float32(_LEAST))
+    palette = np.concatenate([_wide(entries), np.full((1, 4), _FAR, np.float32)])
+    indices, longest = np.empty((height, width), np.uint8), _usual_step(palette[:-1])
+    if rate.coder == "lzw":
+        below = None if kept is None else _wide(kept)
+        n_paths = max(rate.n_matches * _looks.MOST_PATHS // _looks.MOST_MATCHES, 1)
+        _looks.map_phrases(targets, weights, palette, below, n_paths, rate.price, strength, longest, indices)
+        return indices
     shift = next(shift for shift in (3, 2, 1, 0) if len(entries) <= 1 << (8 >> shift))
     starts = range(0, height, _BAND)
-    lengths, distances = ((price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
-    literal, longest = price * np.log2(len(entries)), _usual_step(palette[:-1])
+    lengths, distances = ((rate.price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
+    literal = rate.price * np.log2(len(entries))
 
     def kernel(first: int, last: int) -> None:
         for number in range(first, last):
             rows = slice(starts[number], starts[number] + _BAND)
             _looks.map_band(
-                targets[rows], weights[rows], palette, lengths, distances, shift, n_matches, price, literal, strength,
-                longest, indices[rows],
+                targets[rows], weights[rows], palette, lengths, distances, shift, rate.n_matches, rate.price, literal,
+                strength, longest, indices[rows],
             )  # fmt: skip
 
     in_parts(kernel, len(starts), _WORK * targets.size * len(entries))
     return indices
+
+
+def _wide(places: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return places with four coordinates, the last of them 0."""
+    wide = np.zeros((*places.shape[:-1], 4), np.float32)
+    wide[..., : places.shape[-1]] = places
+    return wide
 
 
 def _usual_step(entries: NDArray[np.float32]) -> float:

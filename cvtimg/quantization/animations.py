@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_keywords
-from cvtimg._shared.choices import DitherName, SpaceName
+from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.files.whole import StrPath
+from cvtimg.looks.similarity import visual_quality
 from cvtimg.pictures.frames import Frames, write_frames
-from cvtimg.quantization.driver import QuantizeOptions, quantized
+from cvtimg.quantization.driver import QuantizeOptions, for_eyes, quantized
+from cvtimg.quantization.looks import Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
@@ -37,12 +39,15 @@ class QuantizedFrames(Fidelity):
         As in `Frames`.
     n_distinct : int
         Number of distinct colors of all frames; if each frame has its own palette, of the frame with the most.
+    quality : float or None
+        The mean `cvtimg.visual_quality` of the frames, where it was asked for.
     """
 
     results: tuple[Quantized, ...]
     durations: tuple[float, ...]
     plays: int
     n_distinct: int
+    quality: float | None = None
 
     def __repr__(self) -> str:
         """Tell the number of frames and colors in one line."""
@@ -97,6 +102,8 @@ def quantize_frames(
     color_bits: int | Sequence[int] | None = None,
     dither: DitherName | None = None,
     dither_strength: float | None = None,
+    goal: GoalName = "error",
+    quality: float | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedFrames:
     """Find the palette that represents all frames of an animation with the least error, or one for each frame.
@@ -121,6 +128,9 @@ def quantize_frames(
         value, and become transparent in indexed files.
     space, palette, ramp, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
+    goal, quality
+        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames. With at most 255 colors, the
+        default, one more can stand for what stays from the frame before.
 
     Returns
     -------
@@ -147,10 +157,16 @@ def quantize_frames(
     [11, 11, 200]
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
-    n_colors = MOST_INDEXED if n_colors is None and psnr is not None else n_colors
-    how = QuantizeOptions(n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine)
+    seen = goal == "eyes" or quality is not None
+    if n_colors is None and palette is None and (seen or psnr is not None):
+        n_colors = MOST_INDEXED - seen
+    how = QuantizeOptions(
+        n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine, goal, quality,
+        coder="lzw",
+    ).aimed()  # fmt: skip
     how.check(per_frame=per_frame or None)
-    return quantized(Film(frames, per_frame, alpha, masks), how)
+    film = Film(frames, per_frame, alpha, masks)
+    return for_eyes(film, how) if how.goal == "eyes" else quantized(film, how)
 
 
 class Film:
@@ -174,16 +190,28 @@ class Film:
         self.counted = self._samples if per_frame else [merge_samples(self._samples)]
         self.n_pixels = sum(samples.inverse.size for samples in self._samples)
 
+    def quality(self, result: QuantizedFrames) -> float:
+        """Return the mean visual quality of the frames of a result."""
+        pairs = zip(self._frames.images, result.results, strict=True)
+        return float(np.mean([visual_quality(image, one.image) for image, one in pairs]))
+
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedFrames:
         """Map each frame to its palette, or to the one of all."""
         if (
             how.palette is not None and not how.ramp and self.counted[0].alpha
         ):  # which may need a transparent color, the same in all
             palettes = [Palette(map_samples(self.counted[0], palettes[0].colors, how.space, None, 1.0).palette, None)]
-        frames, results = self._frames, []
+        frames = self._frames
+        results: list[Quantized] = []
         of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
         for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
-            result = map_samples(samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones)
+            below = None
+            if results and len(palettes) == 1 and samples.inside is None:
+                before, still = results[-1], image == frames.images[len(results) - 1]
+                below = Below(before.indices, still.reshape(*before.indices.shape, -1).all(axis=2))
+            result = map_samples(
+                samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones, below
+            )
             results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
         n_distinct = max(samples.n_colors for samples in self.counted)
         return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

@@ -25,9 +25,9 @@ from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
-from cvtimg.looks.rate import USUAL, Rate
+from cvtimg.looks.rate import USUAL, CoderName, Rate
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
+from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES, PRICES
 from cvtimg.quantization.palette_search import (
     EngineOptions,
     Palette,
@@ -57,6 +57,8 @@ class _HasPsnr(Protocol):
 
 R_co = TypeVar("R_co", bound=_HasPsnr, covariant=True)
 R = TypeVar("R", bound=_HasPsnr)
+#: An image, or frames: dataclasses that hold their quality.
+S = TypeVar("S", bound=Any)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,7 @@ class QuantizeOptions:
     goal: GoalName = "error"
     quality: float | None = None
     price: float = USUAL.price
+    coder: CoderName = "deflate"
 
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""
@@ -116,7 +119,7 @@ class QuantizeOptions:
     @property
     def rate(self) -> Rate:
         """What small files are worth to `dither="compact"`."""
-        return Rate(self.price, MATCHES[self.engine.get("effort", "balanced")])
+        return Rate(self.price, MATCHES[self.engine.get("effort", "balanced")], self.coder)
 
     @property
     def strength(self) -> float:
@@ -138,6 +141,14 @@ class Source(Protocol[R_co]):
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> R_co:
         """Map the pixels to the palettes, one for each of `counted`."""
+        ...
+
+
+class SeenSource(Source[S], Protocol[S]):
+    """Pixels whose looks can be measured."""
+
+    def quality(self, result: S) -> float:
+        """Return the visual quality of a result."""
         ...
 
 
@@ -168,6 +179,31 @@ def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     colors = np.array(how.palette)
     given = Palette(colors, None, colors.shape[1:] == (4,))
     return lambda samples: given
+
+
+def for_eyes(source: SeenSource[S], how: QuantizeOptions) -> S:
+    """Let bits cost as much as the quality allows, and say what was reached; see `quantize`."""
+    result = nearest_quality(source, how)
+    if how.quality is not None and result.quality < how.quality:
+        n_colors = max(len(colors) for colors in palettes_of(result))
+        refuse("quality", how.quality, f"at most {result.quality:.1f}, which {n_colors} colors reach")
+    return result
+
+
+def nearest_quality(source: SeenSource[S], how: QuantizeOptions) -> S:
+    """Return the smallest result of a quality, if one is wanted, or else the best."""
+    wanted = how.quality
+    if wanted is None:
+        result = quantized(source, how)
+    else:
+
+        def good(result: S) -> bool:
+            return source.quality(result) >= wanted
+
+        result, price = toward(source, how, *PRICES, good)
+        if price == PRICES[1] and how.palette is None and result.energy:  # images of few colors stay exact
+            result = with_fewer_colors(source, replace(how, price=price), result, good)
+    return replace(result, quality=source.quality(result))
 
 
 def toward(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +20,6 @@ from cvtimg.colors.spaces import to_depth
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
-from cvtimg.looks.similarity import visual_quality
 from cvtimg.palettes.files import read_palette, write_palette
 from cvtimg.pictures.files import ImageInfo, Metadata, image_info, read_image, read_metadata, write_image
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
@@ -31,20 +30,18 @@ from cvtimg.pictures.known import known_in_all, known_pixels
 from cvtimg.pictures.pages import PAGE_SUFFIXES, Pages, read_pages, write_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
 from cvtimg.quantization.animations import MOST_INDEXED, Film, QuantizedFrames
-from cvtimg.quantization.driver import QuantizeOptions, quantized
-from cvtimg.quantization.images import quantize, quantize_to_size, to_size
+from cvtimg.quantization.driver import QuantizeOptions, for_eyes, quantized
+from cvtimg.quantization.images import PictureSource, quantized_picture, to_size
 from cvtimg.quantization.palette_search import EngineOptions
 from cvtimg.quantization.remapping import Quantized
 from cvtimg.quantization.tiled import Strips
 
 __all__ = ["QuantizedFile", "UnfitOptionError", "quantize_file"]
 
-#: Options that all ways to a single image take.
-_HOW = ("locked", "color_bits", "space", "dither", "dither_strength")
 #: Options that need a single image, and those that need all of it in memory.
-_OF_ONE_IMAGE = ("quality", "weights", "n_colors='auto'", "optimize")
+_OF_ONE_IMAGE = ("weights", "n_colors='auto'", "optimize")
 _OF_PICTURES = ("psnr", "max_bytes", *_OF_ONE_IMAGE, "depth")
-_IN_MEMORY = (*_OF_PICTURES, "ramp", "goal='eyes'", "dither", "keep_metadata")
+_IN_MEMORY = (*_OF_PICTURES, "ramp", "quality", "goal='eyes'", "dither", "keep_metadata")
 
 
 class UnfitOptionError(ValueError):
@@ -89,7 +86,7 @@ class QuantizedFile(Fidelity):
     alpha : bool
         Whether the last channel is alpha.
     quality : float or None
-        As in `Quantized`, of a single image.
+        As in `Quantized`, or the mean of the frames or pages.
     """
 
     kind: str
@@ -189,8 +186,8 @@ def quantize_file(
         The suffix selects the format; of an image in tiles, .tif, .tiff or .zarr. Up to 256 colors of 8 bits are
         written indexed where the format allows. A TIFF keeps the georeference.
     n_colors, psnr, palette, ramp, locked, color_bits, space, dither, dither_strength, weights, goal, quality
-        As in `quantize`, `quality` for single images; given colors of 8 or 16 bits are brought to the depth of the
-        image. An indexed image of at most `n_colors` colors keeps its palette.
+        As in `quantize`; given colors of 8 or 16 bits are brought to the depth of the image. An indexed image of at
+        most `n_colors` colors keeps its palette. For eyes, the bytes that count are those of the target, PNG or GIF.
     max_bytes : int, optional
         Use as many colors, up to `n_colors` or 256, as fit into a file of this size. With ``goal="eyes"`` the colors
         stay, as far as bits can be saved in other ways; `quality` is then the most that is aimed at.
@@ -252,6 +249,7 @@ def quantize_file(
     how = QuantizeOptions(
         n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine, goal, quality
     ).aimed()
+    how = replace(how, coder="lzw" if Path(target).suffix.lower() == ".gif" else "deflate")
     job = _Job(
         Path(source), Path(target), how, max_bytes, weights, mask, nodata, depth, per_frame, save_palette,
         keep_metadata, optimize, max_pixels, overwrite, on_stage or (lambda stage: None),
@@ -361,13 +359,17 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
         image = to_depth(image, np.dtype(f"uint{job.depth}"))
     hint = read_palette(job.source) if header.mode == "P" and not given_colors else None
     how = job.at_depth(image.dtype)
-    options: dict[str, Any] = {name: getattr(how, name) for name in _HOW}
-    options |= {"mask": mask, "weights": job.weights, **how.engine}
+    source = PictureSource(image, None, mask, None, job.weights)
+
+    def size(result: Quantized) -> int:
+        pixels, how_stored = _content(result, file)
+        return len(encode_image(job.target.suffix, as_stored(pixels, job.target.suffix)[0], **how_stored))
+
     if job.max_bytes is None:
-        aims = {name: getattr(how, name) for name in ("psnr", "quality", "goal", "palette", "ramp")}
-        result = quantize(image, how.n_colors, palette_hint=hint, **aims, **options)
+        result = quantized_picture(source, how, hint)
     else:
-        result = _small_enough(job, image, how, options, file)
+        most: Any = how.n_colors or MOST_INDEXED
+        result = to_size(source, how, job.max_bytes, size, most)
     job.lap("cluster")
     pixels, how_stored = _content(result, file)
     n_colors = len(result.palette) + (result.inside is not None)
@@ -381,26 +383,6 @@ def _picture(job: _Job, header: ImageInfo) -> QuantizedFile:
     job.lap("write")
     n_left_out = 0 if mask is None else int((~mask).sum())
     return QuantizedFile.of("image", [result], shape=image.shape, n_left_out=n_left_out)
-
-
-def _small_enough(
-    job: _Job, image: NDArray[Any], how: QuantizeOptions, options: dict[str, Any], file: Mapping[str, Any]
-) -> Quantized:
-    """Quantize an image into a file of at most so many bytes."""
-    most: Any = job.max_bytes
-
-    def size(result: Quantized) -> int:
-        pixels, how_stored = _content(result, file)
-        return len(encode_image(job.target.suffix, as_stored(pixels, job.target.suffix)[0], **how_stored))
-
-    n_colors: Any = how.n_colors or MOST_INDEXED
-    if how.quality is not None:
-        with suppress(ValueError):  # which that many colors cannot reach
-            result = quantize(image, n_colors, quality=how.quality, **options)
-            if size(result) <= most:
-                return result
-    result = quantize_to_size(image, most, size, n_colors, **options)
-    return replace(result, quality=visual_quality(image, result.image)) if how.goal == "eyes" else result
 
 
 def _metadata(job: _Job, keep_profile: bool, nodata: float | None) -> Metadata | None:
@@ -441,10 +423,10 @@ def _frames(job: _Job, header: ImageInfo) -> QuantizedFile:
     known = known_in_all(frames.images, header, job.mask, job.nodata, "frame")
     how, masks = job.at_depth(frames.images[0].dtype), None if all(one.all() for one in known) else known
     aims = how.psnr is not None or job.max_bytes is not None
-    if how.n_colors is not None or aims:
+    if how.palette is None and (how.n_colors is not None or aims):
         n_colors: Any = how.n_colors or MOST_INDEXED
-        # One more is transparent.
-        how = replace(how, n_colors=n_colors if masks is None else min(n_colors, MOST_INDEXED - 1))
+        # One more is transparent: pixels that are left out, or that stay as they were.
+        how = replace(how, n_colors=min(n_colors, MOST_INDEXED - (masks is not None or how.goal == "eyes")))
     film = Film(frames, job.per_frame, None, masks)
     job.lap("read")
 
@@ -460,7 +442,10 @@ def _frames(job: _Job, header: ImageInfo) -> QuantizedFile:
             return trial.stat().st_size
 
         largest: Any = how.n_colors
-        result = quantized(film, how) if job.max_bytes is None else to_size(film, how, job.max_bytes, size, largest)
+        if job.max_bytes is None:
+            result = for_eyes(film, how) if how.goal == "eyes" else quantized(film, how)
+        else:
+            result = to_size(film, how, job.max_bytes, size, largest)
     job.lap("cluster")
     write(job.target, result, job.overwrite)
     job.write_palette(result.palette, result.results)
@@ -472,7 +457,8 @@ def _of_several(
     kind: str, result: QuantizedFrames, shape: tuple[int, ...], known: Sequence[NDArray[np.bool_]]
 ) -> QuantizedFile:
     n_left_out = sum(int((~one).sum()) for one in known)
-    return QuantizedFile.of(kind, result.results, shape=shape, n_left_out=n_left_out, n_distinct=result.n_distinct)
+    of_all: dict[str, Any] = {"n_distinct": result.n_distinct, "quality": result.quality}
+    return QuantizedFile.of(kind, result.results, shape=shape, n_left_out=n_left_out, **of_all)
 
 
 # --- pages
@@ -488,7 +474,8 @@ def _pages(job: _Job, header: ImageInfo) -> QuantizedFile:
     job.lap("read")
     frames = Frames(pages.images, (0.0,) * len(pages.images), 1)
     masks = None if all(one.all() for one in known) else known
-    result = quantized(Film(frames, job.per_frame, pages.has_alpha, masks), job.at_depth(pages.images[0].dtype))
+    film, how = Film(frames, job.per_frame, pages.has_alpha, masks), job.at_depth(pages.images[0].dtype)
+    result = for_eyes(film, how) if how.goal == "eyes" else quantized(film, how)
     job.lap("cluster")
     stored, palette = _stored_pages(pages, result, keeps_nodata=job.nodata is None and header.nodata is not None)
     write_pages(job.target, stored, palette=palette, overwrite=job.overwrite)

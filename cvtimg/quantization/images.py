@@ -21,7 +21,15 @@ from cvtimg.looks.similarity import VisualQuality
 from cvtimg.pictures.frames import Frames
 from cvtimg.quantization.animations import Film, QuantizedFrames
 from cvtimg.quantization.blocks import BlockSource
-from cvtimg.quantization.driver import QuantizeOptions, Search, palettes_of, quantized, toward, with_fewer_colors
+from cvtimg.quantization.driver import (
+    QuantizeOptions,
+    Search,
+    for_eyes,
+    nearest_quality,
+    palettes_of,
+    quantized,
+    toward,
+)
 from cvtimg.quantization.looks import DEAREST, PRICES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
@@ -160,35 +168,20 @@ def quantize(
     needs_all = ramp or n_colors == "auto" or any(one is not None for one in (mask, psnr, dither, weights))
     if is_image_in_blocks(image) and not needs_all:
         return cast(Quantized, quantized(BlockSource(PixelBlocks.of(image, nodata), bool(alpha)), how))
-    source = PictureSource(image, alpha, mask, nodata, weights)
-    if palette_hint is not None and isinstance(n_colors, int) and locked is None and color_bits is None:
-        kept = source.kept(np.asarray(palette_hint), n_colors, how)
-        if kept is not None:
-            return kept
-    if n_colors == "auto":
+    return quantized_picture(PictureSource(image, alpha, mask, nodata, weights), how, palette_hint)
+
+
+def quantized_picture(source: PictureSource, how: QuantizeOptions, hint: ArrayLike | None = None) -> Quantized:
+    """Quantize an image in memory, which may have had a palette; see `quantize`."""
+    kept = None
+    if hint is not None and isinstance(how.n_colors, int) and how.locked is None and how.color_bits is None:
+        kept = source.kept(np.asarray(hint), how.n_colors, how)
+    if kept is not None:
+        return replace(kept, quality=source.quality(kept)) if how.goal == "eyes" else kept
+    if how.n_colors == "auto":
         at_elbow, curve = source.elbow(how)
         return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
     return for_eyes(source, how) if how.goal == "eyes" else quantized(source, how)
-
-
-def for_eyes(source: PictureSource, how: QuantizeOptions) -> Quantized:
-    """Let bits cost as much as the quality allows, and measure it; see `quantize`."""
-    measure = VisualQuality(source.image)
-    wanted = how.quality
-    if wanted is None:
-        result = quantized(source, how)
-    else:
-
-        def good(result: Quantized) -> bool:
-            return measure(result.image) >= wanted
-
-        result, price = toward(source, how, *PRICES, good)
-        if price == PRICES[1] and how.palette is None and result.energy:  # images of few colors stay exact
-            result = with_fewer_colors(source, replace(how, price=price), result, good)
-    reached = measure(result.image)
-    if wanted is not None and reached < wanted:
-        refuse("quality", wanted, f"at most {reached:.1f}, which {len(result.palette)} colors reach")
-    return replace(result, quality=reached)
 
 
 def quantize_to_size(
@@ -259,12 +252,18 @@ def quantize_to_size(
 
 
 def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
-    """Find the most colors whose file is small enough; see `quantize_to_size`."""
+    """Find the most colors whose file is small enough, see `quantize_to_size`; for eyes the best image that fits."""
+    how = replace(how, n_colors=n_colors)
+    if how.quality is not None:
+        result = nearest_quality(source, how)
+        if size(result) <= max_bytes:
+            return result
     if how.dither == "compact":
-        how = replace(how, n_colors=n_colors, price=DEAREST)
-        fitting, _ = toward(source, how, DEAREST, PRICES[0], lambda result: size(result) <= max_bytes)
+        dearest = replace(how, price=DEAREST)
+        fitting, _ = toward(source, dearest, DEAREST, PRICES[0], lambda result: size(result) <= max_bytes)
         if size(fitting) <= max_bytes:
-            return fitting
+            return replace(fitting, quality=source.quality(fitting)) if how.goal == "eyes" else fitting
+        how = dearest
     results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)
     if False not in results:
         fewest = results[True]
@@ -273,7 +272,7 @@ def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[A
     found: Any = results[False]
     if found.n_distinct > 1 and all(len(colors) == 1 for colors in palettes_of(found)):
         warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=3)
-    return found
+    return replace(found, quality=source.quality(found)) if how.goal == "eyes" else found
 
 
 class PictureSource:
@@ -302,6 +301,12 @@ class PictureSource:
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
         self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
+        self._measure: VisualQuality | None = None
+
+    def quality(self, result: Quantized) -> float:
+        """Return the visual quality of a result."""
+        self._measure = self._measure or VisualQuality(self.image)
+        return self._measure(result.image)
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies."""

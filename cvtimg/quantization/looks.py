@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,25 @@ PRICES = 0.02, 2.0
 DEAREST = 16.0
 
 
+class Below(NamedTuple):
+    """The frame that a frame is drawn over: (H, W) indices, and whether the pixels of both originals are equal."""
+
+    indices: NDArray[Any]
+    still: NDArray[np.bool_]
+
+
 def map_for_eyes(
-    samples: ColorSamples, palette: NDArray[Any], nearest: NDArray[np.int32], rate: Rate, strength: float
+    samples: ColorSamples,
+    palette: NDArray[Any],
+    nearest: NDArray[np.int32],
+    rate: Rate,
+    strength: float,
+    below: Below | None = None,
 ) -> NDArray[np.int32]:
     """Return the (H, W) index of the color of each pixel, chosen by visible error and the price of bits.
 
-    Each color has its `nearest` entry (M,). If that has no error in any pixel, it is taken.
+    Each color has its `nearest` entry (M,). If that has no error in any pixel, it is taken. Pixels that stand still
+    keep their index; in a GIF others may, too, which costs little.
     """
     if len(palette) > MAX_ENTRIES:
         raise ValueError(f"palette must have at most {MAX_ENTRIES} colors with dither='compact', not {len(palette)}")
@@ -45,7 +58,14 @@ def map_for_eyes(
     seen = visibility(_brightness(samples), _MASKING, _WINDOW)
     if samples.inside is not None:
         seen[~samples.inside] = 0
-    indices = map_by_rate(places[samples.inverse], entries, seen, rate, strength)
+    wanted, kept = places[samples.inverse], None
+    if below is not None:
+        shown = entries[below.indices]
+        wanted[below.still] = shown[below.still]
+        kept = shown if rate.coder == "lzw" and len(palette) < MAX_ENTRIES and not samples.alpha else None
+    indices = map_by_rate(wanted, entries, seen, rate, strength, kept)
+    if below is not None:
+        indices = np.where(below.still | (indices == len(palette)), below.indices, indices)
     allowed = allowed_for(kinds_of_entries)[kinds[samples.inverse], indices]
     return np.where(allowed, indices, nearest[samples.inverse])
 

@@ -23,7 +23,7 @@ from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization import dithering
-from cvtimg.quantization.looks import map_for_eyes
+from cvtimg.quantization.looks import Below, map_for_eyes
 
 #: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
@@ -226,6 +226,7 @@ def map_samples(
     dither_strength: float,
     rate: Rate = USUAL,
     tones: NDArray[Any] | None = None,
+    below: Below | None = None,
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`, and `Palette` for the tones."""
     if dither is not None:
@@ -242,7 +243,7 @@ def map_samples(
     if dither is None:
         labels, energy = _map(seen, ends, space)
     else:
-        labels, energy = _dither(seen, ends, space, dither, dither_strength, rate)
+        labels, energy = _dither(seen, ends, space, dither, dither_strength, rate, below)
     if tones is not None:
         energy = _energy_of_pixels(samples, colors, labels[samples.inverse] if dither is None else labels)
     if lacks_clear:
@@ -304,11 +305,17 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tupl
 
 
 def _dither(
-    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float, rate: Rate
+    samples: ColorSamples,
+    palette: NDArray[Any],
+    space: SpaceName,
+    method: DitherName,
+    strength: float,
+    rate: Rate,
+    below: Below | None,
 ) -> tuple[NDArray[np.int32], float]:
     """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
     if method == "compact":
-        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], rate, strength)
+        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], rate, strength, below)
     else:
         labels = dithering.dither(
             to_places(samples.colors, space, samples.alpha),

@@ -63,6 +63,45 @@ def test_alpha_keeps_opaque_pixels_opaque_and_clear_ones_clear() -> None:
     np.testing.assert_array_equal(result.image[100:, :, 3], 255)
 
 
+def film(n_frames: int, noise: float = 0) -> Frames:
+    """A cup that stands still, and a part of it that moves over it."""
+    rng, images = np.random.default_rng(0), []
+    for i in range(n_frames):
+        image = COFFEE[:96, :128].copy()
+        image[30:60, 10 + 16 * i : 40 + 16 * i] = COFFEE[110:140, 80:110]
+        images.append(np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8))
+    return Frames(tuple(images), (80.0,) * n_frames, 0)
+
+
+def test_what_stands_still_in_an_animation_does_not_flicker() -> None:
+    frames = film(3)
+    shown = [one.image for one in quantize_frames(frames, 32, goal="eyes", **FAST).results]
+    still = (frames.images[0] == frames.images[1]).all(axis=2)
+    np.testing.assert_array_equal(shown[0][still], shown[1][still])
+
+
+def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_path: Path) -> None:
+    cvtimg.pictures.write_frames(tmp_path / "a.webp", film(3, noise=2))
+    plain = quantize_file(tmp_path / "a.webp", tmp_path / "plain.gif", 255, space="oklab", **FAST)
+    eyes = quantize_file(tmp_path / "a.webp", tmp_path / "eyes.gif", goal="eyes", **FAST)
+    pairs = zip(film(3, noise=2).images, cvtimg.pictures.read_frames(tmp_path / "eyes.gif").images, strict=True)
+    assert eyes.quality == pytest.approx(np.mean([cvtimg.visual_quality(a, b) for a, b in pairs]))
+    assert plain.quality is None
+    assert (tmp_path / "eyes.gif").stat().st_size < 0.5 * (tmp_path / "plain.gif").stat().st_size
+
+
+def test_the_quality_of_frames_and_pages_is_the_mean(tmp_path: Path) -> None:
+    frames = film(2)
+    result = quantize_frames(frames, quality=60, **FAST)
+    pairs = zip(frames.images, result.results, strict=True)
+    assert 60 <= np.mean([cvtimg.visual_quality(image, one.image) for image, one in pairs]) < 66
+    cvtimg.pictures.write_pages(tmp_path / "a.tif", cvtimg.pictures.Pages(frames.images, "Q", (2,), "", {}))
+    pages = quantize_file(tmp_path / "a.tif", tmp_path / "b.tif", quality=60, **FAST)
+    assert pages.kind == "pages"
+    assert pages.quality is not None
+    assert 60 <= pages.quality < 66
+
+
 def test_gray_and_frames_and_masks() -> None:
     gray = cvtimg.quantize(COFFEE[:, :, 1], 64, goal="eyes")
     assert n_bytes(gray) < n_bytes(cvtimg.quantize(COFFEE[:, :, 1], 64))

@@ -64,8 +64,8 @@ _FORMATS = {
     ".tiff": _TIFF,
     # exact: otherwise WebP changes the colors of fully transparent pixels.
     ".webp": _Format("WEBP", ("RGB", "RGBA"), True, {"lossless": True, "exact": True}, ("icc_profile", "exif")),
-    # optimize would renumber the palette.
-    ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False}),
+    # optimize would renumber the palette; interlaced files are a tenth larger.
+    ".gif": _Format("GIF", ("1", "L", "P"), True, {"optimize": False, "interlace": False}),
     ".bmp": _Format("BMP", ("1", "L", "P", "RGB"), True, {}, ("dpi",)),
     ".ppm": _Format("PPM", ("RGB",), True, {}),
     ".pgm": _Format("PPM", ("L", "I;16"), True, {}),
