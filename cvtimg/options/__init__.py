@@ -31,6 +31,7 @@ _MODULES = {
     "design": "sample_options",
     "basis": "film_options",
     "keyframes": "film_options",
+    "frames": "film_options",
     "explore": "common",
 }
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
@@ -40,7 +41,7 @@ PANELS = {
     "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table coco tree "
     "strengths cuts generators save_palette csv sheet plot view over edge_mode line_color line_width subpixel simplify "
     "properties width marks pen_width order cells outline scale measures keep_metadata optimize overwrite as_json "
-    "quiet report",
+    "quiet report data sheet_columns",
     "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "volume_power passes seed method init",

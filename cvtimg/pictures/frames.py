@@ -187,18 +187,19 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
         # As browsers do, frames are cut at the canvas, which Pillow widens for those that leave it.
         images.append(upright(np.asarray(whole)[: size[1], : size[0]], turn))
         durations.append(float(image.info.get("duration", 0)))
-    return Frames(tuple(_alike(images)), tuple(durations), int(plays))
+    return Frames(tuple(alike(images)), tuple(durations), int(plays))
 
 
-def _alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
+def alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
     """Convert all images to the same channels; alpha is dropped if every pixel is opaque."""
     if all(image.ndim == 2 for image in images):
         return images
     clear = any(image.ndim == 3 and image.shape[2] == 4 and (image[..., 3] < 255).any() for image in images)
-    return [_with_channels(image, 4 if clear else 3) for image in images]
+    return [with_channels(image, 4 if clear else 3) for image in images]
 
 
-def _with_channels(image: NDArray[Any], n_channels: int) -> NDArray[Any]:
+def with_channels(image: NDArray[Any], n_channels: int) -> NDArray[Any]:
+    """Give a uint8 image three channels, or four, opaque if it had no alpha."""
     color = np.repeat(image[..., np.newaxis], 3, axis=2) if image.ndim == 2 else image[..., :3]
     if n_channels == 3:
         return np.ascontiguousarray(color)
@@ -235,4 +236,4 @@ def _alike_palettes(palettes: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]
     """Convert all palettes to RGBA, or to RGB if all colors are opaque."""
     if any(palette.ndim != 2 or palette.shape[1] not in (3, 4) for palette in palettes):
         return palettes  # `check_indexed` rejects them
-    return [palette[0] for palette in _alike([palette[np.newaxis] for palette in palettes])]
+    return [palette[0] for palette in alike([palette[np.newaxis] for palette in palettes])]
