@@ -56,12 +56,12 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     """
     rows = [one for one in plotted if one.image is not None][:MOST_THUMBNAILS]
     n_max = max(one.curve.n_max for one in plotted)
-    columns = [None, *(k for k in _POWERS if k <= n_max), 0]
-    heights = [*(_row_height(one, len(columns)) for one in rows), _AXES_HEIGHT]
+    n_columns = 2 + sum(k <= n_max for k in _POWERS)
+    heights = [*(_row_height(one, n_columns) for one in rows), _AXES_HEIGHT]
     with figure_file(_WIDTH, sum(heights) + 0.3, suffix) as (figure, content):
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         for number, (part, one) in enumerate(zip(parts, rows, strict=False)):
-            _draw_thumbnails(part.subplots(1, len(columns), squeeze=False)[0], one, columns, f"C{number}")
+            _draw_thumbnails(part.subplots(1, n_columns, squeeze=False)[0], one, f"C{number}")
         order = [*rows, *(one for one in plotted if one not in rows)]
         _draw_axes(parts[-1].subplots(), order, n_max, rule)
     return content.getvalue()
@@ -73,24 +73,23 @@ def _row_height(one: Plotted, n_columns: int) -> float:
     return float(min(_WIDTH / n_columns * height / width, 2.0)) + 0.35
 
 
-def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, columns: Sequence[int | None], color: str) -> None:
-    """Show an image at a few k; the one that the rule picked has a frame in the color of its curve."""
+def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, color: str) -> None:
+    """Show an image at the k that was picked, in a frame of the color of its curve, at other k, and as it is."""
     assert one.image is not None
     small = _reduced(one.image)
     limits = natural_limits(_bands(small))
-    for place, column in zip(axes, columns, strict=True):
-        k = one.k if column is None else column
-        place.set_xticks([])
-        place.set_yticks([])
-        place.spines[:].set_visible(column is None)
+    others = [k for k in _POWERS if k <= one.curve.n_max and k != one.k]
+    for place in axes:
+        place.set(xticks=[], yticks=[])
+        place.axis("off")
+    for place, k in zip(axes, [one.k, *others, 0], strict=False):
+        place.axis("on")
+        place.spines[:].set_visible(k == one.k)
         place.spines[:].set(color=color, linewidth=2.5)
-        if k > one.curve.n_max:
-            place.set_axis_off()
-            continue
         reduced = small if k == 0 else _in_generators(small, one.curve.generators[k - 1], one.space)
         place.imshow(shown(_bands(reduced), limits), interpolation="nearest")
         text = "original" if k == 0 else f"k = {k}"
-        place.set_title(text, fontsize=8, pad=3, color=color if column is None else "black")
+        place.set_title(text, fontsize=8, pad=3, color=color if k == one.k else "black")
 
 
 def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) -> None:

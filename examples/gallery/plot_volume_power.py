@@ -4,7 +4,8 @@ Weighted cells
 
 With ``volume_power=p``, a cell counts by its share of the mass to the power p. Frequent colors gain generators from
 rare ones, and the cells become more equal in size. The plain energy rises, while the weighted energy falls as far as
-transfers of single colors can bring it.
+transfers of single colors can bring it. Here the lights and the white of the cup take in more pixels, and the largest
+areas lose some.
 """
 
 from pathlib import Path
@@ -16,9 +17,9 @@ from cvtimg.plotting import Panel, contact_sheet
 SAMPLES = Path("../../sample_images")
 
 
-def panel(samples: ColorSamples, power: int) -> Panel:
+def panel(samples: ColorSamples, n_colors: int, power: int) -> Panel:
     """Show the generator of each pixel, and the palette with the share of the pixels of each color."""
-    result = cvtimg.tessellate(samples, 8, volume_power=power, method="transfer")
+    result = cvtimg.tessellate(samples, n_colors, volume_power=power, method="transfer", effort="best")
     palette = result.generators.round().astype(samples.colors.dtype)
     order = result.generators.sum(axis=1).argsort()
     n_pixels = samples.inverse.size
@@ -35,10 +36,10 @@ def panel(samples: ColorSamples, power: int) -> Panel:
 # The engine takes the distinct colors of an image as weighted samples.
 
 rows = []
-for name in ("coffee.png", "chelsea.png"):
+for name, n_colors in (("rocket.jpg", 6), ("coffee.png", 5)):
     image = cvtimg.read_image(SAMPLES / name)
     samples = cvtimg.colors.color_samples(image)
     original = Panel(image, ("original", f"{samples.n_colors:,} colors"))
-    rows.append([original, *(panel(samples, power) for power in (0, 1, 2))])
+    rows.append([original, *(panel(samples, n_colors, power) for power in (0, 1, 2))])
 
 sheet = contact_sheet(rows, panel_width=260)
