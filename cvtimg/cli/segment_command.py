@@ -117,6 +117,19 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 
 def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> Segmentation:
+    """Segment an image, and change its labels by hand."""
+    import cvtimg
+    from cvtimg.segmentation import edit_labels
+    from cvtimg.segmentation.result import measured
+
+    result = _found(image, known, given)
+    if not given.edit:
+        return result
+    tree = partial(cvtimg.segment_hierarchy, image, mask=known) if result.hierarchy is None else result.hierarchy
+    return measured(edit_labels(result.labels, given.edit, hierarchy=tree), image, hierarchy=result.hierarchy)
+
+
+def _found(image: NDArray[Any], known: NDArray[np.bool_], given: Given) -> Segmentation:
     """Segment an image."""
     import cvtimg
     from cvtimg.segmentation import count_objects
@@ -177,6 +190,7 @@ def _needing_memory(given: Given) -> list[str]:
         "border_price",
         "averaging",
         "objects",
+        "edit",
     )
     flags = [f"--{name.replace('_', '-')}" for name in ways if getattr(given, name)]
     return ["-k auto", *flags] if given.number == "auto" else flags

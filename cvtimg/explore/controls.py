@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
@@ -20,6 +20,7 @@ __all__ = [
     "Choice",
     "Colors",
     "Control",
+    "Edits",
     "Entry",
     "Files",
     "Number",
@@ -232,6 +233,35 @@ class Table(Control):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Edits(Control):
+    """Changes that are made on the picture, as texts in their order; the option is repeated for each."""
+
+    default: tuple[str, ...] = ()
+    modes: Mapping[str, str]  # What the page offers, with its labels
+    check: Callable[[str], Any]  # Raises ValueError for a text that says no change
+    most: int = 1000
+
+    def parse(self, value: Any) -> tuple[str, ...]:
+        """Check a list of texts."""
+        if not isinstance(value, list) or len(value) > self.most or not all(isinstance(one, str) for one in value):
+            raise self.refuse("changes", f"a list of at most {self.most} texts")
+        try:
+            for text in value:
+                self.check(text)
+        except ValueError as error:
+            raise UnfitRequestError(f"{self.label}: {error}") from error
+        return tuple(value)
+
+    def words(self, value: Any) -> list[str]:
+        """Repeat the option for each change."""
+        return [word for text in value for word in (self.flag, text)] if self.flag else []
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {**Control.described(self), "modes": list(self.modes.items())}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Files(Control):
     """Files that the page has sent before, by the keys that the server gave them."""
 
@@ -258,11 +288,13 @@ class Files(Control):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switches(Choice):
-    """One of several switches of the command, each by its name, or none of them: the default."""
+    """One of several switches of the command, each by its name, or none of them."""
+
+    none: str  # The choice that is no switch
 
     def words(self, value: Any) -> list[str]:
         """Return the switch that is on."""
-        return [] if value == self.default else [f"--{value}"]
+        return [] if value == self.none else [f"--{value}"]
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the control."""

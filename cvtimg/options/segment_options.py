@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 from cvtimg.labels.formats import CONTOUR_FORMATS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
+
+
+def _edit(text: str) -> Any:
+    from cvtimg.segmentation import Edit
+
+    return Edit.parse(text)
+
 
 _AVIF = (".avif",) if find_spec("PIL._avif") else ()
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
@@ -208,6 +216,15 @@ SEGMENT = (
         metavar="C",
         needs=("superpixels",),
     ).on_page("Compactness", slider=(0, 100), step=0.5, most=10**6, default=10.0),
+    Option(
+        "edit",
+        Text(_edit),
+        "Change segments by hand, as the page does: 'merge X,Y X,Y...', 'split X,Y', or by a brush of radius R: "
+        "'paint R X,Y...', 'add R X,Y...', 'erase R X,Y...'. Repeat it for more.",
+        metavar="TEXT",
+        many=True,
+        excludes=("volume",),
+    ),
     common.MASK,
     common.NODATA,
     switch("volume", "Use the same segments in all pages of a file, not in each page its own."),

@@ -16,7 +16,18 @@ from scipy.io import netcdf_file
 
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Swatches, Switch, Table, parse_settings
+from cvtimg.explore.controls import (
+    Choice,
+    Colors,
+    Control,
+    Edits,
+    Files,
+    Number,
+    Swatches,
+    Switch,
+    Table,
+    parse_settings,
+)
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.store import Store
@@ -74,6 +85,8 @@ def variants(control: Control, tab: str) -> list[Any]:
         return [not control.default]
     if isinstance(control, Number):
         return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+    if isinstance(control, Edits):
+        return [["merge 3,3 40,30 60,40", "split 20,50", "paint 4.5 10,10 30,30", "add 6 50,8 70,20", "erase 5 5,5"]]
     if isinstance(control, Swatches):
         return [["#00ff7f", "#102030", "#00ff7f"]]
     if isinstance(control, Table):

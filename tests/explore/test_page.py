@@ -469,3 +469,39 @@ def test_colors_of_a_palette_are_dragged_edited_locked_and_found_again(visit: Go
     page.keyboard.press("Delete")
     one.settled()
     assert page.evaluate(listed) == [moved[1], *moved[2:]]
+
+
+def test_segments_are_merged_split_and_painted_by_hand(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.choose("segments")
+    one.page.fill("#c-regions ~ input[type=number]", "6")
+    one.page.keyboard.press("Enter")
+    one.settled()
+    count = "Number(document.getElementById('shadestitle').textContent.split(' ')[1])"
+    assert page.evaluate(count) == 6
+    page.click("text=Merge")
+    stage = page.locator("#stage").bounding_box()
+    width, height = stage["width"], stage["height"]
+    page.mouse.move(stage["x"] + 0.2 * width, stage["y"] + 0.2 * height)
+    page.mouse.down()
+    page.mouse.move(stage["x"] + 0.8 * width, stage["y"] + 0.8 * height, steps=20)
+    page.mouse.up()
+    one.until(f"{count} < 6")
+    merged = page.evaluate(count)
+    page.click("text=Split")
+    page.mouse.click(stage["x"] + 0.2 * width, stage["y"] + 0.2 * height)
+    one.until(f"{count} === {merged + 1}")
+    page.click("text=New")
+    page.keyboard.press("ArrowDown")  # by keys: a dab in the middle
+    page.keyboard.press("Enter")
+    one.until(f"{count} === {merged + 2}")
+    one.settled()
+    command = page.inner_text("#command")
+    assert [word.split()[0] for word in command.split("--edit '")[1:]] == ["merge", "split", "add"]
+    page.keyboard.press("Control+z")
+    one.until(f"{count} === {merged + 1}")
+    page.keyboard.press("Escape")
+    assert page.input_value("#mode") == "divider"
+    page.click("text=Clear")
+    one.until(f"{count} === 6")

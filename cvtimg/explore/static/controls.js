@@ -98,8 +98,9 @@ export class Controls {
 		this.set[control.name] = value => {
 			const isAuto = value === "auto";
 			if (auto) auto.checked = isAuto;
-			slider.disabled = typed.disabled = isAuto;
-			if (isAuto) { typed.value = ""; return; }
+			slider.classList.toggle("auto", isAuto); // moving it ends auto
+			typed.placeholder = isAuto ? "auto" : "";
+			if (isAuto) { typed.value = ""; slider.ariaValueText = "auto"; return; }
 			const place = toSlider(Math.max(value, log ? from / 1e3 : value));
 			if (!log || fromSlider(slider.value) !== value) slider.value = place;
 			slider.ariaValueText = `${value}${control.unit ? " " + control.unit : ""}`;
@@ -154,6 +155,28 @@ export class Controls {
 			add.disabled = value.length >= control.most;
 		};
 		return [list, add];
+	}
+
+	edits(control, id) {
+		const buttons = control.modes.map(([mode, label], index) => {
+			const button = element("button", {type: "button", textContent: label, ...(index ? {} : {id})});
+			button.onclick = () => this.edit(control, mode);
+			return [mode, button];
+		});
+		const clear = element("button", {type: "button", textContent: "Clear"}), told = element("span");
+		const brush = element("input", {type: "range", min: 0, max: 100, ariaLabel: "Size of the brush"});
+		const row = element("span", {className: "field brush"}, element("span", {}, "Brush"), brush);
+		clear.onclick = () => this.changed(control.name, [], false);
+		brush.oninput = () => { this.editor.radius = Math.round(2 ** (brush.value / 12)); this.editor.viewer.drawTool(); };
+		this.set[control.name] = value => {
+			const {mode, radius} = this.editor;
+			for (const [one, button] of buttons) button.ariaPressed = one === mode;
+			row.hidden = !this.editor.brushes;
+			brush.value = Math.log2(radius) * 12;
+			clear.hidden = told.hidden = !value.length;
+			told.textContent = `${value.length} change${value.length > 1 ? "s" : ""}`;
+		};
+		return [...buttons.map(([, button]) => button), row, told, clear];
 	}
 
 	files(control, id, files) {

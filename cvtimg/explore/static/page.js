@@ -2,6 +2,7 @@
 
 import {Controls, defaults, element, inEffect} from "/controls.js";
 import {Curve} from "/curve.js";
+import {Editor} from "/editor.js";
 import {Globe} from "/globe.js";
 import {Link, get, send} from "/link.js";
 import {Shades, hex} from "/shades.js";
@@ -28,6 +29,9 @@ const globe = new Globe(viewer, () => { const {columns, name} = circles(); retur
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
 const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
+const edits = () => inEffect(tab().controls, settings()).find(one => one.kind === "edits");
+const editor = new Editor(viewer, () => edits()?.shown ? settings()[edits().name] : [], text => change(edits().name, [...settings()[edits().name], text], false));
+Object.assign(controls, {editor, edit});
 const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
 const tools = {globe};
 const subject = () => sheet() ?? state.picture;
@@ -104,6 +108,24 @@ function travel(from, to) {
 	$("undo").disabled = !past.length;
 	$("redo").disabled = !future.length;
 	if (moved) showTab(then.tab); else { drawControls(); want(performance.now(), AT_ONCE); }
+}
+
+function edit(control, mode) { // what the pointer does on the picture: the same again ends it
+	const was = editor.mode, now = was === mode ? "" : mode;
+	if (!was) edit.before = {view: viewer.mode, fill: $("fill").value};
+	editor.start(now);
+	setTool();
+	viewer.mode = now ? "result" : edit.before.view;
+	$("fill").value = now ? "lines" : edit.before.fill;
+	repaint();
+	drawControls();
+	if (now) $("stage").focus({preventScroll: true});
+}
+
+function setTool() {
+	viewer.tool = tools[tab().tool] ?? (editor.mode || edits()?.shown ? editor : null);
+	$("stage").classList.toggle("tool", Boolean(editor.mode));
+	$("stage").ariaLabel = viewer.tool?.label ?? "Image: arrows move, plus and minus zoom";
 }
 
 function locate(index) {
@@ -342,6 +364,7 @@ async function download(event) {
 }
 
 function showTab(name) {
+	if (editor.mode) edit(null, editor.mode);
 	state.tab = name;
 	state.spot = shades.spot = -1;
 	last = null;
@@ -371,9 +394,8 @@ function lay() { // what the tab shows onto the stage: the picture, or a sheet o
 	$("stage").classList.toggle("empty", !size);
 	$("stage").classList.toggle("alone", Boolean(sheet()));
 	viewer.right.clear();
-	viewer.tool = tools[tab().tool] ?? null;
+	setTool();
 	viewer.tool?.clear?.();
-	$("stage").ariaLabel = viewer.tool?.label ?? "Image: arrows move, plus and minus zoom";
 	if (!size) return;
 	viewer.size = size;
 	if (size.width !== width || size.height !== height) viewer.fit(); else viewer.place();
@@ -510,7 +532,7 @@ const KEYS = {
 	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
 	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => "locked" in settings() && pick(!viewer.picking),
 	v: () => { const modes = ["divider", "beside", "result"]; viewer.mode = modes[(modes.indexOf(viewer.mode) + 1) % 3]; },
-	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : cancel(),
+	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : editor.mode ? edit(null, editor.mode) : cancel(),
 };
 addEventListener("keydown", event => {
 	const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import find_contours, find_edges, write_image
-from cvtimg.explore.calls import Call, Named
-from cvtimg.explore.controls import Control, Settings, Switches, controls_of
+from cvtimg.explore.calls import Call, Named, literal
+from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import Request, Tab, reading
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
-from cvtimg.segmentation import Averaging, Objects
+from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy, edit_labels
 
 #: Pixels of a draft.
 _DRAFT = 1 << 17
@@ -40,15 +40,18 @@ class SegmentsTab(Tab):
 
     name = "segments"
     title = "Segments"
-    about = "Divide the image into segments of similar color, connected regions, or superpixels."
+    about = (
+        "Divide the image into connected regions, segments of similar color, or superpixels, and change them by hand."
+    )
     verb = "segment"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
         Switches(
             name="way",
             label="Divide into",
-            default="segments",
-            choices={"segments": "segments by color", "hierarchy": "connected regions", "superpixels": "superpixels"},
+            default="hierarchy",
+            none="segments",
+            choices={"hierarchy": "connected regions", "segments": "segments by color", "superpixels": "superpixels"},
         ),
         ("number", {"name": "k", "when": _SEGMENTS}),
         ("number", {**_REGIONS, "name": "regions", "default": "auto", "slider": (2, 200), "always": False}),
@@ -64,6 +67,7 @@ class SegmentsTab(Tab):
             name="pieces",
             label="Pieces",
             default="together",
+            none="together",
             choices={"together": "together", "components": "each a segment", "objects": "objects, background"},
             about="Whether pieces of one color that do not touch are one segment.",
             when=_SEGMENTS,
@@ -75,6 +79,14 @@ class SegmentsTab(Tab):
         ("space", {"when": {"way": ["segments", "superpixels"]}}),
         ("space", {"name": "tree_space", "default": "lab", "when": _REGIONS["when"]}),
         ("effort", {"when": _SEGMENTS}),
+        Edits(
+            name="edits",
+            label="By hand",
+            flag="--edit",
+            about="Merge: click two segments, or draw over several. Split: where the tree of regions does so first.",
+            modes={"merge": "Merge", "split": "Split", "paint": "Paint", "add": "New", "erase": "Erase"},
+            check=Edit.parse,
+        ),
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -86,14 +98,21 @@ class SegmentsTab(Tab):
         settings, picture = request.settings, request.picture
         lines = [reading(picture)]
         if picture.has_alpha:
-            lines += ["known = image[..., 3] > 0", "image = image[..., :3]"]
+            lines += ["known = image[..., 3] > 0"]
         elif picture.header.nodata is not None and picture.known is not None:
             lines += [f"known = (image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"]
+        if picture.header.has_alpha and picture.array.shape[2:] == (4,):
+            lines += ["image = image[..., :3]"]
         call = self._call(settings, _known(picture))
         if settings["way"] == "hierarchy":
-            lines += [f"labels = {call.text()}.{_cut_text(settings)}"]
+            lines += [f"tree = {call.text()}", f"labels = tree.{_cut_text(settings)}"]
         else:
             lines += [f"labels = {call.text()}.labels"]
+        if edits := settings["edits"]:
+            if settings["way"] != "hierarchy" and _splits(edits):
+                lines += [f"tree = {self._tree_call(settings, _known(picture)).text()}"]
+            tree = ", hierarchy=tree" if _splits(edits) else ""
+            lines += [f"labels = cvtimg.segmentation.edit_labels(labels, {literal(list(edits))}{tree})"]
         return Recipe(self.words(request), "\n".join(lines))
 
     def _call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
@@ -111,9 +130,17 @@ class SegmentsTab(Tab):
             keywords["objects"] = Objects(settings["background"], settings["neck_depth"])
         return Call("segment", (settings["k"],), keywords)
 
+    def _tree_call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
+        """Return the call that makes the tree by which segments are split."""
+        if settings["way"] == "hierarchy":
+            return self._call(settings, known)
+        return Call("segment_hierarchy", (), {} if known is None else {"mask": Named("known", known)})
+
     def draft(self, request: Request) -> Outcome | None:
-        """Divide the picture in a small size."""
+        """Divide the picture in a small size; what is changed by hand is seen in full."""
         picture = request.picture
+        if request.settings["edits"]:
+            return None
         window = picture.whole(_DRAFT)
         if window.step == 1:
             return self._outcome(request, self._divided(request, request.settings, window))
@@ -128,14 +155,26 @@ class SegmentsTab(Tab):
         picture = request.picture
         image = window.of_array(picture.plain[..., :3] if picture.has_alpha else picture.plain)
         known = _known(picture)
-        call = self._call(settings, None if known is None else window.of_array(known))
-        if settings["way"] != "hierarchy":
-            return Divided(call.run(image).labels, image)
-        tree = picture.kept(("tree", settings["tree_space"], window), lambda: call.run(image))
-        regions, threshold = settings["regions"], settings["threshold"]
-        if regions != "auto":
-            return Divided(tree.cut(min(max(regions, tree.n_parts), tree.n_leaves)), image)
-        return Divided(tree.cut(threshold=None if threshold == "auto" else threshold), image)
+        inside = None if known is None else window.of_array(known)
+
+        def tree() -> RegionHierarchy:
+            call = self._tree_call(settings, inside)
+            found: RegionHierarchy = picture.kept((call.text(), window), lambda: call.run(image))
+            return found
+
+        def labels() -> NDArray[np.int32]:
+            if settings["way"] != "hierarchy":
+                found: NDArray[np.int32] = self._call(settings, inside).run(image).labels
+                return found
+            regions, threshold = settings["regions"], settings["threshold"]
+            if regions != "auto":
+                return tree().cut(min(max(regions, tree().n_parts), tree().n_leaves))
+            return tree().cut(threshold=None if threshold == "auto" else threshold)
+
+        if not settings["edits"]:
+            return Divided(labels(), image)
+        before = picture.kept(("before edits", *sorted({**settings, "edits": ()}.items())), labels)
+        return Divided(edit_labels(before, settings["edits"], hierarchy=tree), image)
 
     def _outcome(
         self, request: Request, divided: Divided, drawn: Window | None = None, outputs: Sequence[Output] = ()
@@ -156,6 +195,10 @@ def _known(picture: Picture) -> NDArray[np.bool_] | None:
         return picture.known
     seen: NDArray[np.bool_] = picture.plain[..., 3] > 0
     return seen if picture.known is None else seen & picture.known
+
+
+def _splits(edits: Sequence[str]) -> bool:
+    return any(edit.startswith("split") for edit in edits)
 
 
 def _has_objects(settings: Settings) -> bool:
