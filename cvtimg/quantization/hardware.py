@@ -6,6 +6,7 @@ A value of n bits becomes one of an image by repeating its bits, as emulators sh
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg.colors.places import from_places, kinds_of, to_places, widen_samples
 from cvtimg.colors.samples import ColorSamples, color_samples
+from cvtimg.colors.spaces import to_space
 from cvtimg.quantization.remapping import nearest_of_kind
 
 _Bits = tuple[int, int, int]
@@ -39,13 +41,21 @@ def suited(samples: ColorSamples, bits: _Bits) -> ColorSamples:
     return widen_samples(samples, 3, samples.alpha) if n_seen == 1 and len(set(bits)) > 1 else samples
 
 
-def rounded(colors: NDArray[Any], bits: _Bits) -> NDArray[Any]:
-    """Return the hardware colors nearest to (N, C) colors; alpha stays as it is."""
-    result = colors.copy()
+def rounded(colors: NDArray[Any], bits: _Bits, space: SpaceName = "rgb") -> NDArray[Any]:
+    """Return, for each of (N, C) colors, the nearest in a space of the hardware colors around it; alpha stays."""
     n_seen = colors.shape[1] - (colors.shape[1] in (2, 4))
-    for channel, n_bits in zip(range(n_seen), bits, strict=False):
-        levels = _levels(n_bits, colors.dtype)
-        result[:, channel] = levels[np.searchsorted((levels[1:] + levels[:-1]) / 2, colors[:, channel])]
+    levels = [_levels(n_bits, colors.dtype) for n_bits in bits[:n_seen]]
+    channels = list(zip(levels, colors.T, strict=False))
+    below = [some[np.searchsorted(some, channel, side="right") - 1] for some, channel in channels]
+    above = [some[np.searchsorted(some, channel)] for some, channel in channels]
+    places = to_space(np.ascontiguousarray(colors[:, :n_seen]), space).astype(np.float64)
+    result, least = colors.copy(), np.full(len(colors), np.inf)
+    for corner in product(*zip(below, above, strict=True)):
+        ends = np.stack(corner, axis=1).astype(colors.dtype)
+        steps = places - to_space(ends, space)
+        errors = np.einsum("nd,nd->n", steps, steps)
+        nearer = errors < least
+        result[nearer, :n_seen], least[nearer] = ends[nearer], errors[nearer]
     return result
 
 
@@ -69,7 +79,7 @@ def hardware_colors(
         check_in_range("locked", color, color == shown, f"{shown}, the nearest color of color_bits={bits}")
     alpha, density, dtype = samples.alpha, samples.density, samples.colors.dtype
     places, kinds = to_places(samples.colors, space, alpha).astype(np.float64), kinds_of(samples.colors, alpha)
-    near = color_samples(rounded(samples.colors, bits)[np.newaxis], alpha=alpha)
+    near = color_samples(rounded(samples.colors, bits, space)[np.newaxis], alpha=alpha)
     cells = near.inverse.reshape(-1)
 
     def errors(ends: NDArray[np.float64], labels: NDArray[Any]) -> NDArray[np.float64]:
@@ -90,7 +100,7 @@ def hardware_colors(
         best = best[gains[best] > 0]
         return assigned(_distinct(colors, near.colors[best])) if len(best) else found
 
-    colors, labels, error = filled(_distinct(fixed, rounded(start, bits)))
+    colors, labels, error = filled(_distinct(fixed, rounded(start, bits, space)))
 
     def step() -> float | None:
         nonlocal colors, labels, error
@@ -100,7 +110,7 @@ def hardware_colors(
         moved = from_places(np.stack(sums, axis=1) / masses[free, None], space, dtype, alpha)
         if alpha:
             moved[:, -1] = colors[free, -1]
-        after = filled(_distinct(fixed, rounded(moved, bits)))
+        after = filled(_distinct(fixed, rounded(moved, bits, space)))
         if after[2].sum() >= error.sum():
             return None
         colors, labels, error = after

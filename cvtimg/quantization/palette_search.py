@@ -400,7 +400,7 @@ def _hardware_palette(
     """Find a palette of hardware colors: all of those nearest to the samples, or a palette rounded to some of them."""
     samples, fixed, least = fixed_colors(suited(samples, bits), locked)
     check_room(n_colors, least)
-    nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits)]), samples.alpha)
+    nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits, space)]), samples.alpha)
     if len(nearest) <= n_colors:
         return Palette(nearest, None, samples.alpha)
     found = find_palette(samples, n_colors, space=space, locked=locked, **engine)

@@ -68,6 +68,12 @@ def test_an_image_with_as_many_hardware_colors_is_only_rounded(photograph: NDArr
     assert again.energy == 0
 
 
+def test_the_nearest_color_is_that_of_the_space() -> None:
+    red = np.array([[[200, 40, 50]]], np.uint8)
+    assert quantize(red, 1, color_bits=2).palette.tolist() == [[170, 0, 85]]
+    assert quantize(red, 1, color_bits=2, space="oklab").palette.tolist() == [[170, 0, 0]]
+
+
 def test_channels_have_bits_of_their_own(photograph: NDArray[Any]) -> None:
     result = quantize(photograph[::4, ::4], 40, color_bits=(5, 6, 1), space="oklab", dither="blue-noise")
     for channel, n_bits in enumerate((5, 6, 1)):
