@@ -29,6 +29,7 @@ from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text
 from cvtimg.options import options_of, panel_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
+from cvtimg.options.settings import read_settings
 
 __all__ = ["app", "command_of", "explain"]
 
@@ -47,7 +48,10 @@ class _Command(TyperCommand):
         known = {word for option in self.options.values() for word in option.words}
         same = {"-n": "-k", "-k": "-n"}  # either letter stands for the number, where a command has but one of them
         args = [same[word] if word in same and word not in known else word for word in args]
-        given, rest, _ = self.make_parser(ctx).parse_args(args=args)
+        given, rest, _ = self.make_parser(ctx).parse_args(args=list(args))
+        if (path := given.get("settings")) and not ctx.resilient_parsing:
+            args = [*read_settings(path, str(self.name)), *args]  # of words that are repeated, the last counts
+            given, rest, _ = self.make_parser(ctx).parse_args(args=args)
         for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
             option, value = self.options.get(param.name or ""), given.get(param.name)
             if option is None or (option.required and not value):

@@ -182,5 +182,11 @@ class Picture:
     def described(self) -> dict[str, Any]:
         """Return what the page tells of the picture."""
         height, width = self.size
-        about = {"id": self.key, "name": self.name, "width": width, "height": height, "bytes": self.n_bytes}
-        return {**about, "distinct": self.n_distinct, "exact": self.array.dtype == np.uint8}
+        about = {"id": self.key, "name": Path(self.name).name, "path": self.name, "bytes": self.n_bytes}
+        return {
+            **about,
+            "width": width,
+            "height": height,
+            "distinct": self.n_distinct,
+            "exact": self.array.dtype == np.uint8,
+        }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import tempfile
 import threading
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cvtimg.explore.layers import Layer, Window
+from cvtimg.options.settings import settings_of
 
 __all__ = ["Outcome", "Output", "Recipe", "written_as"]
 
@@ -49,6 +51,7 @@ class Recipe:
         command = shlex.join([*self.words, *also, output.option, safe_name(name)])
         python = f"{self.python}\n{output.python.format(quoted(name))}"
         shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
+        shown["settings"] = json.dumps(settings_of(self.words[1], self.words[2:]), ensure_ascii=False, indent=2)
         if self.for_many and output.option == "-o":
             shown["folder"] = shlex.join([*self.words[:2], "FOLDER", *self.words[3:], "--out-dir", "OUT"])
         return shown
@@ -61,8 +64,6 @@ def safe_name(name: str) -> str:
 
 def quoted(name: str) -> str:
     """Write a name in Python."""
-    import json
-
     return json.dumps(name, ensure_ascii=False)
 
 

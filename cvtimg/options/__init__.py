@@ -44,7 +44,7 @@ PANELS = {
     "quiet report data sheet_columns",
     "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
-    "Expert": "volume_power passes seed method init",
+    "Expert": "settings volume_power passes seed method init",
 }
 
 

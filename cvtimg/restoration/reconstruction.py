@@ -33,8 +33,8 @@ from cvtimg.segmentation.averaging import Averaging, as_averaging
 
 __all__ = ["Restoration", "restore"]
 
-#: Parts of the time until versions are prepared, without and with their alignment.
-_PREPARED, _ALIGNED = 0.05, 0.3
+#: Parts of the time until versions are prepared, without and with their alignment, and for what they show.
+_PREPARED, _ALIGNED, _RECOGNIZED = 0.05, 0.3, 0.05
 
 
 @hints_at_keywords
@@ -179,7 +179,7 @@ def restore(
         f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
     )
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
-    with part(0, _PREPARED if model is None else _ALIGNED):
+    with part(0, prepared := _PREPARED if model is None else _ALIGNED):
         evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
     if isinstance(n_generators, str):
         check_choice("n_generators", n_generators, ("auto",))
@@ -187,8 +187,9 @@ def restore(
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     if detail == "auto":
-        detail = not is_drawing(evidence)
-    with part(_PREPARED if model is None else _ALIGNED, 1):
+        with part(prepared, prepared + _RECOGNIZED):
+            detail = not is_drawing(evidence)
+    with part(prepared + _RECOGNIZED, 1):
         if detail:
             found = denoise_versions(evidence, number, effort, np.random.default_rng(rng))
         else:

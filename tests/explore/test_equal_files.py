@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.io import netcdf_file
 
+from cvtimg.cli import commands
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
 from cvtimg.explore.controls import (
@@ -194,6 +195,26 @@ def check_equal(
 @pytest.mark.parametrize(("tab", "settings"), [*cases()])
 def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), settings, 1)
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_saved_settings_stand_for_the_options_of_the_command(tab: str, store: Store, scene: NDArray[Any]) -> None:
+    picture = opened(store, scene)
+    for settings in (case.values[1] for case in cases() if case.values[0] == tab):
+        request = request_for(store, tab, picture, settings)
+        recipe = TABS[tab].recipe(request)
+        _, verb, *words = recipe.words
+        shown = recipe.shown(TABS[tab].outputs(request)[0], "")
+        Path("settings.json").write_text(shown["settings"])
+        inputs = [] if TABS[tab].sheet else [picture.name]
+        assert given(verb, [*inputs, "--settings", "settings.json"]) == given(verb, words)
+
+
+def given(verb: str, words: list[str]) -> dict[str, Any]:
+    """Return the values of the options that words of a command give, but for the inputs."""
+    command = commands._made(verb)
+    params: dict[str, Any] = command.make_context(verb, [*words, "-o", "x"]).params
+    return {name: value for name, value in params.items() if name not in ("settings", "inputs")}
 
 
 @pytest.mark.parametrize(

@@ -316,6 +316,51 @@ def test_pictures_and_palettes_are_dropped_and_pasted(visit: Go, folder: Path) -
     assert one.page.locator("#swatches button").count() == 2
 
 
+def test_settings_come_back_from_a_link(visit: Go) -> None:
+    one = visit()
+    one.settled()
+    one.page.select_option("#c-dither", "bayer-4")
+    one.settled()
+    one.page.click("#copylink")
+    link = one.page.evaluate("navigator.clipboard.readText()")
+    command = one.page.inner_text("#command")
+    one.choose("stipple")
+    one.page.goto(link)
+    one.settled()
+    assert one.page.inner_text("#command") == command
+    assert "#" not in one.page.url
+    one.page.click("#undo")
+    one.until("document.getElementById('tab-stipple').ariaSelected === 'true'")
+    one.page.evaluate(
+        'location.hash = \'settings=\' + encodeURIComponent(\'{"tab": "colors", "settings": {"dither": 7}}\')'
+    )
+    one.until("document.getElementById('troubles').textContent.includes('setting dither is not known')")
+
+
+def test_settings_that_are_saved_give_the_same_file(visit: Go, folder: Path, tmp_path: Path) -> None:
+    one = visit()
+    one.page.select_option("#c-dither", "bayer-4")
+    one.settled()
+    with one.page.expect_download() as saved:
+        one.page.click("#savesettings")
+    with one.page.expect_download() as download:
+        one.page.click("#download")
+    settings = saved.value.path()
+    words = [sys.executable, "-m", "cvtimg", "quantize", str(folder / "photo.png"), "-o", "x.png"]
+    subprocess.run([*words, "--settings", settings], cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "x.png").read_bytes() == Path(download.value.path()).read_bytes()
+
+
+def test_long_work_shows_how_much_is_done(visit: Go) -> None:
+    one = visit()
+    one.choose("restore", way="detail", effort="best")
+    shown = one.until("!document.getElementById('share').hidden && document.getElementById('share').value")
+    one.until(f"document.getElementById('share').value > {shown}")
+    assert "%" in one.page.inner_text("#facts")
+    one.settled()
+    assert one.page.is_hidden("#share")
+
+
 def test_several_versions_are_restored_together(visit: Go, folder: Path) -> None:
     one = visit()
     one.page.set_input_files("#open", [str(folder / f"scan_{number}.png") for number in range(3)])

@@ -335,6 +335,8 @@ function showRecipe() {
 	const one = recipes.list.find(recipe => recipe.key === $("output").value);
 	for (const name of ["command", "python", "folder"]) $(name).textContent = one[name] ?? "";
 	$("many").hidden = !one.folder;
+	$("copylink").textContent = "Copy link";
+	$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${tab().verb} --settings ${tab().verb}.json`;
 	if (result) offer();
 }
 
@@ -361,6 +363,44 @@ async function download(event) {
 		element("a", {href, download: one.file}).click();
 		setTimeout(() => URL.revokeObjectURL(href), 60_000);
 	} catch (error) { report(`${one.file}: ${error.message}`); }
+}
+
+// Settings in a link, which an open page takes, and in a file, which the command takes
+
+const shared = () => `${location.origin}/#settings=${encodeURIComponent(JSON.stringify({tab: state.tab, settings: ownSettings()}))}`;
+
+function ownSettings() { // what is chosen, but for open images
+	const own = tab().controls.filter(({kind, of, name, default: usual}) => !(kind === "files" && of === "pictures") && JSON.stringify(settings()[name]) !== JSON.stringify(usual));
+	return Object.fromEntries(own.map(({name}) => [name, settings()[name]]));
+}
+
+function takeShared() {
+	const text = sharedText();
+	if (!text || !state.tabs.length) return;
+	delete sessionStorage.shared;
+	let given;
+	try { given = JSON.parse(decodeURIComponent(text)); } catch { return report("The settings of this link cannot be read."); }
+	const one = state.tabs.find(each => each.name === given?.tab), entries = Object.entries(given?.settings ?? {});
+	const wrong = one && entries.find(([name, value]) => !fits(one.controls.find(control => control.name === name), value));
+	if (!one || wrong) return report(one ? `The link's setting ${wrong[0]} is not known here.` : "The link's tab is not known here.");
+	remember();
+	state.settings[one.name] = {...state.settings[one.name], ...defaults(one.controls.filter(control => control.of !== "pictures")), ...given.settings};
+	showTab(one.name);
+}
+
+// A page that may not enter yet keeps the link until it may.
+function sharedText() {
+	const found = location.hash.match(/^#settings=(.+)/);
+	if (found) { sessionStorage.shared = found[1]; history.replaceState(null, "", "/"); }
+	return sessionStorage.shared;
+}
+
+const fits = (control, value) => control && (control.auto && value === "auto" || typeof value === typeof control.default && Array.isArray(value) === Array.isArray(control.default) || control.auto && typeof value === "number");
+
+function saveSettings() {
+	const one = recipes.list.find(recipe => recipe.key === $("output").value), href = URL.createObjectURL(new Blob([one.settings + "\n"], {type: "application/json"}));
+	element("a", {href, download: `${tab().verb}.json`}).click();
+	setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 function showTab(name) {
@@ -425,7 +465,7 @@ function added(picture) {
 	state.pictures.push(picture);
 	const restoring = state.tab === "restore";
 	if (restoring && sameSize().includes(picture)) state.settings.restore = {...settings(), versions: [...settings().versions, picture.id]};
-	$("pictures").append(new Option(picture.name, picture.id));
+	$("pictures").append(Object.assign(new Option(picture.name, picture.id), {title: picture.path}));
 	$("pictures").hidden = false;
 	$("against").append(new Option(picture.name, picture.id));
 	if (!restoring || !state.picture) show(picture); else { drawControls(); want(); }
@@ -518,6 +558,9 @@ $("download").onclick = download;
 $("cancel").onclick = cancel;
 $("copyimage").onclick = copyImage;
 $("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
+$("copylink").onclick = async () => { await navigator.clipboard.writeText(shared()); $("copylink").textContent = "Copied"; };
+$("savesettings").onclick = saveSettings;
+addEventListener("hashchange", takeShared);
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
 	button.onclick = async () => { await navigator.clipboard.writeText($(button.dataset.copy).textContent); button.textContent = "Copied"; };
@@ -549,6 +592,7 @@ addEventListener("keydown", event => {
 addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && viewer.peek) { viewer.peek = false; viewer.place(); } });
 
 async function start() {
+	sharedText();
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
 	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
@@ -576,6 +620,7 @@ async function start() {
 	}
 	state.keep = about.keep;
 	await found();
+	takeShared();
 	facts();
 	document.body.dataset.ready = "true";
 }
