@@ -77,6 +77,7 @@ def hardware_colors(
     """
     for color, shown in zip(fixed.tolist(), rounded(fixed, bits).tolist(), strict=True):
         check_in_range("locked", color, color == shown, f"{shown}, the nearest color of color_bits={bits}")
+    fixed = _distinct(fixed)
     alpha, density, dtype = samples.alpha, samples.density, samples.colors.dtype
     places, kinds = to_places(samples.colors, space, alpha).astype(np.float64), kinds_of(samples.colors, alpha)
     near = color_samples(rounded(samples.colors, bits, space)[np.newaxis], alpha=alpha)
