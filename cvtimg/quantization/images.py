@@ -31,7 +31,7 @@ from cvtimg.quantization.driver import (
     toward,
 )
 from cvtimg.quantization.looks import DEAREST, PRICES
-from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors
+from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
 R = TypeVar("R", Quantized, QuantizedFrames)
@@ -74,8 +74,9 @@ def quantize(
         `xarray.DataArray`, of any dimensions, is quantized block by block, and never loaded: see Notes.
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
-        the transparent color. "auto" uses the elbow of the energy curve, which the result then contains; see
-        `EnergyCurve.elbow`. With `psnr`, optional and the maximum size.
+        the transparent color. "auto" uses the elbow of the energy curve, which the result then contains (see
+        `EnergyCurve.elbow`), or as many more as keep the main colors of an image in color. With `psnr`, optional and
+        the maximum size.
     alpha : bool, optional
         Whether the last channel is alpha. Then colors count as far as they are visible, opaque pixels stay opaque, and
         fully transparent pixels stay so. By default that of a Pillow image with alpha, and of an array that
@@ -309,10 +310,11 @@ class PictureSource:
         return self._measure(result.image)
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
-        """Pick the number of colors by the elbow of their energies."""
+        """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""
         taken = ("volume_power", "rng", "callback")
         options: dict[str, Any] = {name: value for name, value in how.engine.items() if name in taken}
         n_colors, curve = auto_count(self.counted[0], space=how.space, **options)
+        n_colors = keeping_main_colors(self.counted[0], curve, n_colors, how.space)
         return max(n_colors, fixed_colors(self._samples, how.locked)[2]), curve
 
     def kept(self, palette: np.ndarray[Any, Any], n_colors: int, how: QuantizeOptions) -> Quantized | None:

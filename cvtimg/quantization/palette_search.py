@@ -19,6 +19,7 @@ from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
 from cvtimg.colors.counting import add_samples, count_blocks, count_picture, in_fixed_order
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
+from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
@@ -27,8 +28,11 @@ from cvtimg.quantization.remapping import MAX_COLORS, map_samples, nearest_of_ki
 
 #: Colors shown in a notebook.
 _SHOWN = 256
-#: Side of the cubes of Oklab in which colors count together, and the power of their number that counts.
-_CUBE, _POWER = 0.05, 0.4
+#: Side of the cubes of Oklab in which colors count together, the power of their number that counts, how much lightness
+#: counts, and the chroma that is added before colors are compared, so that grays count, too.
+_CUBE, _POWER, _LIGHTNESS, _COLORLESS = 0.05, 0.3, 0.6, 0.15
+#: Distance in Oklab from which a main color is lacking.
+_LACKING = 0.12
 #: Places of which colors of a palette are chosen; the error of 4096 is that of all within a few percent.
 _MOST_PLACES = 4096
 _REST = Stopping(tolerance=1e-4, max_iterations=100)
@@ -194,7 +198,8 @@ def main_palette(
     """Find the few colors that stand out in an image, as a designer would pick them.
 
     Small vivid parts count, which the palette of least error leaves out: pixels of similar colors, in the same cube of
-    Oklab, count together as the power 0.4 of their number.
+    Oklab, count together as the power 0.3 of their number, and hue counts more than lightness. Each cell is shown by a
+    color of the image, from a cube that has many pixels or much color, and not by its mean, which would be dull.
 
     Parameters
     ----------
@@ -208,6 +213,7 @@ def main_palette(
     Returns
     -------
     Palette
+        The locked colors, and colors of the image.
 
     See Also
     --------
@@ -227,11 +233,38 @@ def main_palette(
     [False, True]
     """
     samples = image if isinstance(image, ColorSamples) else color_samples(image)
-    places = to_places(samples.colors, "oklab", samples.alpha)
-    cubes = np.unique(np.floor(places / _CUBE), axis=0, return_inverse=True)[1].reshape(-1)
-    masses = np.bincount(cubes, samples.density)[cubes]
-    evened = samples.density * np.where(masses > 0, masses, 1) ** (_POWER - 1)
-    return find_palette(replace(samples, density=evened), n_colors, space="oklab", locked=locked, **engine)
+    samples, fixed, least = fixed_colors(samples, locked)
+    check_room(n_colors, least)
+    samples = _visible(samples, kinds_of(samples.colors, samples.alpha))
+    given, alpha = fixed[kinds_of(fixed, samples.alpha) != CLEAR], samples.alpha
+    n_cells = n_colors - len(fixed) + len(given)
+    cubes, means, masses = _in_cubes(to_places(samples.colors, "oklab", alpha), samples.density, _CUBE)
+    if samples.n_colors <= n_cells or n_cells == len(given) or len(means) < n_cells:
+        return find_palette(samples, n_colors, space="oklab", locked=fixed if len(fixed) else None, **engine)
+    scales = np.array([_LIGHTNESS, *[1] * (means.shape[1] - 1)])
+    in_place = scales * to_places(given, "oklab", alpha)
+    labels = tessellate(means * scales, n_cells, density=masses**_POWER, locked=in_place, **engine).labels
+    chroma = np.linalg.norm(means[:, 1:3], axis=1) if means.shape[1] > 2 else np.zeros(len(means))
+    standing_out = np.sqrt(masses) * (_COLORLESS + chroma)
+    shown = [np.argmax(np.where(labels == cell, standing_out, -1)) for cell in range(len(given), n_cells)]
+    distances = ((to_places(samples.colors, "oklab", alpha) - means[cubes]) ** 2).sum(axis=1)
+    nearest = [np.argmin(np.where(cubes == cube, distances, np.inf)) for cube in shown]
+    return Palette(_in_order(np.concatenate([fixed, samples.colors[nearest]]), alpha), None, alpha)
+
+
+def keeping_main_colors(samples: ColorSamples, curve: EnergyCurve, n_colors: int, space: SpaceName) -> int:
+    """Return the least number of colors, from `n_colors` on, of a curve that lacks no main color of an image."""
+    dtype = samples.colors.dtype
+    if dtype not in (np.uint8, np.uint16) or samples.colors.shape[1] - samples.alpha != 3:
+        return n_colors
+    from scipy.spatial import cKDTree
+
+    main = to_places(main_palette(samples).colors, "oklab", samples.alpha)
+    for number in range(n_colors, curve.n_max):
+        colors = from_places(curve.generators[number - 1], space, dtype, samples.alpha)
+        if cKDTree(to_places(colors, "oklab", samples.alpha)).query(main)[0].max() <= _LACKING:
+            return number
+    return curve.n_max
 
 
 def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: SpaceName) -> Palette:
@@ -289,14 +322,25 @@ def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
 
 def _merged(places: NDArray[Any], density: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the means and masses of places in cubes, as small as keeps these few."""
+    places, density = places[density > 0], density[density > 0]
     size = np.ptp(places, axis=0).max() / _MOST_PLACES
     while len(places) > _MOST_PLACES:
-        cubes = np.unique(np.floor(places / size), axis=0, return_inverse=True)[1].reshape(-1)
-        masses = np.bincount(cubes, density)
-        sums = np.stack([np.bincount(cubes, density * column) for column in places.T], axis=1)
-        places, density = sums[masses > 0] / masses[masses > 0, None], masses[masses > 0]
+        _, places, density = _in_cubes(places, density, size)
         size *= 2
     return places, density
+
+
+def _in_cubes(
+    places: NDArray[np.float64], density: NDArray[Any], size: float
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cube of each place, and the means and masses of cubes."""
+    steps = np.floor(places / size).astype(np.int64)
+    steps -= steps.min(axis=0)
+    numbers = np.ravel_multi_index(tuple(steps.T), tuple(steps.max(axis=0) + 1))
+    cubes = np.unique(numbers, return_inverse=True)[1].reshape(-1)
+    masses = np.bincount(cubes, density).astype(np.float64)
+    sums = np.stack([np.bincount(cubes, density * column) for column in places.T], axis=1)
+    return cubes, sums / masses[:, None], masses
 
 
 def shared_palette(

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import reference
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
-from cvtimg import find_palette, quantize
+from cvtimg import find_palette, quantize, read_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors import SPACES, color_samples, merge_samples
 from cvtimg.colors.spaces import to_space
-from cvtimg.quantization import map_to_palette
+from cvtimg.quantization import main_palette, map_to_palette
 
 LOCKED = np.array([[255, 0, 0], [1, 2, 3]], np.uint8)
 
@@ -276,3 +277,44 @@ def test_the_best_colors_of_a_palette_have_the_least_error_of_all_choices(space:
 def test_more_colors_than_a_palette_has_are_refused() -> None:
     with pytest.raises(ValueError, match=r"n_colors=4 must be .*1\.\.3"):
         quantize(np.zeros((2, 2, 3), np.uint8), 4, palette=np.eye(3, dtype=np.uint8))
+
+
+def rust_and_roses() -> NDArray[np.uint8]:
+    """Draw browns of all tones, and a red spot of 1 % that is no cluster of its own in the energy."""
+    rng = np.random.default_rng(0)
+    tones = np.clip(rng.normal(0.45, 0.2, (100, 100, 1)), 0, 1) * [200, 160, 110]
+    tones[:10, :10] = 215, 25, 40
+    return np.clip(tones + rng.normal(0, 6, tones.shape), 0, 255).astype(np.uint8)
+
+
+def test_auto_keeps_small_vivid_parts_of_photographs_and_the_number_of_flat_ones() -> None:
+    image = read_image("sample_images/astronaut.png")[::2, ::2]
+    result = quantize(image, "auto", effort="fast")
+    assert result.curve is not None
+    main, elbow, found = (
+        to_space(colors, "oklab")
+        for colors in (main_palette(image).colors, quantize(image, result.curve.elbow()).palette, result.palette)
+    )
+    assert cdist(main, elbow).min(axis=1).max() > 0.2
+    assert cdist(main, found).min(axis=1).max() < 0.15
+    levels = np.repeat(np.array([[30, 60, 90], [200, 180, 60], [220, 40, 50]]), 900, axis=0).reshape(60, 45, 3)
+    noisy = np.clip(levels + np.random.default_rng(0).normal(0, 5, levels.shape), 0, 255).astype(np.uint8)
+    assert len(quantize(noisy, "auto").palette) == 3
+
+
+def test_main_colors_are_colors_of_the_image_beside_the_locked_ones() -> None:
+    image = rust_and_roses()
+    found = main_palette(image, 4, locked=[[0, 0, 255]]).colors.tolist()
+    own = {tuple(color) for color in image.reshape(-1, 3).tolist()}
+    assert [0, 0, 255] in found
+    assert sum(tuple(color) in own for color in found) == 3
+    assert any(red > 180 and green < 60 for red, green, _ in found)
+
+
+def test_main_colors_of_transparent_and_gray_images() -> None:
+    image = np.dstack([rust_and_roses(), np.full((100, 100), 255, np.uint8)])
+    image[50:] = 0
+    found = main_palette(color_samples(image, alpha=True), 4).colors
+    assert (found[:, 3] == [0, 255, 255, 255]).all()
+    assert main_palette(image[:, :, 0], 3).colors.shape == (3, 1)
+    assert main_palette(np.zeros((2, 2, 3), np.uint8), 3).colors.tolist() == [[0, 0, 0]]
