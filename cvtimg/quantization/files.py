@@ -426,7 +426,8 @@ def _frames(job: _Job, header: ImageInfo) -> QuantizedFile:
     if how.palette is None and (how.n_colors is not None or aims):
         n_colors: Any = how.n_colors or MOST_INDEXED
         # One more is transparent: pixels that are left out, or that stay as they were.
-        how = replace(how, n_colors=min(n_colors, MOST_INDEXED - (masks is not None or how.goal == "eyes")))
+        needs_clear = masks is not None or how.goal == "eyes"
+        how = replace(how, n_colors=min(n_colors, MOST_INDEXED - 1) if needs_clear else n_colors)
     film = Film(frames, job.per_frame, None, masks)
     job.lap("read")
 
