@@ -1,14 +1,16 @@
 """Objects counted without settings, beside Otsu's threshold and the watershed of the distance, tuned, of scikit-image.
 
 Twelve phantoms of touching discs and ellipses with known truth (noise, uneven light, specks, dim and bright, small and
-large, dark), and 125 nuclei if they are there. F1 is of objects whose overlap is over half of the union. The rival is
-tuned on these very images: to one setting for all, and to the best for each. It is told which objects are dark.
+large, dark), four volumes of touching balls in planes some pixels apart, and 125 nuclei if they are there. F1 is of
+objects whose overlap is over half of the union. The rival is tuned on these very images: to one setting for all, and to
+the best for each. It is told which objects are dark.
 
     python benchmarks/objects.py [--seed N]
 """
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -26,6 +28,8 @@ import cvtimg
 from cvtimg.segmentation import count_objects
 
 SIDE = 320
+#: Usual distance of the planes of a volume, in pixels.
+SPACING = 3.0
 #: What each phantom differs in.
 SCENES: dict[str, dict[str, Any]] = {
     "clean": {"noise": 0.03},
@@ -41,6 +45,13 @@ SCENES: dict[str, dict[str, Any]] = {
     "specks": {"specks": 120},
     "dark": {"dark": True, "light": 0.5, "spread": 0.3},
 }
+#: What each volume differs in; `spacing` is the distance of planes in pixels.
+VOLUMES: dict[str, dict[str, Any]] = {
+    "volume": {},
+    "volume, noisy": {"noise": 0.4},
+    "volume, few planes": {"spacing": 5.0},
+    "volume, small": {"radius": 7, "n": 150},
+}
 #: Blurs and least distances of peaks among which the rival is tuned.
 SETTINGS = list(product((0.5, 1, 2, 3), (2, 3, 5, 7, 10, 14)))
 
@@ -55,6 +66,7 @@ def main() -> None:
     pin_threads(asked.threads)
     print(f"{machine()}, scikit-image {skimage_version}")
     scenes = {name: (*phantom(asked.seed + number, **how), how) for number, (name, how) in enumerate(SCENES.items())}
+    scenes |= {name: (*volume(asked.seed + number, **how), how) for number, (name, how) in enumerate(VOLUMES.items())}
     folder = (asked.data or DATA) / "scenes"
     if (folder / "dsb2018_nuclei_img2d.png").exists():
         truth = np.load(folder / "dsb2018_nuclei_mask2d.npz")["labels"]
@@ -62,11 +74,13 @@ def main() -> None:
     tuned = {name: [] for name in scenes}
     rows = []
     for name, (image, truth, how) in scenes.items():
-        tuned[name] = [score(rival(image, *one, dark=how.get("dark", False)), truth)["f1"] for one in SETTINGS]
-        found, seconds = min(
-            (timed(lambda image=image: count_objects(image)) for _ in range(3)), key=lambda run: run[1]
-        )
-        _, theirs = min((timed(lambda image=image: rival(image, 1, 3)) for _ in range(3)), key=lambda run: run[1])
+        told = {"dark": how.get("dark", False), "spacing": None}
+        if image.ndim == 3:
+            told["spacing"] = (how.get("spacing", SPACING), 1, 1)
+        tuned[name] = [score(rival(image, *one, **told), truth)["f1"] for one in SETTINGS]
+        ours = partial(count_objects, image, spacing=told["spacing"])
+        found, seconds = min((timed(ours) for _ in range(3)), key=lambda run: run[1])
+        _, theirs = min((timed(partial(rival, image, 1, 3, **told)) for _ in range(3)), key=lambda run: run[1])
         row = score(found.labels, truth)
         rows.append({"scene": name, "f1": row["f1"], "objects": row["objects"], "times": seconds / theirs})
     best = np.mean(list(tuned.values()), axis=0).argmax()
@@ -118,6 +132,40 @@ def phantom(
     return np.uint8((image * 110 + 10).clip(0, 255)), pieces_of(truth)
 
 
+def volume(
+    seed: int,
+    *,
+    spacing: float = SPACING,
+    radius: float = 11,
+    n: int = 60,
+    noise: float = 0.15,
+    overlap: float = 0.85,
+    light: float = 0.6,
+) -> tuple[NDArray[np.uint8], Labels]:
+    """Draw balls, most of which touch another, in planes that are darker the deeper they are."""
+    rng = np.random.default_rng(seed)
+    sides = np.array([70, 160, 160])
+    balls: list[NDArray[np.float64]] = []
+    while len(balls) < n:
+        size = radius * np.exp(rng.normal(0, 0.15))
+        center = rng.uniform(0, sides)
+        if balls and rng.random() < 0.6:
+            other, way = balls[rng.integers(len(balls))], rng.normal(size=3)
+            center = other[:3] + way / np.linalg.norm(way) * (other[3] + size) * rng.uniform(overlap, 1)
+        inside = (center > size / 2).all() and (center < sides - size / 2).all()
+        if inside and all(np.linalg.norm(center - b[:3]) >= overlap * (size + b[3]) for b in balls):
+            balls.append(np.append(center, size))
+    z, y, x = np.meshgrid(np.arange(0, sides[0], spacing), *map(np.arange, sides[1:]), indexing="ij")
+    level, nearest, truth = np.zeros(z.shape), np.ones(z.shape), np.zeros(z.shape, np.int32)
+    for label, (a, b, c, size) in enumerate(balls, start=1):
+        away = np.sqrt((z - a) ** 2 + (y - b) ** 2 + (x - c) ** 2) / size
+        here = away < nearest
+        nearest[here], truth[here], level[here] = away[here], label, rng.uniform(0.7, 1.2)
+    image = gaussian_filter(level, (1.5 / spacing, 1, 1))
+    image = (0.2 + image) * (1 + light * (x / sides[2] - 0.5)) * np.exp(-0.7 * light * z / sides[0])
+    return np.uint8(((image + rng.normal(0, noise, image.shape)) * 90 + 15).clip(0, 255)), pieces_of(truth)
+
+
 def placed(
     rng: np.random.Generator, radius: float, spread: float, n: int, overlap: float
 ) -> list[tuple[float, float, float]]:
@@ -146,13 +194,14 @@ def pieces_of(truth: Labels) -> Labels:
     return np.where(kept[truth], truth, 0)
 
 
-def rival(image: NDArray[Any], blur: float, apart: int, *, dark: bool = False) -> Labels:
+def rival(image: NDArray[Any], blur: float, apart: int, *, dark: bool = False, spacing: Any = None) -> Labels:
     """Find objects by scikit-image: threshold, distance, its peaks, and a watershed."""
-    smooth = gaussian(image, blur, preserve_range=True)
+    sides = np.array(spacing or (1, 1))
+    smooth = gaussian(image, blur / sides, preserve_range=True)
     level = threshold_otsu(smooth)
     numbers = pieces(smooth < level if dark else smooth > level)
-    distance = distance_transform_edt(numbers > 0)
-    peaks = peak_local_max(gaussian(distance, 1), min_distance=apart, labels=numbers, exclude_border=False)
+    distance = distance_transform_edt(numbers > 0, sides)
+    peaks = peak_local_max(gaussian(distance, 1 / sides), min_distance=apart, labels=numbers, exclude_border=False)
     markers = np.zeros(image.shape, np.int32)
     markers[tuple(peaks.T)] = np.arange(1, len(peaks) + 1)
     return np.asarray(watershed(-distance, markers, mask=numbers > 0), np.int32)

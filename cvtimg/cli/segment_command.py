@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
   cvtimg segment nuclei.tif --objects --overlay outlines.png --table nuclei.csv
+  cvtimg segment stack.tif --objects --volume -o labels.tif --table cells.csv
   cvtimg segment cells.tif -k 2 --edge-weight auto --objects --min-size 30 --table cells.csv --coco cells.json
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
@@ -45,7 +46,8 @@ def segment(given: Given) -> int:
     coordinates of a GeoTIFF.
 
     --objects without -k counts objects without settings: noise, uneven light, brightness and size are measured on the
-    image, and what was found is in the table that is printed.
+    image, and what was found is in the table that is printed. With --volume, objects are those of the volume, which
+    needs the distance of planes: in the file, or by --pixel-size.
 
     Pages of a stack are segmented separately, or together with --volume; outputs in .tif are stacks, too.
 
@@ -58,6 +60,10 @@ def segment(given: Given) -> int:
         if counts and (settings := _settings(given)):
             raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
         given.number = None if counts else "auto"
+    if given.volume and given.objects and not counts:
+        raise WrongUsageError("--objects with --volume takes no -k: what it needs is measured on the volume")
+    if given.volume and given.objects and given.properties:
+        raise WrongUsageError("--properties are those of images, not of --objects with --volume")
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
@@ -93,12 +99,13 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         partial(_divide, given=given),
         mask=given.mask,
         nodata=given.nodata,
-        volume=given.volume,
+        volume=partial(_count_in_volume, given=given) if given.volume and given.objects else given.volume,
         on_pages=partial(check_room, task.outputs),
         on_stage=stopwatch.lap,
     )
     results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
-    write_outputs(task, found, given.style, overwrite=given.overwrite)
+    in_volume = given.volume and given.objects and found.pages is not None
+    write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
         "width": image.shape[1],
@@ -151,6 +158,16 @@ def _found(image: NDArray[Any], known: NDArray[np.bool_], given: Given) -> Segme
         return count_objects(image, background=given.background, min_size=least, mask=known)
     objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
     return cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
+
+
+def _count_in_volume(
+    volume: NDArray[Any], known: NDArray[np.bool_], spacing: tuple[float, float, float], *, given: Given
+) -> Segmentation:
+    """Count the objects of a volume."""
+    from cvtimg.segmentation import count_objects
+
+    least = given.min_size or None
+    return count_objects(volume, spacing=spacing, background=given.background, min_size=least, mask=known)
 
 
 def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

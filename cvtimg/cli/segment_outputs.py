@@ -86,6 +86,7 @@ class Subject:
     style: Style
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
+    in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
 
     @cached_property
     def drawing(self) -> Drawing:
@@ -137,12 +138,12 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(task: Task, found: DividedFile, style: Style, *, overwrite: bool) -> None:
+def write_outputs(task: Task, found: DividedFile, style: Style, *, in_volume: bool, overwrite: bool) -> None:
     """Write what was asked for; of several pages, all into one file."""
     places = [{}] if found.pages is None else found.pages.places
     tree = found.results[0].hierarchy if found.pages is None else None
     each = zip(found.images, found.labels, places, strict=True)
-    subjects = [Subject(task.source, image, own, found.header, style, tree, at) for image, own, at in each]
+    subjects = [Subject(task.source, image, own, found.header, style, tree, at, in_volume) for image, own, at in each]
     for option, path in task.outputs.items():
         kind = kind_of(option)
         if kind in _WRITERS:
@@ -229,9 +230,28 @@ def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> No
 
     from cvtimg.labels.files import write_table
 
-    tables = [subject.table for subject in subjects]
+    in_volume = subjects[0].in_volume
+    tables = _tables_of_volumes(subjects) if in_volume else [subject.table for subject in subjects]
     rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     write_table(path, rows, overwrite=overwrite)
+
+
+def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[Any]]]:
+    """Measure the objects of each frame, in rows with its number."""
+    import numpy as np
+
+    from cvtimg.labels import volume_table
+
+    frames: dict[int | None, list[Subject]] = {}
+    for subject in subjects:
+        frames.setdefault(subject.place.get("t"), []).append(subject)
+    tables = []
+    for frame, planes in frames.items():
+        volume, image = np.stack([plane.labels for plane in planes]), np.stack([plane.image for plane in planes])
+        header = planes[0].header
+        table = volume_table(volume, image, pixel_size=header.pixel_size, channels=header.channels)
+        tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
+    return tables
 
 
 def _write_coco(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:

@@ -148,7 +148,7 @@ SEGMENT = (
     switch(
         "objects",
         "Make each object before the background a segment; split touching ones. Without -k, measure all it takes.",
-        excludes=("components", *_BY_COLOR),
+        excludes=("components", *_OTHER_WAYS),
     ).on_page("objects, background"),
     Option(
         "background",
@@ -227,7 +227,7 @@ SEGMENT = (
     ),
     common.MASK,
     common.NODATA,
-    switch("volume", "Use the same segments in all pages of a file, not in each page its own."),
+    switch("volume", "Use the same segments in all pages of a file; with --objects: find objects in three dimensions."),
     replace(common.VOLUME_POWER, excludes=_OTHER_WAYS),
     common.EFFORT,
     common.SEED,

@@ -5,7 +5,7 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,8 @@ from cvtimg.segmentation.result import Segmentation
 
 #: Takes an image and its pixels that count; `segment` and its siblings with their options.
 Divide = Callable[[NDArray[Any], NDArray[np.bool_]], Segmentation]
+#: Takes a volume, (Z, H, W) or (Z, H, W, C), its voxels that count, and their distances along Z, H and W.
+DivideVolume = Callable[[NDArray[Any], NDArray[np.bool_], tuple[float, float, float]], Segmentation]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,13 +45,15 @@ def divide_file(
     *,
     mask: StrPath | None = None,
     nodata: float | None = None,
-    volume: bool = False,
+    volume: bool | DivideVolume = False,
     on_pages: Callable[[int], None] = lambda n_pages: None,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> DividedFile:
-    """Divide the picture of a file, or each of its pages, or with `volume` all pages by the same generators."""
-    # Pixels without data, black in the image `mask`, or transparent have label 0. `on_pages` is called with the number
-    # of pages, if there are several, before any is divided; `on_stage` with the name of each stage that is done.
+    """Divide the picture of a file, or each of its pages, or with `volume` all pages together."""
+    # With `volume=True`, the same generators divide all pages, as if they were one image; a function gets the planes of
+    # each frame as a volume. Pixels without data, black in the image `mask`, or transparent have label 0. `on_pages` is
+    # called with the number of pages, if there are several, before any is divided; `on_stage` with the name of each
+    # stage that is done.
     header = image_info(source)
     pages = read_pages(source).joined() if header.has_pages else None
     if pages is None or len(pages.images) == 1:
@@ -65,11 +69,28 @@ def divide_file(
     on_stage("read")
     parts = [_without_alpha(image, known, header) for image, known in zip(images, inside, strict=True)]
     seen = tuple(image for image, _ in parts)
-    if volume:
+    if volume is True:
         parts = [(np.concatenate(seen), np.concatenate([known for _, known in parts]))]
-    results = tuple(divide(image, known) for image, known in parts)
+    each = _divided_volumes(parts, pages, volume) if callable(volume) else (divide(*part) for part in parts)
+    results = tuple(each)
     on_stage("cluster")
     return DividedFile(header, pages, seen, results)
+
+
+def _divided_volumes(
+    parts: Sequence[tuple[NDArray[Any], NDArray[np.bool_]]], pages: Pages, divide: DivideVolume
+) -> Iterator[Segmentation]:
+    """Divide the volume of each frame of a stack."""
+    size = pages.pixel_size
+    if size is None or size.z is None:
+        said = f", of which only {size} is known" if size else ""
+        raise ValueError(f"needs the size of voxels{said}; name it by --pixel-size, such as 0.3x0.3x2um")
+    if pages.axes not in ("Z", "TZ", "Q"):
+        raise ValueError(f"has the axes {pages.axes}YX, where (T)ZYX is expected; --axes names them")
+    n_planes = pages.shape[-1]
+    for start in range(0, len(parts), n_planes):
+        images, known = zip(*parts[start : start + n_planes], strict=True)
+        yield divide(np.stack(images), np.stack(known), (size.z, size.y, size.x))
 
 
 def _without_alpha(

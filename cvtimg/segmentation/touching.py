@@ -12,6 +12,7 @@ the generators of a tessellation, and the object is its cell.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -127,21 +128,52 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayL
 
 
 def split_at_saddles(height: NDArray[np.floating], inside: NDArray[np.bool_], depth: float) -> NDArray[np.int32]:
-    """Label the parts of (H, W) pixels whose heights rise by more than the depth above the saddles between them."""
+    """Label the parts of pixels, of two or three axes, that rise by more than the depth above their saddles."""
     from skimage.measure import label
-    from skimage.morphology import local_maxima, reconstruction
+    from skimage.morphology import local_maxima
     from skimage.segmentation import watershed
 
-    pieces = np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
-    # Maxima that rise by less than the depth above the saddle to a higher one are flooded. (scikit-image's own
-    # `h_maxima` finds more of them in floating point.)
-    flooded = reconstruction(height - max(depth, 1e-6), height)  # type: ignore[no-untyped-call]
-    peaks = local_maxima(flooded, connectivity=2)  # type: ignore[no-untyped-call]
-    centers = label(peaks & inside, connectivity=2)  # type: ignore[no-untyped-call]
+    n_axes = inside.ndim
+    peaks = local_maxima(height, connectivity=n_axes) & inside  # type: ignore[no-untyped-call]
+    centers = np.asarray(label(peaks, connectivity=n_axes), np.int32)  # type: ignore[no-untyped-call]
+    basins = np.asarray(watershed(-height, centers, mask=inside), np.int32)  # type: ignore[no-untyped-call]
     # A piece so small that it has no peak is an object all the same.
-    lost = (np.bincount(pieces[centers > 0], minlength=int(pieces.max()) + 1) == 0)[pieces] & inside
-    centers = np.where(lost, centers.max() + pieces, centers)
-    return numbered(watershed(-height, centers, mask=inside))  # type: ignore[no-untyped-call]
+    lost = inside & (basins == 0)
+    if lost.any():
+        basins += np.where(lost, label(lost, connectivity=1) + centers.max(), 0).astype(np.int32)  # type: ignore[no-untyped-call]
+    heights = np.full(int(basins.max()) + 1, -np.inf)
+    heights[centers[peaks]] = height[peaks]
+    return numbered(_joined(basins, height, heights, depth)[basins])
+
+
+def _joined(
+    basins: NDArray[np.int32], height: NDArray[np.floating], peaks: NDArray[np.float64], depth: float
+) -> NDArray[np.int32]:
+    """Return for each basin the one that it is part of: its own if it rises by more than the depth above a saddle."""
+    pairs, saddles = [], []
+    ways = [way for way in product((0, 1, -1), repeat=basins.ndim) if way > (0,) * basins.ndim]
+    for way in ways:  # to half of the neighbors, by sides and corners
+        here = tuple(slice(max(-step, 0), -step if step > 0 else None) for step in way)
+        there = tuple(slice(max(step, 0), step if step < 0 else None) for step in way)
+        meet = (basins[here] != basins[there]) & (basins[here] > 0) & (basins[there] > 0)
+        pairs.append(np.stack([basins[here][meet], basins[there][meet]], axis=1))
+        saddles.append(np.minimum(height[here][meet], height[there][meet]))
+    order = np.argsort(-np.concatenate(saddles), kind="stable")
+    part_of = np.arange(len(peaks), dtype=np.int32)
+
+    def whole(basin: int) -> int:
+        while part_of[basin] != basin:
+            part_of[basin] = part_of[part_of[basin]]
+            basin = int(part_of[basin])
+        return basin
+
+    for (one, other), saddle in zip(
+        np.concatenate(pairs)[order].tolist(), np.concatenate(saddles)[order].tolist(), strict=True
+    ):
+        lower, higher = sorted((whole(one), whole(other)), key=peaks.__getitem__)
+        if lower != higher and peaks[lower] - saddle <= depth:
+            part_of[lower] = higher
+    return np.array([whole(basin) for basin in range(len(peaks))], np.int32)
 
 
 def with_own_borders(
@@ -169,8 +201,8 @@ def with_own_borders(
 
 
 def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) squared distances of (H, W, D) values to a color or to that of each pixel."""
-    return np.square(values - color).sum(axis=2)
+    """Squared distances of (..., D) values to a color or to that of each pixel."""
+    return np.square(values - color).sum(axis=-1)
 
 
 def numbered(objects: NDArray[Any]) -> NDArray[np.int32]:

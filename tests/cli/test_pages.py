@@ -117,6 +117,28 @@ def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], caps
     assert row["pages"] == 3
 
 
+def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    z, y, x = np.mgrid[:9, :40, :60]
+    balls = [np.hypot(np.hypot(3 * (z - 4), y - 20), x - at) < 9 for at in (15, 30, 48)]
+    frame = np.uint8(30 + 150 * np.any(balls, axis=0) + RNG.integers(0, 9, z.shape))
+    metadata = {"axes": "TZYX", "unit": "um", "spacing": 1.5}
+    tifffile.imwrite("tz.tif", np.stack([frame, frame]), imagej=True, resolution=(2.0, 2.0), metadata=metadata)
+    files = ["-o", "l.tif", "--table", "t.csv", "--contours", "c.geojson", "--overlay", "o.tif"]
+    (row,) = rows(capsys, "segment", "tz.tif", "--objects", "--volume", *files)
+    assert row["k"] == 6
+    labels = read_pages("l.tif")
+    assert (labels.axes, labels.shape, str(labels.pixel_size)) == ("TZ", (2, 9), "0.5 x 0.5 x 1.5 um")
+    assert np.stack(labels.images).max() == 3
+    with Path("t.csv").open(newline="") as file:
+        table = [{name: float(value) for name, value in line.items()} for line in csv.DictReader(file)]
+    assert [(one["t"], one["label"]) for one in table] == [(t, k) for t in (1, 2) for k in (1, 2, 3)]
+    whole = 4 / 3 * np.pi * (9 / 2) ** 3
+    assert max(one["volume_um3"] for one in table) == pytest.approx(whole, rel=0.15)
+    assert sorted(one["x_um"] for one in table[:3]) == pytest.approx([7.5, 15, 24], abs=0.8)
+    drawn = [one["properties"] for one in json.loads(Path("c.geojson").read_text())["features"]]
+    assert {(one["t"], one["z"], one["label"]) for one in drawn} >= {(1, 5, 1), (2, 5, 3)}
+
+
 def test_deep_pages_are_as_bright_beside_each_other_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
     deep = np.stack([GRAY[0], GRAY[0] * 3.0]).astype(np.uint16) * 50
     tifffile.imwrite("deep.tif", deep, photometric="minisblack")
@@ -166,6 +188,8 @@ def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
         (["segment", "rgb.tif", "-k", "3", "--contours", "c.svg"], "--contours holds one"),
         (["restore", "gray.tif", "-k", "3", "-o", "r.png"], "name an output that can hold them, -o FILE.tif"),
         (["restore", "gray.tif", "-k", "3", "-o", "r.tif", "--sheet", "s.png"], "--sheet shows one"),
+        (["segment", "rgb.tif", "--objects", "--volume", "-o", "l.tif"], "--pixel-size, such as 0.3x0.3x2um"),
+        (["segment", "rgb.tif", "--objects", "--volume", "-k", "2", "-o", "l.tif"], "takes no -k"),
         (["quantize", "one.png", "-k", "3", "--weight-map", "gray.tif"], "has 3 pages, where one image is expected"),
     ],
 )

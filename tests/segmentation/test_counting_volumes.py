@@ -1,0 +1,110 @@
+"""Claims about objects in volumes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvtimg.labels import volume_table
+from cvtimg.pictures import PixelSize
+from cvtimg.segmentation import count_objects, counting
+
+RNG = np.random.default_rng(8)
+#: Centers (z, y, x) and radii of balls, in pixels of a plane; the first two touch.
+BALLS = [(18, 20, 18, 10), (24, 20, 35, 10), (20, 44, 50, 8)]
+
+
+def balls(spacing: float, *, noise: float = 15) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    """Draw balls in planes this far apart; return the volume and their labels."""
+    down = np.arange(0, 44, spacing)[:, None, None]
+    y, x = np.mgrid[:60, :70]
+    away = np.stack([np.sqrt((down - a) ** 2 + (y - b) ** 2 + (x - c) ** 2) / r for a, b, c, r in BALLS])
+    truth = np.where(away.min(axis=0) < 1, away.argmin(axis=0) + 1, 0).astype(np.int32)
+    values = 40 + 120 * (truth > 0) + RNG.normal(0, noise, truth.shape)
+    return values.clip(0, 255).astype(np.uint8), truth
+
+
+def overlap(found: NDArray[np.int32], truth: NDArray[np.int32]) -> list[float]:
+    """Return for each true object its overlap with the best that was found."""
+    best = []
+    for label in range(1, int(truth.max()) + 1):
+        own = truth == label
+        ious = [(own & (found == k)).sum() / (own | (found == k)).sum() for k in range(1, int(found.max()) + 1)]
+        best.append(max(ious, default=0))
+    return best
+
+
+@pytest.mark.parametrize("spacing", [1.0, 4.0])
+def test_touching_balls_are_split_however_far_planes_are_apart(spacing: float) -> None:
+    volume, truth = balls(spacing)
+    found = count_objects(volume, spacing=(spacing / 2, 0.5, 0.5))
+    assert found.n_segments == 3
+    assert min(overlap(found.labels, truth)) > 0.8
+    assert found.counting is not None
+    assert found.counting.radius == pytest.approx(10, rel=0.4)
+
+
+def test_the_unit_of_the_spacing_does_not_matter_and_the_last_axis_may_be_bands() -> None:
+    volume, _ = balls(3.0)
+    plain = count_objects(volume, spacing=(3, 1, 1)).labels
+    np.testing.assert_array_equal(count_objects(volume, spacing=(0.9, 0.3, 0.3)).labels, plain)
+    np.testing.assert_array_equal(count_objects(np.stack([volume] * 2, axis=3), spacing=(3, 1, 1)).labels, plain)
+
+
+def test_tiles_give_the_objects_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    volume, _ = balls(4.0)
+    volume = np.tile(volume, (1, 3, 3))
+    whole = count_objects(volume, spacing=(4, 1, 1))
+    monkeypatch.setattr(counting, "_TILE", 11 * 100**2)
+    tiled = count_objects(volume, spacing=(4, 1, 1))
+    assert whole.n_segments == tiled.n_segments == 27
+    assert min(overlap(tiled.labels, whole.labels)) > 0.9
+
+
+def test_masked_voxels_belong_to_no_object() -> None:
+    volume, _ = balls(4.0)
+    mask = np.ones(volume.shape, bool)
+    mask[:, :, 27:] = False
+    found = count_objects(volume, spacing=(4, 1, 1), mask=mask)
+    assert found.labels[:, :, :27].any()
+    assert not found.labels[:, :, 27:].any()
+
+
+@pytest.mark.parametrize(
+    ("image", "spacing", "message"),
+    [
+        (np.zeros((4, 4)), (1, 1, 1), "image"),
+        (np.zeros((4, 4, 4)), (1, 1), "three distances > 0"),
+        (np.zeros((4, 4, 4)), (1, 1, 0), "three distances > 0"),
+        (np.zeros((4, 4, 4)), (1, 1, 2), "the same along H and W"),
+        (np.full((4, 4, 4), np.nan), (1, 1, 1), "at least one voxel"),
+        (np.zeros((4, 4, 4), complex), (1, 1, 1), "integers or floating point"),
+    ],
+)
+def test_what_is_no_volume_is_refused(image: NDArray[Any], spacing: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        count_objects(image, spacing=spacing)
+
+
+def test_an_empty_volume_has_no_objects() -> None:
+    assert count_objects(np.full((3, 20, 20), 7, np.uint8), spacing=(1, 1, 1)).n_segments == 0
+
+
+def test_the_table_of_a_ball_is_what_geometry_says() -> None:
+    _, truth = balls(1.0)
+    own = (truth == 3).astype(np.int32)
+    table = volume_table(
+        own, np.stack([own * 7, own * 9], axis=3), pixel_size=PixelSize(0.5, 0.5, z=0.5), channels="AB"
+    )
+    ball = BALLS[2]
+    radius = ball[3] / 2
+    assert table["volume_um3"] == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.03)
+    assert table["surface_um2"] == pytest.approx(4 * np.pi * radius**2, rel=0.1)
+    assert table["equivalent_diameter_um"] == pytest.approx(2 * radius, rel=0.02)
+    center = [float(table[f"{axis}_um"][0]) for axis in "zyx"]
+    assert center == pytest.approx([(at + 0.5) / 2 for at in ball[:3]], abs=0.05)
+    assert (table["mean_A"].tolist(), table["mean_B"].tolist(), table["std_A"].tolist()) == ([7.0], [9.0], [0.0])
+    assert [table[side][0] for side in ("front", "back", "left", "right")] == [13, 28, 43, 58]
