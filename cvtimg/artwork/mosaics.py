@@ -297,7 +297,7 @@ def mosaic(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     See Also
     --------

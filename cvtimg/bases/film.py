@@ -64,7 +64,7 @@ def key_frames(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid.
     OSError
         If a file cannot be read.
 

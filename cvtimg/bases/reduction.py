@@ -309,7 +309,7 @@ def reduced_basis(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or a snapshot contains NaN or infinity.
+        If an argument is invalid, or a snapshot contains NaN or infinity.
     OSError
         If a file cannot be read.
 

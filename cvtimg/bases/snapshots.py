@@ -177,7 +177,7 @@ def _of_path(path: Path) -> Snapshots:
             return _of_array(np.load(file, mmap_mode=None if is_remote(path) else "r"))
     if is_animated(path):
         return _of_array(np.stack(read_frames(path).images))
-    raise ValueError(f"{path} is one image; snapshots must be a folder of images, a film, or a .npy or .zarr array")
+    raise ValueError(f"{path} is one image; snapshots must be images, an animation, or a .npy or .zarr array")
 
 
 def _of_images(paths: Sequence[Path]) -> Snapshots:

@@ -25,7 +25,7 @@ _MOST_SHOWN, _IN_A_ROW = 23, 6
 
 
 def basis(given: Given) -> int:
-    """Find N modes that nearly contain all frames of a film, or all rows of an array.
+    """Find N modes that nearly contain all frames of an animation, or all rows of an array.
 
     The file has the arrays of cvtimg.bases.Basis; cvtimg.bases.read_basis reads it. Arrays may be larger than memory.
     """
@@ -34,7 +34,7 @@ def basis(given: Given) -> int:
 
 
 def as_given(sources: Sequence[Path]) -> Snapshots:
-    """Read one file as a film or an array, and several files as single frames."""
+    """Read one file as an animation or an array, and several files as single frames."""
     from cvtimg.bases import as_snapshots
 
     if len(sources) > 1:

@@ -19,7 +19,7 @@ COLUMNS = (
 def info(given: Given) -> int:
     """Show the size, format, bands, bit depth and number of distinct colors of images.
 
-    Of stacks and micrographs also the axes, and the size of a pixel; --json adds the names of the channels.
+    For stacks and micrographs, show the axes and the size of a pixel, too; --json adds the names of the channels.
     """
     return run_plan(plan_each(given.inputs), _info, COLUMNS, given)
 

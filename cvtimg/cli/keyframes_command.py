@@ -1,4 +1,4 @@
-"""``cvtimg keyframes``: the frames of a film that represent the others."""
+"""``cvtimg keyframes``: the frames of an animation that represent the others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _IN_A_ROW = 4
 
 
 def keyframes(given: Given) -> int:
-    """Choose the N frames of a film that represent all others: medoids of a tessellation of the frames.
+    """Choose the N frames of an animation that represent all others.
 
     Frames count from 0. Each key frame is the frame nearest to the mean of those that it represents.
     """

@@ -52,7 +52,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
     making = given.arguments
     if is_polygon and given.label is not None:
-        raise ValueError("has polygons, which have no --label")
+        raise ValueError("has polygons; --label is for images of labels")
     region = read_region(task.source) if is_polygon else None
     labels, is_mask = (None, False) if is_polygon else read_segments(task.source, given.label)
     if labels is not None and labels.ndim == 3:
@@ -104,7 +104,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
     flat = {"--size": given.size, "--measures": given.measures, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size}
     if unfit := [option for option, value in flat.items() if value]:
-        raise ValueError(f"has voxels, for which there is no {' and no '.join(unfit)}")
+        raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     if not is_mask:
         raise ValueError("has voxels of several labels: choose one by --label")
     found = mesh_volume(voxels > 0, n=given.n, edge_length=given.edge_length)

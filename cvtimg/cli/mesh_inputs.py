@@ -70,7 +70,7 @@ def _voxels(path: Path) -> NDArray[Any]:
 
     values = np.load(path) if path.suffix.lower() == ".npy" else np.stack(read_pages(path).images)
     if values.ndim != 3 or values.dtype.kind not in "bui":
-        raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, which are no mask and no labels")
+        raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, neither a mask nor labels")
     return values
 
 

@@ -11,7 +11,7 @@ __all__ = ["COMMANDS", "overview", "version"]
 COMMANDS = {
     "quantize": "Reduce images to a palette of N colors.",
     "explore": "Try settings and see their results at once, in the browser.",
-    "palette": "Print the palette of images and the share of the pixels that has each color.",
+    "palette": "Print the palette of images and the share of the pixels of each color.",
     "segment": "Divide images into N segments of similar color.",
     "restore": "Restore one image from several noisy or incomplete versions of it.",
     "stipple": "Reproduce the tones of images by N dots, for pen plotters and print.",

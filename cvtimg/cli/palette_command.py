@@ -25,7 +25,7 @@ _MOST_OWN = 256
 
 
 def palette(given: Given) -> int:
-    """Print the palette of images, and the share of the pixels that has each color.
+    """Print the palette of images, and the share of the pixels of each color.
 
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
     cvtimg quantize. With --main, the few colors that stand out are listed, such as a small red flower in a green
@@ -49,7 +49,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     image = read_whole(task.source)
     stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
-        raise ValueError(f"has {image.shape[2]} bands, which are no colors")
+        raise ValueError(f"has {image.shape[2]} bands, which are not colors")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
     locked = locked_colors(given.lock) if given.lock else None

@@ -58,7 +58,7 @@ def quantize(given: Given) -> int:
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
     take the colors of --palette, or with -k the best of them. With --quality or --goal eyes, and if nothing is given,
-    images get up to 256 colors, and the file is made small where the eye does not see it.
+    images get up to 256 colors, and files are made smaller in ways that the eye does not notice.
 
     Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
     become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after

@@ -150,7 +150,9 @@ def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
 
     for option, path in outputs.items():
         if option == "--sheet":
-            raise ValueError(f"has {n_pages} pages to restore one by one, and --sheet shows one; --z or --t takes one")
+            raise ValueError(
+                f"has {n_pages} pages to restore one by one, and --sheet shows one; select it by --z or --t"
+            )
         if path.suffix.lower() not in PAGE_SUFFIXES:
             ways = (
                 f"name an output that can hold them, {option} FILE.tif; or --merge T or Z, if they are versions of one"

@@ -219,7 +219,9 @@ def _needs_tiles(task: Task) -> bool:
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr"]
     if [kind_of(option) for option in task.outputs] != ["labels"]:
         if zarr:
-            raise ValueError(f"only labels are computed in tiles, and {zarr[0]} is not otherwise read and written")
+            raise ValueError(
+                f"{zarr[0].name} is read and written in tiles, and only labels can be: leave out the other outputs"
+            )
         return False
     from cvtimg.pictures.tiles import needs_tiles
 

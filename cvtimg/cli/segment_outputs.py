@@ -132,7 +132,7 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
     for option, path in outputs.items():
         kind = kind_of(option)
         if kind in _OF_ONE or path.suffix.lower() == ".svg":
-            raise ValueError(f"has {n_pages} pages, and {option} holds one; --page, --t or --z takes one")
+            raise ValueError(f"has {n_pages} pages, and {option} holds one; --page, --t or --z selects one")
         if (kind in _DRAWN or kind == "labels") and path.suffix.lower() not in PAGE_SUFFIXES:
             way = f"--write {kind}.tif" if option.startswith("--write") else f"{option} FILE.tif"
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")

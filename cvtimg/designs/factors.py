@@ -103,7 +103,7 @@ def read_factors(path: StrPath) -> list[Factor]:
     Raises
     ------
     OSError
-        If the file cannot be read, or a line is not what is said here.
+        If the file cannot be read, or a line is invalid.
     """
     return _each_line(path, _factor)
 

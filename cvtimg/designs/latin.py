@@ -44,7 +44,7 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid.
 
     See Also
     --------

@@ -45,7 +45,7 @@ def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -
     Raises
     ------
     TypeError, ValueError
-        If `points` is not what is said here.
+        If `points` is invalid.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     Raises
     ------
     TypeError, ValueError
-        If `points` is not what is said here.
+        If `points` is invalid.
 
     See Also
     --------

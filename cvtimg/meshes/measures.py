@@ -86,7 +86,7 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid.
 
     Examples
     --------

@@ -156,7 +156,7 @@ def mesh_region(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or if the boundary needs more than `n` vertices; the message names it.
+        If an argument is invalid, or if the boundary needs more than `n` vertices; the message names it.
     ImportError
         If PythonCDT or shapely is not installed: ``pip install 'cvtimg[mesh]'``.
 
@@ -234,7 +234,7 @@ def mesh_labels(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or if borders need more than `n` vertices; the message names it.
+        If an argument is invalid, or if borders need more than `n` vertices; the message names it.
 
     Examples
     --------

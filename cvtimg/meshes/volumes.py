@@ -109,7 +109,7 @@ def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | N
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or if tetrahedra so large lose the shape; the message names it.
+        If an argument is invalid, or if tetrahedra so large lose the shape; the message names it.
 
     Notes
     -----

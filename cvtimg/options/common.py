@@ -26,7 +26,7 @@ def color(text: str) -> str:
 
     if (name := text.lower()) in ImageColor.colormap:
         return f"{bytes(ImageColor.getrgb(name)).hex()}ff"
-    raise ValueError(f"{text!r} must be a color as '#rgb', '#rrggbb', '#rrggbbaa', or a name as 'white'")
+    raise ValueError(f"{text!r} must be a color such as '#rgb', '#rrggbb' or '#rrggbbaa', or a name such as 'white'")
 
 
 def color_or_file(text: str | Path) -> str | Path:
@@ -244,7 +244,7 @@ BATCH = (
 
 #: Of ``cvtimg explore``.
 EXPLORE = (
-    inputs("Images to open: files, folders or patterns; more can be dropped.", "[PICTURE...]", required=False),
+    inputs("Images to open: files, folders or patterns; more can be dropped.", "[IMAGE...]", required=False),
     Option("port", Whole(0, 65535), "Port of the server; 0 for any that is free.", default=0),
     switch("no_browser", "Print the address of the page without opening it."),
     switch("no_store", "Let the browser keep nothing: a reload begins anew."),

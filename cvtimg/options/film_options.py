@@ -1,4 +1,4 @@
-"""Options of ``cvtimg basis``, ``cvtimg keyframes`` and ``cvtimg frames``: of all frames of a film together."""
+"""Options of ``cvtimg basis``, ``cvtimg keyframes`` and ``cvtimg frames``: of all frames of an animation together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from cvtimg.options import common
 from cvtimg.options.common import file
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
 
-FILM = replace(common.IMAGES, help="A film (GIF, APNG, WebP), images or a folder of them, or an array, .npy or .zarr.")
+FILM = replace(
+    common.IMAGES, help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
+)
 
 
 def size(text: str) -> tuple[int, int]:

@@ -59,7 +59,8 @@ RESTORE = (
         "channels", "Versions share segments but not colors, as channels do; the first is restored.", keyword="channels"
     ).on_page("Versions are channels", "They share segments but not colors; the first is restored."),
     switch(
-        "detail", "Restore texture too, patch by patch; on its own for photographs, without -k and what needs segments."
+        "detail",
+        "Restore texture too, patch by patch; the default for photographs unless -k or others ask for segments.",
     ).on_page("Detail", "Restore texture too, for photographs."),
     passed(
         "hidden",

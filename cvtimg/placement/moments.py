@@ -152,7 +152,7 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid.
 
     See Also
     --------

@@ -98,7 +98,7 @@ def place_in_picture(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     See Also
     --------

@@ -91,7 +91,7 @@ def coastal_grid(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or the globe has no coast that cells can follow.
+        If an argument is invalid, or the globe has no coast that cells can follow.
 
     See Also
     --------

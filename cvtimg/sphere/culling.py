@@ -151,7 +151,7 @@ def cull_land(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or no cell is left.
+        If an argument is invalid, or no cell is left.
 
     See Also
     --------
@@ -201,7 +201,7 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or no cell is inside.
+        If an argument is invalid, or no cell is inside.
 
     See Also
     --------

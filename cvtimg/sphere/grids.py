@@ -134,7 +134,7 @@ def sphere_grid(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     See Also
     --------

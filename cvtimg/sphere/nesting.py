@@ -119,7 +119,7 @@ def nested_grid(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here, or no point of the parent is inside or outside.
+        If an argument is invalid, or no point of the parent is inside or outside.
 
     See Also
     --------

@@ -167,7 +167,7 @@ def support_radii(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     See Also
     --------
@@ -224,9 +224,7 @@ def _check_points(points: _Floats, region: Region) -> None:
     again = np.setdiff1d(np.arange(len(points)), first)
     if len(again):
         twice = again[0]
-        raise ValueError(
-            f"points must differ from each other: number {twice}, {points[twice].tolist()}, is there twice"
-        )
+        raise ValueError(f"points must differ from each other: number {twice}, {points[twice].tolist()}, occurs twice")
 
 
 def _overlap(points: _Floats, radii: _Floats, sight: Sight | None) -> Any:

@@ -113,7 +113,7 @@ class VertexDensity:
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here.
+        If an argument is invalid.
 
     Examples
     --------

@@ -57,7 +57,7 @@ class _Array:
                 # Not np.load, which would also read archives.
                 self._array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
             except (ValueError, EOFError) as error:
-                raise ValueError(f"{path}: is not a whole .npy file of numbers ({one_line(error)})") from error
+                raise ValueError(f"{path}: is not a complete .npy file of numbers ({one_line(error)})") from error
         if self._array.ndim not in ((1,) if self._array.dtype.names else (1, 2)):
             raise ValueError(f"{path}: array of shape {self._array.shape} must be (N,) or (N, D), (N,) if structured")
         self.named = self._array.dtype.names is not None

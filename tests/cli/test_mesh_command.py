@@ -85,7 +85,7 @@ def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.C
     assert main(["mesh", name, "-n", "400", "-o", "a.vtu"]) == 1
     assert "choose one by --label" in capsys.readouterr().err
     assert main(["mesh", name, "-n", "400", "--label", "2", "--plot", "a.png", "-o", "a.vtu"]) == 1
-    assert "has voxels, for which there is no --plot" in capsys.readouterr().err
+    assert "has voxels, to which --plot cannot be applied" in capsys.readouterr().err
     assert main(["mesh", name, "-n", "400", "--label", "2", "-o", "a.vtu", "--json"]) == 0
     row = json.loads(capsys.readouterr().out)
     wanted = mesh_volume(ball, n=400)
@@ -114,7 +114,7 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
-        (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons, which have no --label"),
+        (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons; --label is for images of labels"),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
         (["mesh", "labels.png", "-n", "3"], 1, "-n 3 must be at least"),
     ],

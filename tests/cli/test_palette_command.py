@@ -97,7 +97,7 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["a.png", "b.png", "--save-palette", "c.hex"], 2, "--save-palette is for one input, and these are 2"),
         (["a.png", "--save-palette", "c.xyz"], 2, "c.xyz' must end in one of .gpl"),
         (["b.png"], 1, "b.png: no such file"),
-        (["bands.tif"], 1, "has 6 bands, which are no colors"),
+        (["bands.tif"], 1, "has 6 bands, which are not colors"),
     ]
     for arguments, status, reason in cases:
         given = [argument if argument[0] == "-" else str(tmp_path / argument) for argument in arguments]

@@ -164,7 +164,7 @@ def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_palette(tmp_path / "a.act"), palette)
     for alpha in (128, 0):
         palette[2, 3] = alpha
-        with pytest.raises(ValueError, match="one clear color, and no half transparent"):
+        with pytest.raises(ValueError, match="one transparent color, and no half-transparent"):
             write_palette(tmp_path / "b.act", palette)
     with pytest.raises(ValueError, match=r"\.act holds at most 256 colors, and these are 257"):
         write_palette(tmp_path / "b.act", np.zeros((257, 3), np.uint8))

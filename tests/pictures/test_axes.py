@@ -80,8 +80,8 @@ def test_an_array_has_the_axes_that_are_named(tmp_path: Path) -> None:
         (Selection(channel="3"), r"has 2 channels \(DAPI, GFP\), and no channel 3$"),
         (Selection(z=5), r"has 4 planes, and no plane 5$"),
         (Selection(t=1), r"has the axes ZCYX, without T; --axes names them$"),
-        (Selection(axes="ZYX"), r"has the axes ZCYX, of 4 x 2 pages, which --axes ZYX does not name one by one$"),
-        (Selection(axes="CCYX"), r"which --axes CCYX does not name one by one$"),
+        (Selection(axes="ZYX"), r"has the axes ZCYX, of 4 x 2 pages; --axes ZYX must have a letter for each$"),
+        (Selection(axes="CCYX"), r"; --axes CCYX must have a letter for each$"),
     ],
 )
 def test_what_a_stack_does_not_have_is_named(micrograph: Path, chosen: Selection, message: str) -> None:

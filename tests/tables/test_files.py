@@ -258,7 +258,7 @@ def test_what_is_wrong_in_an_array_is_named(tmp_path: Path, array: NDArray[Any],
 
 def test_no_object_is_unpickled(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([{}], object), allow_pickle=True)
-    with pytest.raises(ValueError, match=r"is not a whole \.npy file of numbers"):
+    with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
         read_table(tmp_path / "a.npy")
 
 
@@ -267,14 +267,14 @@ def test_a_damaged_array_is_named(tmp_path: Path, n_bytes: int) -> None:
     np.save(tmp_path / "a.npy", RNG.normal(size=(20, 3)))
     whole = (tmp_path / "a.npy").read_bytes()
     (tmp_path / "a.npy").write_bytes(whole[:n_bytes])
-    with pytest.raises(ValueError, match=r"is not a whole \.npy file of numbers"):
+    with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
         read_table(tmp_path / "a.npy")
 
 
 def test_an_archive_under_a_wrong_name_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", x=[1])
     (tmp_path / "a.npz").rename(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"is not a whole \.npy file of numbers"):
+    with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
         read_table(tmp_path / "a.npy")
 
 

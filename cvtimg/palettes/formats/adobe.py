@@ -50,7 +50,7 @@ def write_act(swatches: Swatches) -> bytes:
         raise ValueError(f".act holds at most 256 colors, and these are {len(colors)}")
     clear = np.flatnonzero(colors[:, 3] < 255) if colors.shape[1] == 4 else np.empty(0, int)
     if len(clear) > 1 or (len(clear) and colors[clear[0], 3]):
-        raise ValueError(".act holds one clear color, and no half transparent ones")
+        raise ValueError(".act holds at most one transparent color, and no half-transparent ones")
     table = np.zeros((_ENTRIES, 3), np.uint8)
     table[: len(colors)] = colors[:, :3]
     return table.tobytes() + _TAIL.pack(len(colors), clear[0] if len(clear) else _NONE_CLEAR)

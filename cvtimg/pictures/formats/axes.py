@@ -43,7 +43,7 @@ class Stack:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
         if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
             have = f"{self.axes}YX, of {' x '.join(map(str, self.shape))} pages"
-            raise UnfitContentError(f"has the axes {have}, which --axes {axes} does not name one by one")
+            raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
         return Stack(letters, self.shape, self.channels if "C" in letters else ())
 
 

@@ -72,7 +72,7 @@ def segment_hierarchy(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said here; the message names it.
+        If an argument is invalid; the message names it.
 
     See Also
     --------

@@ -137,7 +137,7 @@ class RegionHierarchy(ReadOnly):
         Raises
         ------
         TypeError, ValueError
-            If an argument is not what is said here; the message names it.
+            If an argument is invalid; the message names it.
 
         Examples
         --------
