@@ -143,7 +143,7 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
         (["--write", "table.xls"], ".xls' must end in one of .csv"),
         (["--contours", "a.dxf"], ".dxf' must end in one of .svg, .geojson"),
         (["-o", "a.jpg"], ".jpg' must end in one of .png, .tif, .tiff, .npy"),
-        (["--line-color", "loud"], "'loud' must be a color as '#rgb'"),
+        (["--line-color", "loud"], "'loud' must be a color such as '#rgb'"),
         (["--edge-mode", "thin"], "--edge-mode': 'thin' must be one of inner, outer, thick"),
         (["--averaging", "never"], "--averaging': 'never' must be one of none, before, after"),
         (["--kernel", "round"], "--kernel': 'round' must be one of gaussian, box"),
