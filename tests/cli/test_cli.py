@@ -486,7 +486,7 @@ PICTURE = "pictures/rgb.png"
         ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
         ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
         ([PICTURE, "--max-bytes", "0"], ["'0' must be a number of bytes >= 1"]),
-        ([PICTURE, "-k", "4", "--lock", "loud"], ["'loud' must be a color such as '#rgb', '#rrggbb'", "or a palette file"]),
+        ([PICTURE, "-k", "4", "--lock", "loud"], ["'loud' must be a color such as '#rgb'", "or a palette file"]),
         ([PICTURE, "-k", "4", "--space", "hsv"], ["--space': 'hsv' must be one of rgb, linear, lab, oklab"]),
         ([PICTURE, "-k", "4", "--dither", "bayes"], ["--dither': 'bayes' must be one of none, floyd-steinberg"]),
         ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
