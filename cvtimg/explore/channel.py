@@ -187,7 +187,11 @@ class Channel:
             key, outcome = "", None
             recipe = tab.recipe(request)
             outputs = tab.outputs(request)
-            recipes = [{**recipe.shown(one, request.stem), "key": one.key, "label": one.label} for one in outputs]
+            recipes = [
+                {**recipe.shown(outputs[0] if one.read else one, request.stem), "key": one.key, "label": one.label}
+                | ({"file": one.pattern.format(request.stem)} if one.read else {})
+                for one in outputs
+            ]
             about: dict[str, Any] = {"lane": lane, "recipes": recipes}
             if lane == "draft":
                 outcome = tab.draft(request)

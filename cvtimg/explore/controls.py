@@ -12,11 +12,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cvtimg._shared.svg import shortest
 from cvtimg.options import options_of, record
 from cvtimg.options.record import Option
+from cvtimg.segmentation import Edit, brush
 
 __all__ = [
+    "Brushed",
     "Choice",
     "Colors",
     "Control",
@@ -259,6 +264,31 @@ class Edits(Control):
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the control."""
         return {**Control.described(self), "modes": list(self.modes.items())}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Brushed(Edits):
+    """A gray image of the size of the picture that is drawn on it by a brush, and that the command reads."""
+
+    values: Mapping[str, int]  # What each mode paints
+    base: int  # Value where nothing is painted
+    pattern: str  # Name of its file, with ``{}`` for the name of the picture without suffix
+    check: Callable[[str], Any] = Edit.parse
+
+    def words(self, value: Any) -> list[str]:
+        """Return nothing: the name of the file is known elsewhere."""
+        return []
+
+    def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return the (H, W) image."""
+        image = np.full(size, self.base, np.uint8)
+        for stroke in map(Edit.parse, strokes):
+            brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))
+        return image
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to draw the control."""
+        return {**Edits.described(self), "kind": "edits", "values": dict(self.values), "base": self.base}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

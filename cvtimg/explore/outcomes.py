@@ -26,6 +26,7 @@ class Output:
     pattern: str  # Name of the file, with ``{}`` for the name of the picture without suffix
     write: Callable[[Any, Path], None]  # Writes a result, given the result and a path
     python: str  # Lines of Python that do the same; ``{}`` stands for the name of the file, in quotes
+    read: bool = False  # Whether the command reads the file, which was made on the page
 
     @property
     def key(self) -> str:

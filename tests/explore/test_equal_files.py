@@ -18,6 +18,7 @@ from cvtimg.cli import commands
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
 from cvtimg.explore.controls import (
+    Brushed,
     Choice,
     Colors,
     Control,
@@ -86,6 +87,8 @@ def variants(control: Control, tab: str) -> list[Any]:
         return [not control.default]
     if isinstance(control, Number):
         return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+    if isinstance(control, Brushed):
+        return [["erase 12 20,20 50,30", "add 5 30,25"]]
     if isinstance(control, Edits):
         return [["merge 3,3 40,30 60,40", "split 20,50", "paint 4.5 10,10 30,30", "add 6 50,8 70,20", "erase 5 5,5"]]
     if isinstance(control, Swatches):
@@ -175,7 +178,11 @@ def check_equal(
     request = request_for(store, tab, picture, settings)
     stem = request.stem
     recipe, outcome = TABS[tab].recipe(request), TABS[tab].exact(request)
-    for output in outcome.outputs[:n_outputs]:
+    for output in outcome.outputs:
+        if output.read:  # the page gives what the command reads
+            name, content = outcome.file(output.key) or ("", b"")
+            Path(name).write_bytes(content)
+    for output in [one for one in outcome.outputs if not one.read][:n_outputs]:
         shown, named = recipe.shown(output, stem), outcome.file(output.key)
         assert named is not None
         name, content = named

@@ -550,3 +550,33 @@ def test_segments_are_merged_split_and_painted_by_hand(visit: Go) -> None:
     assert page.input_value("#mode") == "divider"
     page.click("text=Clear")
     one.until(f"{count} === 6")
+
+
+def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    one.settled()
+    page.check("#c-brushes")
+    page.click("text=Leave out")
+    stage = page.locator("#stage").bounding_box()
+    page.mouse.move(stage["x"] + 0.3 * stage["width"], stage["y"] + 0.4 * stage["height"])
+    page.mouse.down()
+    page.mouse.move(stage["x"] + 0.6 * stage["width"], stage["y"] + 0.4 * stage["height"], steps=8)
+    page.mouse.up()
+    one.settled()
+    assert "--mask photo-mask.png" in page.inner_text("#command")
+    page.select_option("#output", label="Mask, PNG")
+    with page.expect_download() as download:
+        page.click("#download")
+    assert download.value.suggested_filename == "photo-mask.png"
+    import numpy as np
+
+    import cvtimg
+
+    mask = cvtimg.read_image(Path(download.value.path()))
+    assert mask.shape == (120, 160)
+    assert set(np.unique(mask)) == {0, 255}
+    assert mask[0, 0] == 255
+    page.uncheck("#c-brushes")
+    one.settled()
+    assert "--mask" not in page.inner_text("#command")

@@ -169,10 +169,9 @@ export class Controls {
 		clear.onclick = () => this.changed(control.name, [], false);
 		brush.oninput = () => { this.editor.radius = Math.round(2 ** (brush.value / 12)); this.editor.viewer.drawTool(); };
 		this.set[control.name] = value => {
-			const {mode, radius} = this.editor;
-			for (const [one, button] of buttons) button.ariaPressed = one === mode;
-			row.hidden = !this.editor.brushes;
-			brush.value = Math.log2(radius) * 12;
+			for (const [mode, button] of buttons) button.ariaPressed = this.editor.is(control, mode);
+			row.hidden = !this.editor.brushes || !this.editor.is(control);
+			brush.value = Math.log2(this.editor.radius) * 12;
 			clear.hidden = told.hidden = !value.length;
 			told.textContent = `${value.length} change${value.length > 1 ? "s" : ""}`;
 		};

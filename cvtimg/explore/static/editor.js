@@ -4,16 +4,18 @@ const BRUSHES = ["paint", "add", "erase"];
 const COLORS = {paint: "#0b5fc4", add: "#0a7d3c", erase: "#b8330a", merge: "#0b5fc4"};
 
 export class Editor {
-	// shown(): changes that are drawn over the picture, as texts; done(text): a change is made
-	constructor(viewer, shown, done) {
-		Object.assign(this, {viewer, shown, done, mode: "", radius: 12, points: [], anchor: null, cursor: null});
+	// strokes(): changes so far, as texts; done(text): a change is made
+	constructor(viewer, strokes, done) {
+		Object.assign(this, {viewer, strokes, done, layer: document.createElement("canvas"), control: null, mode: "", radius: 12, points: [], anchor: null, cursor: null});
 	}
 
 	get label() { return "Image: arrows move the cursor, Enter applies what is chosen, Escape ends"; }
 	get brushes() { return BRUSHES.includes(this.mode); }
 
-	start(mode) {
-		Object.assign(this, {mode, points: [], anchor: null});
+	is(control, mode = this.mode) { return Boolean(this.mode) && this.control?.name === control.name && this.mode === mode; }
+
+	start(control, mode) {
+		Object.assign(this, {control, mode, points: [], anchor: null});
 		const {width, height} = this.viewer.box();
 		this.cursor = mode ? this.pixel(width / 2, height / 2) : null;
 		this.viewer.place();
@@ -62,9 +64,9 @@ export class Editor {
 		return true;
 	}
 
-	draw(context) {
+	draw(context, width, height) {
 		const {x, y, zoom} = this.viewer.view, at = point => [x + (point[0] + .5) * zoom, y + (point[1] + .5) * zoom];
-		const line = (points, width) => {
+		const line = (points, width, context) => {
 			context.lineWidth = width;
 			context.lineCap = context.lineJoin = "round";
 			context.beginPath();
@@ -72,9 +74,19 @@ export class Editor {
 			for (const point of points.length > 1 ? points.slice(1) : points) context.lineTo(...at(point));
 			context.stroke();
 		};
+		Object.assign(this.layer, {width, height});
+		const own = this.layer.getContext("2d"), {values, base} = this.control ?? {};
+		const stroke = (kind, radius, points) => {
+			own.globalCompositeOperation = values?.[kind] === base && values ? "destination-out" : "source-over";
+			own.strokeStyle = COLORS[kind];
+			line(points, this.brushes ? 2 * radius * zoom : 4, own);
+		};
+		if (values) { // a map is seen; changes of segments are seen in the result
+			for (const [kind, radius, ...points] of this.strokes().map(text => text.split(" "))) stroke(kind, radius, points.map(point => point.split(",").map(Number)));
+		}
+		if (this.points.length) stroke(this.mode, this.radius, this.points);
 		context.globalAlpha = .55;
-		context.strokeStyle = COLORS[this.mode];
-		if (this.points.length) line(this.points, this.brushes ? 2 * this.radius * zoom : 4);
+		context.drawImage(this.layer, 0, 0);
 		context.globalAlpha = 1;
 		if (this.anchor) this.ring(context, at(this.anchor), 6);
 		if (this.cursor && this.mode) this.ring(context, at(this.cursor), this.brushes ? this.radius * zoom : 9);

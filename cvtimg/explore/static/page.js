@@ -29,8 +29,7 @@ const globe = new Globe(viewer, () => { const {columns, name} = circles(); retur
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
 const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
-const edits = () => inEffect(tab().controls, settings()).find(one => one.kind === "edits");
-const editor = new Editor(viewer, () => edits()?.shown ? settings()[edits().name] : [], text => change(edits().name, [...settings()[edits().name], text], false));
+const editor = new Editor(viewer, () => settings()[editor.control.name], text => change(editor.control.name, [...settings()[editor.control.name], text], false));
 Object.assign(controls, {editor, edit});
 const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
 const tools = {globe};
@@ -111,9 +110,9 @@ function travel(from, to) {
 }
 
 function edit(control, mode) { // what the pointer does on the picture: the same again ends it
-	const was = editor.mode, now = was === mode ? "" : mode;
-	if (!was) edit.before = {view: viewer.mode, fill: $("fill").value};
-	editor.start(now);
+	const now = editor.is(control, mode) ? "" : mode;
+	if (!editor.mode) edit.before = {view: viewer.mode, fill: $("fill").value};
+	editor.start(control, now);
 	setTool();
 	viewer.mode = now ? "result" : edit.before.view;
 	$("fill").value = now ? "lines" : edit.before.fill;
@@ -123,7 +122,7 @@ function edit(control, mode) { // what the pointer does on the picture: the same
 }
 
 function setTool() {
-	viewer.tool = tools[tab().tool] ?? (editor.mode || edits()?.shown ? editor : null);
+	viewer.tool = tools[tab().tool] ?? (editor.mode ? editor : null);
 	$("stage").classList.toggle("tool", Boolean(editor.mode));
 	$("stage").ariaLabel = viewer.tool?.label ?? "Image: arrows move, plus and minus zoom";
 }
@@ -404,7 +403,7 @@ function saveSettings() {
 }
 
 function showTab(name) {
-	if (editor.mode) edit(null, editor.mode);
+	if (editor.mode) edit(editor.control, editor.mode);
 	state.tab = name;
 	state.spot = shades.spot = -1;
 	last = null;
@@ -575,7 +574,7 @@ const KEYS = {
 	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
 	"[": () => viewer.divide(viewer.split - .02), "]": () => viewer.divide(viewer.split + .02), a: keepA, x: swapA, p: () => "locked" in settings() && pick(!viewer.picking),
 	v: () => { const modes = ["divider", "beside", "result"]; viewer.mode = modes[(modes.indexOf(viewer.mode) + 1) % 3]; },
-	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : editor.mode ? edit(null, editor.mode) : cancel(),
+	"?": () => $("keys").showModal(), Escape: () => viewer.picking ? pick(false) : editor.mode ? edit(editor.control, editor.mode) : cancel(),
 };
 addEventListener("keydown", event => {
 	const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.controls import Control, Settings, UnfitRequestError, active, words_of
+from cvtimg import write_image
+from cvtimg.explore.controls import Brushed, Control, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
@@ -98,7 +100,32 @@ class Tab:
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
         inputs = [] if self.sheet else [safe_name(request.picture.name)]
-        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings)]
+        maps = [
+            word for one in self._brushed(request) for word in (one.flag, safe_name(one.pattern.format(request.stem)))
+        ]
+        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
+
+    def _brushed(self, request: Request) -> list[Brushed]:
+        """Return the controls by which something is drawn."""
+        controls = active(self.controls, request.settings)
+        return [one for one in controls if isinstance(one, Brushed) and request.settings[one.name]]
+
+    def maps(self, request: Request) -> dict[str, NDArray[np.uint8]]:
+        """Return the (H, W) images that are drawn by brush, by the names of their controls."""
+        return {one.name: one.drawn(request.settings[one.name], request.picture.size) for one in self._brushed(request)}
+
+    def map_outputs(self, request: Request) -> list[Output]:
+        """Return the files of these images, which the command reads."""
+        maps = self.maps(request)
+        return [
+            Output(f"{one.label}, PNG", one.flag, one.pattern, partial(_save_map, image=maps[one.name]), "", read=True)
+            for one in self._brushed(request)
+        ]
+
+    def map_lines(self, request: Request) -> str:
+        """Write in Python that these images are read."""
+        names = {one.name: quoted(one.pattern.format(request.stem)) for one in self._brushed(request)}
+        return "".join(f"\n{name} = cvtimg.read_image({file})" for name, file in names.items())
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
@@ -122,9 +149,32 @@ class Tab:
         return {**about, "controls": [control.described() for control in self.controls]}
 
 
+#: The control by which parts of the picture are left out.
+MASK = Brushed(
+    name="mask",
+    label="Mask",
+    flag="--mask",
+    modes={"erase": "Leave out", "add": "Take back"},
+    values={"erase": 0, "add": 255},
+    base=255,
+    pattern="{}-mask.png",
+    when={"brushes": [True]},
+)
+
+
+def brushes(label: str) -> Switch:
+    """Return the control that shows those that are drawn by a brush."""
+    about = "Drawn by a brush. The command reads their files; save them, too."
+    return Switch(name="brushes", label=label, about=about)
+
+
 def reading(picture: Picture) -> str:
     """Write in Python that the picture is read."""
     return f"import cvtimg\n\nimage = cvtimg.read_image({quoted(picture.name)})"
+
+
+def _save_map(result: Any, path: Path, image: NDArray[np.uint8]) -> None:
+    write_image(path, image)
 
 
 def saved(result: Any, path: Path) -> None:

@@ -17,11 +17,11 @@ from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
 from cvtimg.explore.calls import Call, Named
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Number, Settings, controls_of
+from cvtimg.explore.controls import Brushed, Choice, Colors, Control, Files, Number, Settings, controls_of
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
+from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import Quantized, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
@@ -101,6 +101,19 @@ class ColorsTab(Tab):
             about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
+        brushes("Mask, weights"),
+        MASK,
+        Brushed(
+            name="weights",
+            label="Weights",
+            flag="--weight-map",
+            modes={"add": "More", "erase": "Less", "paint": "As usual"},
+            values={"add": 255, "erase": 1, "paint": 16},
+            base=16,
+            pattern="{}-weights.png",
+            when={"aim": list(_SEARCHED), "brushes": [True]},
+            about="Errors count up to 16 times, or a sixteenth.",
+        ),
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -108,7 +121,8 @@ class ColorsTab(Tab):
         suffix = _suffix(request.picture)
         suffixes = [suffix] if suffix != ".png" else [".png", ".webp", ".gif"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in suffixes]
-        return [*images, *(_palette_output(end, label) for end, label in _PALETTES.items())]
+        palettes = [_palette_output(end, label) for end, label in _PALETTES.items()]
+        return [*images, *palettes, *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
@@ -121,7 +135,7 @@ class ColorsTab(Tab):
             words = ["--palette", request.files.palette(settings["palette"])[0]]
         if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
             words += ["--dither-strength", f"{settings['strength']:g}"]
-        start = reading(picture) + known.format(picture.header.nodata)
+        start = reading(picture) + known.format(picture.header.nodata) + self.map_lines(request)
         return Recipe(self.words(request, *words), f"{start}\n{size}result = {call.text()}")
 
     def _call(self, request: Request) -> Call:
@@ -129,6 +143,11 @@ class ColorsTab(Tab):
         keywords = self._mapping(settings)
         if picture.header.nodata is not None and picture.known is not None:
             keywords["mask"] = Named("known", picture.known)
+        maps = self.maps(request)
+        if (mask := maps.pop("mask", None)) is not None:
+            known = keywords.get("mask")
+            keywords["mask"] = Named("known & (mask > 0)", known.value & (mask > 0)) if known else Named("mask", mask)
+        keywords |= {name: Named(name, image) for name, image in maps.items()}
         dtype = picture.array.dtype
         if settings["aim"] == "palette":
             name, colors = request.files.palette(settings["palette"])
@@ -167,7 +186,7 @@ class ColorsTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""
         settings, picture = request.settings, request.picture
-        palette = self._quick_palette(request)
+        palette = None if self.maps(request) else self._quick_palette(request)
         if palette is None:
             return None
         dither = None if settings["dither"] == "none" else settings["dither"]

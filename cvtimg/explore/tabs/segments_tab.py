@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from cvtimg import find_contours, find_edges, write_image
 from cvtimg.explore.calls import Call, Named, literal
-from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
+from cvtimg.explore.controls import Control, Edits, Settings, Switches, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import Request, Tab, reading
+from cvtimg.explore.tabs.base import MASK, Request, Tab, brushes, reading
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
 from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy, edit_labels
@@ -87,11 +87,13 @@ class SegmentsTab(Tab):
             modes={"merge": "Merge", "split": "Split", "paint": "Paint", "add": "New", "erase": "Erase"},
             check=Edit.parse,
         ),
+        brushes("Mask"),
+        MASK,
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the labels, drawings of them, and a table."""
-        return _outputs(None if _has_objects(request.settings) else 0)
+        return [*_outputs(None if _has_objects(request.settings) else 0), *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
@@ -103,14 +105,18 @@ class SegmentsTab(Tab):
             lines += [f"known = (image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"]
         if picture.header.has_alpha and picture.array.shape[2:] == (4,):
             lines += ["image = image[..., :3]"]
-        call = self._call(settings, _known(picture))
+        known, mask = _known(picture), self.maps(request).get("mask")
+        if mask is not None:
+            lines += [self.map_lines(request).strip(), "known = mask > 0" if known is None else "known &= mask > 0"]
+            known = mask > 0
+        call = self._call(settings, known)
         if settings["way"] == "hierarchy":
             lines += [f"tree = {call.text()}", f"labels = tree.{_cut_text(settings)}"]
         else:
             lines += [f"labels = {call.text()}.labels"]
         if edits := settings["edits"]:
             if settings["way"] != "hierarchy" and _splits(edits):
-                lines += [f"tree = {self._tree_call(settings, _known(picture)).text()}"]
+                lines += [f"tree = {self._tree_call(settings, known).text()}"]
             tree = ", hierarchy=tree" if _splits(edits) else ""
             lines += [f"labels = cvtimg.segmentation.edit_labels(labels, {literal(list(edits))}{tree})"]
         return Recipe(self.words(request), "\n".join(lines))
@@ -155,11 +161,15 @@ class SegmentsTab(Tab):
         picture = request.picture
         image = window.of_array(picture.plain[..., :3] if picture.has_alpha else picture.plain)
         known = _known(picture)
+        if (mask := self.maps(request).get("mask")) is not None:
+            known = mask > 0 if known is None else known & (mask > 0)
+            if not known.any():
+                raise UnfitRequestError("the mask leaves nothing")
         inside = None if known is None else window.of_array(known)
 
         def tree() -> RegionHierarchy:
             call = self._tree_call(settings, inside)
-            found: RegionHierarchy = picture.kept((call.text(), window), lambda: call.run(image))
+            found: RegionHierarchy = picture.kept((call.text(), settings["mask"], window), lambda: call.run(image))
             return found
 
         def labels() -> NDArray[np.int32]:
