@@ -20,11 +20,12 @@ import numpy as np
 from common import machine, parser, pin_threads, print_table, timed, write_results
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial.distance import pdist
 from scipy.stats import qmc
 
 Points = NDArray[np.float64]
 Row = dict[str, Any]
-PARTS = ("measures", "interpolation")
+PARTS = ("measures", "criteria", "interpolation")
 DIMS, COUNTS = (2, 3, 7), (100, 1000)
 MEASURES = ("discrepancy", "h", "chi", "tau", "d", "energy")
 #: The greatest designs of methods in pure Python.
@@ -113,6 +114,47 @@ def measures(quick: bool, effort: str) -> list[Row]:
     return rows
 
 
+def criteria(quick: bool, effort: str) -> list[Row]:
+    """Compare designs for a criterion with those of others by three measures; means over a few seeds."""
+    from cvtimg import design
+
+    def enhanced(n: int, n_dims: int, seed: int) -> Points:
+        from smt.sampling_methods import LHS
+
+        return LHS(xlimits=np.tile([0.0, 1.0], (n_dims, 1)), criterion="ese", seed=seed)(n)
+
+    ways: dict[str, Callable[[int, int, int], Points]] = {
+        **{
+            f"criterion={name!r}": lambda n, d, seed, name=name: (
+                design(n, d, criterion=name, effort=effort, rng=seed).unit_points
+            )
+            for name in ("cvt", "maximin", "projection", "discrepancy")
+        },
+        "LHS ESE (smt)": enhanced,
+        "LHS random-cd (SciPy)": lambda n, d, seed: qmc.LatinHypercube(d, optimization="random-cd", rng=seed).random(n),
+        "Sobol (SciPy)": lambda n, d, seed: qmc.Sobol(d, rng=seed).random(n),
+    }
+    rows: list[Row] = []
+    for n, n_dims in ((20, 3), (50, 5), (100, 10)):
+        for name, make in ways.items():
+            figures = []
+            for seed in range(1 if quick else 3):
+                points, seconds = timed(lambda m=make, n=n, d=n_dims, s=seed: m(n, d, s), time.process_time)
+                along = np.stack([pdist(axis[:, None], "sqeuclidean") for axis in points.T])
+                projection = np.mean(1 / along.prod(axis=0)) ** (1 / n_dims)
+                figures.append((pdist(points).min(), projection, qmc.discrepancy(points), seconds))
+            means = dict(
+                zip(("distance", "projection", "discrepancy", "seconds"), np.mean(figures, axis=0), strict=True)
+            )
+            rows.append({"n": n, "dimensions": n_dims, "method": name, **means})
+    table = [
+        [str(value) if isinstance(value, (int, str)) else f"{value:.4g}" for value in row.values()] for row in rows
+    ]
+    header = ("runs", "dimensions", "method", "smallest distance", "MaxPro", "centered discrepancy", "seconds")
+    print_table("Designs for a criterion", header, table)
+    return rows
+
+
 def functions(n_dims: int) -> list[Callable[[Points], NDArray[np.float64]]]:
     """Make 48 functions, of four kinds."""
     rng = np.random.default_rng(1)
@@ -157,7 +199,7 @@ def main() -> None:
     asked = options()
     pin_threads(asked.threads)
     print(machine())
-    parts = {"measures": measures, "interpolation": interpolation}
+    parts = {"measures": measures, "criteria": criteria, "interpolation": interpolation}
     for name in asked.only.split(","):
         write_results(f"designs_{name}", {"effort": asked.effort}, parts[name](asked.quick, asked.effort))
 

@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[1]
 OPTIONAL = (
     *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
     *(
+        "numexpr",
         "oxipng",
         "pyarrow",
         "pymetis",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import plan_alone, read_beside, run_plan
 from cvtimg.options.record import Given
@@ -12,6 +14,8 @@ EXAMPLES = """\
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 24 --bounds bounds.csv --shuffle 1
   cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' -o runs.csv
+  cvtimg design -n 50 -d 5 --criterion maximin -o runs.csv
+  cvtimg design -n 30 -d 2 --feasible 'x1 + x2 < 1'
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy
 """
 COLUMNS = ("n", "dimensions", "energy", "latin", "seconds", "output")
@@ -38,6 +42,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     import cvtimg
+    from cvtimg.designs.expressions import computed
     from cvtimg.designs.factors import read_factors, read_runs, write_runs
     from cvtimg.files.text_tables import csv_text
     from cvtimg.tables.files import read_table
@@ -53,7 +58,15 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             given.existing, lambda path: read_runs(path, factors) if has_levels else read_table(path).rows
         )
     stopwatch.lap("read")
-    found = cvtimg.design(given.number, bounds, existing=old, **given.arguments)
+    names = [factor.name for factor in factors] or [f"x{axis + 1}" for axis in range(given.dimensions)]
+    functions: dict[str, Any] = {
+        option: computed(f"--{option}", text, names)
+        for option, text in (("feasible", given.feasible), ("density", given.density))
+        if text is not None
+    }
+    if functions and given.latin:  # the default, which functions exclude
+        functions["latin"] = None
+    found = cvtimg.design(given.number, bounds, existing=old, **given.arguments | functions)
     stopwatch.lap("place")
     figures = asdict(found.measures()) if given.measures else {}
     labels = [factor.header for factor in factors] or [f"x{axis + 1}" for axis in range(found.points.shape[1])]

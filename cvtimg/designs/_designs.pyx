@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops of designs: the star discrepancy, swaps that lower a discrepancy, and distances on the torus.
+"""The compiled loops of designs: the star discrepancy, swaps that serve a criterion, and distances on the torus.
 
 Nothing here checks its arguments or decides when to stop. Each argument is marked IN, OUT or INOUT.
 """
@@ -90,7 +90,7 @@ cdef inline double square(double a, double b, bint periodic) noexcept nogil:
 
 
 cdef inline double own_term(
-    const double[:, ::1] places, Py_ssize_t point, Py_ssize_t axis, double there
+    const double[:, ::1] places, Py_ssize_t n, Py_ssize_t point, Py_ssize_t axis, double there
 ) noexcept nogil:
     """Return the terms of one point alone, with another coordinate along an axis; only walls make any."""
     cdef double with_itself = 1, with_cube = 1, size
@@ -99,58 +99,105 @@ cdef inline double own_term(
         size = fabs(there if k == axis else places[point, k])
         with_itself = with_itself * (1 + size)
         with_cube = with_cube * (1 + 0.5 * size * (1 - size))
-    return with_itself - 2 * places.shape[0] * with_cube
+    return with_itself - 2 * n * with_cube
+
+
+cdef enum:
+    EVEN_BOXES = 0       # the L2 discrepancy
+    FAR_APART = 1        # the sum of inverse 16th powers of distances
+    APART_IN_AXES = 2    # the sum of inverse products of squared distances along the axes
+
+DISCREPANCY, MAXIMIN, PROJECTION = EVEN_BOXES, FAR_APART, APART_IN_AXES
+
+
+cdef inline double along(double a, double b, int criterion, double scale, bint periodic) noexcept nogil:
+    """Return what one axis adds to two points, as a factor or as a term."""
+    if criterion == EVEN_BOXES:
+        return factor(a, b, periodic)
+    return scale * square(a, b, periodic)
+
+
+cdef inline double joined(double rest, double one, int criterion) noexcept nogil:
+    """Return what two points cost, of what one axis and the rest add."""
+    cdef double inverse
+    if criterion == EVEN_BOXES:
+        return 2 * rest * one
+    if criterion == APART_IN_AXES:
+        return 1 / (rest * one)
+    inverse = 1 / (rest + one)
+    inverse = inverse * inverse
+    inverse = inverse * inverse
+    return inverse * inverse
 
 
 def swap_coordinates(
-    double[:, ::1] places,        # INOUT (n, d): coordinates from the center of the cube
-    int32_t[:, ::1] order,        # INOUT (d, f): points that may swap, by their coordinate along each axis
-    const int32_t[:, ::1] tries,  # IN (T, 2): an axis, and the rank along it of the first of two neighbors
-    double least,                 # IN: squared distance below which no swap brings two points
-    bint periodic,                # IN: wrap-around discrepancy, not centered
+    double[:, ::1] places,          # INOUT (n + s, d): coordinates from the center of the cube
+    Py_ssize_t n,                   # IN: how many are points; those after them are places that are free
+    int32_t[:, ::1] order,          # INOUT (d, f): which may swap, by their coordinate along each axis
+    const int32_t[:, ::1] tries,    # IN (T, 3): an axis, and the ranks along it of two points
+    double threshold,               # IN: a swap is taken if the criterion changes by less
+    double[::1] changes,            # OUT (T,): of the criterion, by each swap; 0 where two points would be too near
+    int criterion,                  # IN: DISCREPANCY, MAXIMIN or PROJECTION
+    double scale,                   # IN: of squared distances, so that powers are in range
+    double least,                   # IN: squared distance below which no swap brings two points
+    bint periodic,                  # IN: distances are the short way round, the discrepancy is that with wrap-around
 ):
-    """Swap coordinates of neighbors along an axis wherever that lowers the L2 discrepancy; return how often it did."""
-    cdef Py_ssize_t n = places.shape[0], dims = places.shape[1], t, axis, i, j, m, k, n_swaps = 0
-    cdef double here, there, change, rest_i, rest_j, at, square_i, square_j
+    """Swap coordinates of two points along an axis, or of one and a free place, wherever that serves a criterion."""
+    cdef Py_ssize_t dims = places.shape[1], t, axis, i, j, m, k
+    cdef double here, there, change, rest_i, rest_j, at, square_i, square_j, to_here, to_there
+    cdef bint is_sum = criterion == FAR_APART, is_pair
     with nogil:
         for t in range(tries.shape[0]):
             axis = tries[t, 0]
-            i = order[axis, tries[t, 1]]
-            j = order[axis, tries[t, 1] + 1]
+            i = min(order[axis, tries[t, 1]], order[axis, tries[t, 2]])
+            j = max(order[axis, tries[t, 1]], order[axis, tries[t, 2]])
+            is_pair = j < n
+            changes[t] = 0
+            if i >= n:
+                continue
             here = places[i, axis]
             there = places[j, axis]
             change = 0
             for m in range(n):
                 if m == i or m == j:
                     continue
-                rest_i = rest_j = 1
+                rest_i = rest_j = 0 if is_sum else 1
                 square_i = square_j = 0
                 for k in range(dims):
                     if k != axis:
                         at = places[m, k]
-                        rest_i = rest_i * factor(places[i, k], at, periodic)
-                        rest_j = rest_j * factor(places[j, k], at, periodic)
-                        square_i = square_i + square(places[i, k], at, periodic)
-                        square_j = square_j + square(places[j, k], at, periodic)
+                        if is_sum:
+                            rest_i = rest_i + along(places[i, k], at, criterion, scale, periodic)
+                            rest_j = rest_j + along(places[j, k], at, criterion, scale, periodic)
+                        else:
+                            rest_i = rest_i * along(places[i, k], at, criterion, scale, periodic)
+                            rest_j = rest_j * along(places[j, k], at, criterion, scale, periodic)
+                        if least > 0:
+                            square_i = square_i + square(places[i, k], at, periodic)
+                            square_j = square_j + square(places[j, k], at, periodic)
                 at = places[m, axis]
-                if square_i + square(there, at, periodic) < least or square_j + square(here, at, periodic) < least:
+                if least > 0 and (
+                    square_i + square(there, at, periodic) < least or square_j + square(here, at, periodic) < least
+                ):
                     break
-                change = change + (factor(there, at, periodic) - factor(here, at, periodic)) * (rest_i - rest_j)
+                to_here = along(here, at, criterion, scale, periodic)
+                to_there = along(there, at, criterion, scale, periodic)
+                change = change + joined(rest_i, to_there, criterion) - joined(rest_i, to_here, criterion)
+                if is_pair:
+                    change = change + joined(rest_j, to_here, criterion) - joined(rest_j, to_there, criterion)
             else:
                 m = n
             if m < n:
                 continue
-            change = 2 * change
-            if not periodic:
-                change = change + own_term(places, i, axis, there) - own_term(places, i, axis, here)
-                change = change + own_term(places, j, axis, here) - own_term(places, j, axis, there)
-            if change < -1e-12:
+            if criterion == EVEN_BOXES and not periodic:
+                change = change + own_term(places, n, i, axis, there) - own_term(places, n, i, axis, here)
+                if is_pair:
+                    change = change + own_term(places, n, j, axis, here) - own_term(places, n, j, axis, there)
+            changes[t] = change
+            if change < threshold:
                 places[i, axis] = there
                 places[j, axis] = here
-                order[axis, tries[t, 1]] = <int32_t>j
-                order[axis, tries[t, 1] + 1] = <int32_t>i
-                n_swaps += 1
-    return n_swaps
+                order[axis, tries[t, 1]], order[axis, tries[t, 2]] = order[axis, tries[t, 2]], order[axis, tries[t, 1]]
 
 
 def assign_on_torus(

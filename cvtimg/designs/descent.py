@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg.designs.cells import MOST_EXACT_DIMS, exact_cells, nearest_points, offsets
-from cvtimg.designs.latin import even_out, latinize, latinize_beside
+from cvtimg.designs.cells import MOST_EXACT_DIMS, exact_cells, nearest_points, offsets, sobol_samples
+from cvtimg.designs.latin import latinize, latinize_beside
 from cvtimg.designs.measures import point_measures, star_discrepancy
+from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 from cvtimg.placement.moments import Moments
@@ -103,6 +104,14 @@ def place_latin(
     enough = min(energies) * (1 + _ABOUT)
     about_least = [points for points, energy in zip(ends, energies, strict=True) if energy <= enough]
     return min(about_least, key=partial(_unevenness, periodic=cube.periodic))
+
+
+def place_for(
+    criterion: str, cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator
+) -> _Floats:
+    """Find (n, d) Latin points for a criterion beside (L, d) that exist."""
+    start = _latin(sobol_samples(n_points, cube.samples.shape[1], rng)[:n_points].astype(np.float64), existing)
+    return anneal(start, existing, criterion, cube.periodic, EFFORTS[effort].swaps, rng)
 
 
 def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> _Floats:

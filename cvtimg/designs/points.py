@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,12 +28,14 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, sobol_samples
-from cvtimg.designs.descent import EFFORTS, Cube, place, place_latin
+from cvtimg.designs.descent import EFFORTS, Cube, place, place_for, place_latin
 from cvtimg.designs.measures import PointMeasures, point_measures
+from cvtimg.designs.swaps import CRITERIA
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 
 _Floats = NDArray[np.float64]
+CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
 
 #: Files that a design is written to.
 SUFFIXES = (".csv", ".npy")
@@ -41,6 +43,8 @@ _MAX_DIMS = 64
 _MAX_POINTS = 1 << 16
 #: The least and the most samples in all.
 _FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
+#: Where fewer of the samples are feasible, they are spread over a smaller box.
+_ENOUGH = 0.1
 #: Up to so many dimensions cells are integrated whatever the effort.
 _MOST_CHEAP_DIMS = 2
 
@@ -123,6 +127,7 @@ def design(
     density: Callable[[_Floats], ArrayLike] | None = None,
     feasible: Callable[[_Floats], ArrayLike] | None = None,
     existing: ArrayLike | None = None,
+    criterion: CriterionName = "cvt",
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Design:
@@ -145,6 +150,10 @@ def design(
         From (m, d) points to (m,) booleans: where points may lie.
     existing : (L, d) array, optional
         Points that are there already, in the units of the bounds: new ones keep away from them.
+    criterion : {"cvt", "maximin", "projection", "discrepancy"}
+        What Latin points are placed for: even cells; the largest smallest distance between two points; distances in
+        the projections on all sets of axes (maximum projection); or the least centered L2 discrepancy, that with
+        wrap-around if `periodic`.
     effort : {"fast", "balanced", "best"}
         "best" moves points in one to three dimensions to a minimum of the exact energy, the best of a few starts.
     rng : int or numpy.random.Generator
@@ -185,23 +194,32 @@ def design(
     check_count("n_points", n_points, _MAX_POINTS, "the most points")
     check_choice("effort", effort, EFFORTS)
     low, high = _checked_bounds(bounds)
+    check_choice("criterion", criterion, ("cvt", *CRITERIA))
     everywhere = density is None and feasible is None
     if not everywhere:
         given = [name for name, value in (("latin=True", latin), ("periodic=True", periodic)) if value]
         check_alone("density or feasible", given)
+    if criterion != "cvt":
+        others = {"latin=False": latin is False, "density": density, "feasible": feasible}
+        check_alone(f"criterion={criterion!r}", [name for name, value in others.items() if value])
     old = _checked_existing(existing, low, high)
     asked = EFFORTS[effort].samples * (n_points + len(old))
     random = np.random.default_rng(rng)
     samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), random)
-    samples, weights = _weighted(samples, low, high, density, feasible)
+    if feasible is not None:
+        samples = _feasible_samples(samples, low, high, feasible, random)
+    samples, weights = _weighted(samples, low, high, density)
     enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"
     check_that("feasible", len(samples) >= n_points + len(old), enough)
     worth_it = periodic or effort == "best"
     exact = everywhere and len(low) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
     cube = Cube(samples, weights, periodic, exact)
     latin = everywhere if latin is None else latin
-    found = place(cube, n_points, old, effort, random)
-    unit = place_latin(cube, found, old, effort, random) if latin else found[0]
+    if criterion == "cvt":
+        found = place(cube, n_points, old, effort, random)
+        unit = place_latin(cube, found, old, effort, random) if latin else found[0]
+    else:
+        unit = place_for(criterion, cube, n_points, old, effort, random)
     energy = cube.moments(np.concatenate([old, unit])).energy
     points, existing = (low + places * (high - low) for places in (unit, old))
     return Design(points, unit, np.stack([low, high], axis=1), existing, energy, latin, periodic)
@@ -232,15 +250,36 @@ def _checked_existing(existing: ArrayLike | None, low: _Floats, high: _Floats) -
     return unit
 
 
+def _feasible_samples(
+    samples: NDArray[np.float32], low: _Floats, high: _Floats, feasible: Any, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Leave samples that are feasible; where few are, spread all of them over the box around those, and again."""
+    n_dims = samples.shape[1]
+    start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples
+    while True:
+        places = (start + tried * size).astype(np.float32)
+        allowed = np.asarray(feasible(low + places * (high - low)))
+        check_returned("feasible", allowed, len(places))
+        found = places[allowed.astype(bool)]
+        if len(found) == 0 and len(tried) < _MANY_SAMPLES:
+            tried = sobol_samples(_MANY_SAMPLES, n_dims, rng)
+            continue
+        if len(found) == 0 or len(found) > _ENOUGH * len(tried):
+            return found
+        # There may be more beyond the outermost ones, by about the distance between samples.
+        margin = 3 * np.ptp(found, axis=0) / len(found) + size * len(tried) ** (-1 / n_dims)
+        corner = np.clip(found.min(axis=0) - margin, 0, 1)
+        smaller = np.clip(found.max(axis=0) + margin, 0, 1) - corner
+        if smaller.prod() > size.prod() / 2:
+            return found
+        start, size, tried = corner, smaller, samples
+
+
 def _weighted(
-    samples: NDArray[np.float32], low: _Floats, high: _Floats, density: Any, feasible: Any
+    samples: NDArray[np.float32], low: _Floats, high: _Floats, density: Any
 ) -> tuple[NDArray[np.float32], _Floats | None]:
-    """Leave samples that are feasible and have a density, with their weights."""
+    """Leave samples that have a density, with their weights."""
     weights = None
-    if feasible is not None:
-        allowed = np.asarray(feasible(low + samples * (high - low)))
-        check_returned("feasible", allowed, len(samples))
-        samples = samples[allowed.astype(bool)]
     if density is not None and len(samples):
         weights = np.asarray(density(low + samples * (high - low)), dtype=np.float64)
         check_returned("density", weights, len(samples))

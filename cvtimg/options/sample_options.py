@@ -111,6 +111,22 @@ DESIGN = (
         "--latin/--no-latin",
         default=True,
     ).on_page("Latin", about="Each of N slices along each axis has one point."),
+    passed(
+        "criterion",
+        Choice(("cvt", "maximin", "projection", "discrepancy")),
+        "Place Latin points for even cells, the largest smallest distance, distances in all projections, or the least "
+        "discrepancy.",
+        default="cvt",
+    ).on_page("Criterion"),
+    Option(
+        "feasible",
+        Text(),
+        "Where points may lie: a condition on the names of axes, or on x1, x2, ..., such as 'x1 + x2 < 1'.",
+        metavar="CONDITION",
+    ),
+    Option(
+        "density", Text(), "Place points more densely where this is greater, such as 'exp(-x1)'.", metavar="EXPRESSION"
+    ),
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),

@@ -86,6 +86,34 @@ def test_levels_and_whole_numbers_are_balanced_and_units_are_in_the_header(here:
     assert not {row[0] for row in rows} & {row[0] for row in table("more.csv")[1:]}
 
 
+def test_criteria_and_functions_are_those_of_python(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    def points(*words: str) -> np.ndarray:
+        assert main(["design", "-n", "9", *words, "--effort", "fast"]) == 0, capsys.readouterr().err
+        return np.loadtxt(capsys.readouterr().out.splitlines()[1:], delimiter=",")
+
+    spread = points("-d", "3", "--criterion", "maximin")
+    assert (spread == design(9, 3, criterion="maximin", effort="fast").points).all()
+    below = points("--bounds", "bounds.csv", "--feasible", "(speed * heat < 900) & (x1 > 3)")
+    assert (below.prod(axis=1) < 900).all()
+    assert (below[:, 0] > 3).all()
+    dense = points("-d", "2", "--density", "exp(-9 * x1)")
+    assert (dense[:, 0] < 0.5).sum() > 7
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--feasible", "speed < 1"], "--feasible 'speed < 1' has no axis 'speed'; there are x1, x2"),
+        (["--density", "exp("], "--density 'exp(' cannot be computed"),
+        (["--feasible", "x1 < 0"], "feasible must hold for more of the box"),
+        (["--criterion", "maximin", "--no-latin"], "must not be given with latin=False"),
+    ],
+)
+def test_wrong_functions_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", "-n", "5", "-d", "2", *words]) == 1
+    assert message in capsys.readouterr().err
+
+
 def test_shuffled_runs_are_the_same_in_another_order() -> None:
     options = ["design", "-n", "12", "-d", "2", "--effort", "fast"]
     for name, more in (("plain", []), ("one", ["--shuffle", "1"]), ("again", ["--shuffle", "1"])):
@@ -117,6 +145,7 @@ def test_wrong_factors_are_named(line: str, message: str, capsys: pytest.Capture
         (["-n", "3", "-d", "2", "--bounds", "bounds.csv"], "give one of -d, --bounds and --axis"),
         (["-n", "0", "-d", "2"], "'0' must be a whole number in 1..65536"),
         (["-n", "3", "-d", "2", "-o", "a.txt"], ".csv, .npy"),
+        (["-n", "3", "-d", "2", "--criterion", "best"], "'best' must be one of cvt"),
     ],
 )
 def test_wrong_usage_is_named(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

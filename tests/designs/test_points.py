@@ -161,3 +161,13 @@ def test_only_ratios_of_densities_count(factor: float) -> None:
 def test_bounds_whose_difference_is_infinite_are_refused() -> None:
     with pytest.raises(ValueError, match=r"bounds=.* must be finite"):
         design(4, [[-1e308, 1e308], [0, 1]])
+
+
+def test_small_feasible_regions_are_found() -> None:
+    center, half = np.array([0.62, 0.31, 0.77]), 0.01  # 8e-6 of the cube
+    found = design(12, 3, feasible=lambda p: (np.abs(p - center) < half).all(axis=1), effort="fast").points
+    assert (np.abs(found - center) < half).all()
+    corners = np.abs((found - center) / half)
+    assert corners.max(axis=0).min() > 0.3  # they fill it
+    with pytest.raises(ValueError, match="than 0 of its samples"):
+        design(5, 2, feasible=lambda p: np.zeros(len(p), bool))

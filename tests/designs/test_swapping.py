@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 from scipy.stats.qmc import discrepancy
 
-from cvtimg.designs import _designs
-from cvtimg.designs.latin import even_out, latinize
+from cvtimg.designs import _designs, design
+from cvtimg.designs.latin import latinize
+from cvtimg.designs.swaps import CRITERIA, even_out
 
 
 @pytest.mark.parametrize(("periodic", "kind"), [(False, "CD"), (True, "WD")])
@@ -16,9 +18,10 @@ from cvtimg.designs.latin import even_out, latinize
 def test_a_swap_is_made_exactly_if_it_lowers_the_discrepancy(n_dims: int, periodic: bool, kind: str) -> None:
     rng = np.random.default_rng(n_dims)
     points = latinize(rng.random((11, n_dims)))
-    tries = np.stack([rng.integers(n_dims, size=60), rng.integers(10, size=60)], axis=1).astype(np.int32)
+    axes, ranks = rng.integers(n_dims, size=60), rng.integers(10, size=60)
+    tries = np.stack([axes, ranks, ranks + 1], axis=1).astype(np.int32)
     expected, n_designs, least = points.copy(), 0, 0.12**2
-    for axis, rank in tries:
+    for axis, rank, _ in tries:
         pair = np.argsort(expected[:, axis])[rank : rank + 2]
         swapped = expected.copy()
         swapped[pair, axis] = expected[pair[::-1], axis]
@@ -28,7 +31,9 @@ def test_a_swap_is_made_exactly_if_it_lowers_the_discrepancy(n_dims: int, period
         if lower and (apart**2).sum(axis=2).min() >= least:
             expected, n_designs = swapped, n_designs + 1
     places, order = points - 0.5, np.ascontiguousarray(np.argsort(points, axis=0).T, np.int32)
-    assert _designs.swap_coordinates(places, order, tries, least, periodic) == n_designs
+    changes = np.empty(len(tries))
+    _designs.swap_coordinates(places, 11, order, tries, -1e-12, changes, _designs.DISCREPANCY, 1.0, least, periodic)
+    assert (changes < -1e-12).sum() == n_designs
     np.testing.assert_allclose(places + 0.5, expected, atol=1e-12)
     assert (order == np.argsort(expected, axis=0).T).all()
     assert (n_designs > 0) == (n_dims > 1)
@@ -43,3 +48,61 @@ def test_evened_points_stay_latin_and_apart() -> None:
     assert after < 0.9 * before
     assert pdist(moved).min() >= min(pdist(points)) - 1e-12
     assert (even_out(points[:1], existing, False, 10_000_000, rng) == points[:1]).all()
+
+
+def squares(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
+    """Return squared distances of pairs (P, d) along each axis."""
+    first, second = np.triu_indices(len(points), 1)
+    apart = points[first] - points[second]
+    return np.asarray((apart - np.rint(apart) if periodic else apart) ** 2)
+
+
+def value(points: NDArray[np.float64], criterion: str, periodic: bool = False) -> float:
+    """Compute a criterion by its definition."""
+    if criterion == "discrepancy":
+        return len(points) ** 2 * float(discrepancy(points, method="WD" if periodic else "CD"))
+    pairs = squares(points, periodic)
+    return float((pairs.sum(axis=1) ** -8.0 if criterion == "maximin" else 1 / pairs.prod(axis=1)).sum())
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("criterion", list(CRITERIA))
+def test_changes_are_those_of_the_criterion(criterion: str, periodic: bool) -> None:
+    rng = np.random.default_rng(1)
+    points = latinize(rng.random((9, 3)), place="random", rng=2)
+    for _ in range(20):
+        axis, (first, second) = rng.integers(3), rng.choice(9, 2, replace=False)
+        order = np.ascontiguousarray(np.argsort(points, axis=0).T, np.int32)
+        swapped, change = points.copy(), np.empty(1)
+        pair = order[axis, [first, second]]
+        swapped[pair, axis] = points[pair[::-1], axis]
+        places, tries = points - 0.5, np.array([[axis, first, second]], np.int32)
+        _designs.swap_coordinates(places, 9, order, tries, np.inf, change, CRITERIA[criterion], 1.0, 0.0, periodic)
+        np.testing.assert_allclose(places + 0.5, swapped, atol=1e-12)
+        expected = value(swapped, criterion, periodic) - value(points, criterion, periodic)
+        assert change[0] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        points = swapped
+
+
+@pytest.mark.parametrize("existing", [0, 6])
+@pytest.mark.parametrize("criterion", list(CRITERIA))
+def test_designs_for_a_criterion_are_latin_and_better_by_it_than_others(criterion: str, existing: int) -> None:
+    old = np.random.default_rng(3).random((existing, 3))
+    of = {name: design(20, 3, criterion=name, existing=old, effort="fast").unit_points for name in ("cvt", *CRITERIA)}
+    for name, points in of.items():
+        slices = np.floor(np.concatenate([points, old]) * (20 + existing))
+        assert all(len(np.unique(axis[:20])) == 20 for axis in slices.T)
+        if existing == 0:
+            np.testing.assert_allclose(np.sort(points, axis=0), np.tile((np.arange(20)[:, None] + 0.5) / 20, 3))
+        if name != criterion:
+            ours, theirs = (value(np.concatenate([some, old]), criterion) for some in (of[criterion], points))
+            assert ours < theirs
+    again = design(20, 3, criterion=criterion, existing=old, effort="fast").unit_points
+    assert (again == of[criterion]).all()
+
+
+def test_a_criterion_needs_latin_points() -> None:
+    with pytest.raises(ValueError, match="criterion='maximin' must not be given with latin=False"):
+        design(9, 2, criterion="maximin", latin=False)
+    with pytest.raises(ValueError, match="criterion='best' must be one of"):
+        design(9, 2, criterion="best")  # type: ignore[arg-type]
