@@ -29,6 +29,7 @@ OPTIONAL = (
         "pyarrow",
         "pymetis",
         "pythoncdt",
+        "roifile",
         "shapely",
         "sklearn",
         "starlette",

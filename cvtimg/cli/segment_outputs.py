@@ -211,6 +211,15 @@ def _overlay(subject: Subject, path: Path) -> NDArray[Any]:
     return draw_edges(image, subject.labels, color=style.line_color, thickness=style.line_width, ignore=style.ignore)
 
 
+def _masks(subject: Subject, path: Path) -> NDArray[Any]:
+    """Return labels in 16 bits, without colors that would show them."""
+    import numpy as np
+
+    if (most := int(subject.labels.max())) > 65535:
+        raise ValueError(f"has {most} segments, and --masks holds 65535; -o FILE.tif holds more")
+    return subject.labels.astype(np.uint16)
+
+
 def _strengths(subject: Subject, path: Path) -> NDArray[Any]:
     """Return the strengths of borders: as they are, or for a picture in 8 bits with 1 and more in white."""
     import numpy as np
@@ -223,6 +232,12 @@ def _write_contours(subjects: Sequence[Subject], path: Path, overwrite: bool) ->
     from cvtimg.labels import write_contours
 
     write_contours(path, [subject.drawing for subject in subjects], overwrite=overwrite)
+
+
+def _write_qupath(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
+    from cvtimg.labels import write_qupath
+
+    write_qupath(path, [subject.drawing for subject in subjects], overwrite=overwrite)
 
 
 def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
@@ -295,12 +310,14 @@ _DRAWN: dict[str, Callable[[Subject, Path], NDArray[Any]]] = {
     "edges": _edges,
     "overlay": _overlay,
     "strengths": _strengths,
+    "masks": _masks,
 }
 #: Other kinds, and how they are written for all pages.
 _WRITERS: dict[str, Callable[[Sequence[Subject], Path, bool], None]] = {
     "contours": _write_contours,
     "table": _write_table,
     "coco": _write_coco,
+    "qupath": _write_qupath,
     "tree": _write_tree,
     "cuts": _write_cuts,
 }

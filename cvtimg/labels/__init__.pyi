@@ -19,4 +19,5 @@ from .formats import Drawing as Drawing
 from .formats import write_contours as write_contours
 from .formats.coco import write_coco as write_coco
 from .formats.geojson import write_geojson as write_geojson
+from .formats.qupath import write_qupath as write_qupath
 from .formats.svg import write_svg as write_svg

@@ -29,6 +29,8 @@ KINDS = {
     "contours": tuple(CONTOUR_FORMATS),
     "table": (".csv", ".parquet"),
     "coco": (".json",),
+    "qupath": (".geojson",),
+    "masks": (".png", ".tif", ".tiff"),
 }
 #: Kinds of output that need --hierarchy.
 HIERARCHY_KINDS = {
@@ -63,9 +65,15 @@ SEGMENT = (
     file("mean", "Write the image with each segment in its mean color.", KINDS["mean"]),
     file("edges", "Write the edges of the segments, white on black.", KINDS["edges"]),
     file("overlay", "Write the image with the edges drawn over it.", KINDS["overlay"]),
-    file("contours", "Write the borders as polygons, .svg or .geojson.", KINDS["contours"]),
+    file(
+        "contours",
+        "Write the borders as polygons, .svg or .geojson, or as .zip for the ROI Manager of ImageJ and Fiji.",
+        KINDS["contours"],
+    ),
     file("table", "Write the area, place and mean color of each segment, .csv or .parquet.", KINDS["table"]),
     file("coco", "Write the segments as COCO annotations, .json.", KINDS["coco"]),
+    file("qupath", "Write the segments as objects of QuPath, in pixels, .geojson.", KINDS["qupath"]),
+    file("masks", "Write labels as gray levels of 16 bits, as Cellpose does, .png or .tif.", KINDS["masks"]),
     Option(
         "edge_mode",
         Choice(("inner", "outer", "thick")),

@@ -103,8 +103,8 @@ def count_objects(
 
     Notes
     -----
-    Beside the image and the labels, 9 bytes a pixel are in use, and at most 1.5 GB: about 4.5 GB for 60 planes of 2048
-    by 2048.
+    Some 15 bytes a pixel are in use, and up to 1 GB more: about 5 GB for 60 planes of 2048 by 2048; a quarter of that
+    took 1.2 GB.
 
     References
     ----------

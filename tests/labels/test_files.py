@@ -250,7 +250,7 @@ def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_
     write_geojson(tmp_path / "b.geojson", polygons, properties, transform=drawing.transform, epsg=4326)
     for suffix in (".svg", ".geojson"):
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
-    with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson"):
+    with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson, \.zip"):
         write_contours(tmp_path / "a.dxf", drawing)
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["CONTOUR_FORMATS", "PLACE_DIGITS", "Drawing", "write_contours"]
 
 #: The registry: modules by suffix. Modules are given by name, because ``cvtimg segment --help`` must not import NumPy.
-CONTOUR_FORMATS = {".svg": "svg", ".geojson": "geojson"}
+CONTOUR_FORMATS = {".svg": "svg", ".geojson": "geojson", ".zip": "imagej"}
 #: Decimal places of a coordinate in pixels; half of the last is far below the clearance of borders.
 PLACE_DIGITS = 4
 
@@ -69,7 +69,7 @@ def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overw
     Parameters
     ----------
     path : str or path-like
-        Ends in .svg or .geojson.
+        Ends in .svg or .geojson, or in .zip for a set of regions of interest of ImageJ and Fiji.
     drawing : Drawing or sequence of Drawing
         The contours, and their colors, properties and place; several for the pages of a stack, which .svg cannot hold.
     overwrite : bool
@@ -77,6 +77,8 @@ def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overw
 
     Raises
     ------
+    ImportError
+        If roifile is not installed (``pip install 'cvtimg[microscopy]'``) and the path ends in .zip.
     ValueError
         If the suffix is another, or the format holds one page.
     OSError
