@@ -103,6 +103,8 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         on_pages=partial(check_room, task.outputs),
         on_stage=stopwatch.lap,
     )
+    if given.track:
+        found = found.tracked()
     results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
     in_volume = given.volume and given.objects and found.pages is not None
     write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
@@ -115,6 +117,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "left_out": int((labels == 0).sum()),
         "k": (sum if counts else max)(result.n_segments for result in results),
         "elbow": first.curve.elbows() if first.curve and found.pages is None else None,
+        **({"tracks": int(labels.max())} if given.track else {}),
         **(asdict(first.counting) if first.counting else {}),
         "edge_weight": first.edge_weight,
         "energy": sum(result.energy for result in results),

@@ -21,3 +21,4 @@ from .formats.coco import write_coco as write_coco
 from .formats.geojson import write_geojson as write_geojson
 from .formats.qupath import write_qupath as write_qupath
 from .formats.svg import write_svg as write_svg
+from .tracking import track_labels as track_labels

@@ -6,13 +6,14 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.files.whole import StrPath
+from cvtimg.labels.tracking import track_labels
 from cvtimg.pictures.files import ImageInfo, image_info, read_image
 from cvtimg.pictures.known import known_in_all, known_pixels
 from cvtimg.pictures.pages import Pages, read_pages
@@ -31,12 +32,27 @@ class DividedFile:
     header: ImageInfo
     pages: Pages | None  # None for a picture
     images: tuple[NDArray[Any], ...]  # the picture, or the pages, without alpha
-    results: tuple[Segmentation, ...]  # of each page; one of all in a volume
+    results: tuple[Segmentation, ...]  # of each page, or of each volume
+    labels: NDArray[np.int32]  # (P, H, W), of the pages
 
-    @property
-    def labels(self) -> NDArray[np.int32]:
-        """(P, H, W) labels of the pages."""
-        return np.concatenate([result.labels for result in self.results]).reshape(-1, *self.images[0].shape[:2])
+    @classmethod
+    def of(
+        cls, header: ImageInfo, pages: Pages | None, images: tuple[NDArray[Any], ...], results: tuple[Segmentation, ...]
+    ) -> DividedFile:
+        """Put the labels of all results together."""
+        labels = np.concatenate([result.labels for result in results]).reshape(-1, *images[0].shape[:2])
+        return cls(header, pages, images, results, labels)
+
+    def tracked(self) -> DividedFile:
+        """Return labels that keep their number from frame to frame."""
+        axes = self.pages.axes if self.pages else ""
+        if not axes.startswith("T"):
+            raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
+        n_frames = self.pages.shape[0] if self.pages else 1
+        if len(self.results) > n_frames:
+            raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
+        frames = self.labels.reshape(n_frames, -1, *self.labels.shape[1:])
+        return replace(self, labels=track_labels(frames).reshape(self.labels.shape))
 
 
 def divide_file(
@@ -63,7 +79,7 @@ def divide_file(
         image, known = _without_alpha(image, known, header)
         result = divide(image, known)
         on_stage("cluster")
-        return DividedFile(header, None, (image,), (result,))
+        return DividedFile.of(header, None, (image,), (result,))
     on_pages(len(pages.images))
     images, inside = list(pages.images), known_in_all(pages.images, header, mask, nodata, "page")
     on_stage("read")
@@ -74,7 +90,7 @@ def divide_file(
     each = _divided_volumes(parts, pages, volume) if callable(volume) else (divide(*part) for part in parts)
     results = tuple(each)
     on_stage("cluster")
-    return DividedFile(header, pages, seen, results)
+    return DividedFile.of(header, pages, seen, results)
 
 
 def _divided_volumes(

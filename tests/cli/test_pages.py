@@ -139,6 +139,23 @@ def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest
     assert {(one["t"], one["z"], one["label"]) for one in drawn} >= {(1, 5, 1), (2, 5, 3)}
 
 
+def test_objects_keep_their_label_from_frame_to_frame(capsys: pytest.CaptureFixture[str]) -> None:
+    y, x = np.mgrid[:40, :70]
+    places = [{"a": 15, "b": 40}, {"b": 43, "c": 12}, {"b": 46, "c": 15}]  # a goes, and c comes where it was
+    frames = [
+        np.any([np.hypot(y - (28 if name == "c" else 12), x - at) < 7 for name, at in one.items()], axis=0)
+        for one in places
+    ]
+    series = np.stack([np.uint8(30 + 150 * one + RNG.integers(0, 9, y.shape)) for one in frames])
+    tifffile.imwrite("t.tif", series, imagej=True, metadata={"axes": "TYX"})
+    (row,) = rows(capsys, "segment", "t.tif", "--objects", "--track", "-o", "l.tif")
+    labels = pages_of("l.tif")
+    assert row["tracks"] == 3
+    b = [labels[t][12, at] for t, at in enumerate((40, 43, 46))]
+    c = [labels[t][28, at] for t, at in ((1, 12), (2, 15))]
+    assert (len({*b}), len({*c}), len({labels[0][12, 15], b[0], c[0]})) == (1, 1, 3)
+
+
 def test_deep_pages_are_as_bright_beside_each_other_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
     deep = np.stack([GRAY[0], GRAY[0] * 3.0]).astype(np.uint16) * 50
     tifffile.imwrite("deep.tif", deep, photometric="minisblack")
@@ -190,6 +207,8 @@ def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
         (["restore", "gray.tif", "-k", "3", "-o", "r.tif", "--sheet", "s.png"], "--sheet shows one"),
         (["segment", "rgb.tif", "--objects", "--volume", "-o", "l.tif"], "--pixel-size, such as 0.3x0.3x2um"),
         (["segment", "rgb.tif", "--objects", "--volume", "-k", "2", "-o", "l.tif"], "takes no -k"),
+        (["segment", "gray.tif", "--objects", "--track", "-o", "l.tif"], "without T to track objects along"),
+        (["segment", "gray.tif", "-k", "2", "--track", "-o", "l.tif"], "--track needs --objects"),
         (["quantize", "one.png", "-k", "3", "--weight-map", "gray.tif"], "has 3 pages, where one image is expected"),
     ],
 )
