@@ -10,7 +10,7 @@ from cvtimg.options.record import Given
 EXAMPLES = """\
   cvtimg keyframes film.gif -n 6 --sheet key.png
   cvtimg keyframes frames/ -n auto --out-dir key
-  cvtimg keyframes film.webp -n 4 --json
+  cvtimg keyframes film.webp -n 4 --by scenes --json
 """
 COLUMNS = ("frames", "n", "indices", "seconds", "output")
 _IN_A_ROW = 4

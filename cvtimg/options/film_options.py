@@ -68,6 +68,12 @@ KEYFRAMES = (
         required=True,
         keyword="n_frames",
     ),
+    passed(
+        "by",
+        Choice(("looks", "scenes")),
+        "What a key frame represents: frames that look alike, or a scene, frames that follow each other.",
+        default="looks",
+    ),
     Option("out_dir", File(), "Write the key frames as frame-INDEX.png into this folder.", metavar="DIR"),
     file("sheet", "Draw the key frames side by side.", common.lossless),
     PASSES,

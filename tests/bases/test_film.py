@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,21 @@ def test_a_key_frame_is_the_frame_nearest_to_the_mean_of_its_cell() -> None:
         members = np.flatnonzero(found.labels == cell)
         apart = ((FILM[members] - FILM[members].mean(axis=0)) ** 2).sum(axis=1)
         assert index == members[apart.argmin()]
+
+
+def test_scenes_are_cut_where_that_leaves_the_least_error() -> None:
+    film = np.concatenate([FILM, FILM[:12]])  # the first shot comes back
+    assert len(key_frames(film, "auto").indices) == 4
+    scenes = key_frames(film, "auto", by="scenes")
+    assert scenes.labels.tolist() == np.repeat(np.arange(5), 12).tolist()
+    assert (scenes.indices // 12).tolist() == [0, 1, 2, 3, 4]
+    rows = RNG.normal(size=(11, 3)).cumsum(axis=0)
+
+    def energy(cuts: tuple[int, ...]) -> float:
+        return sum(((part - part.mean(axis=0)) ** 2).sum() for part in np.split(rows, cuts))
+
+    best = min(combinations(range(1, 11), 2), key=energy)
+    assert tuple(np.flatnonzero(np.diff(key_frames(rows, 3, by="scenes").labels)) + 1) == best
 
 
 def test_auto_finds_the_number_of_shots() -> None:
