@@ -75,6 +75,10 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     films = [Image.fromarray(np.roll(pixels, 7 * step, 1)) for step in range(12)]
     for name in ("film.gif", "film.webp"):
         films[0].save(name, save_all=True, append_images=films[1:], lossless=True)
+    steps = [step.crop((0, 0, 32, 32)) for step in films[:4]]
+    steps[0].save("walk.gif", save_all=True, append_images=steps[1:])
+    for number, step in enumerate(steps):
+        step.save(f"walk{number}.png")
     angles = np.linspace(0, 6.2, 40)
     ring = np.stack([3 * np.cos(angles), 2 * np.sin(angles)], axis=1).tolist()
     Path("coast.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}))
