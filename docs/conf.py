@@ -43,6 +43,7 @@ numpydoc_class_members_toctree = False
 sphinx_gallery_conf = {
     "examples_dirs": ["../examples/gallery"],
     "gallery_dirs": ["generated/gallery"],
+    "within_subsection_order": "ExampleTitleSortKey",
     "image_scrapers": ("sheets.scrape_sheets",),
     "reset_modules": (),
     "plot_gallery": True,

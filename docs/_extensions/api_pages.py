@@ -13,6 +13,7 @@ from uses import links
 import cvtimg
 
 PACKAGE = Path(__file__).parents[2] / "cvtimg"
+VERBS = "All functions that most programs need, in one namespace."
 
 
 def write_pages(app: Any, config: Any) -> None:
@@ -28,9 +29,10 @@ def write_pages(app: Any, config: Any) -> None:
         package, _, each = old.stem.rpartition(".")
         if f"   {each}\n" not in pages.get(package, ""):
             old.unlink()
-    toctree = "".join(f"   api/cvtimg.{subject}\n" for subject in subjects)
+    toctree = "".join(f"   api/{name}\n" for name in pages)
+    subjects_said = "".join(f":doc:`api/{name}`\n   {said(name)}\n\n" for name in pages)
     text = Path(__file__).with_name("api.rst.in").read_text()
-    write_changed(folder.parent / "api.rst", text + toctree)
+    write_changed(folder.parent / "api.rst", f"{text}{toctree}\n{subjects_said}")
 
 
 def page(name: str) -> str:
@@ -43,7 +45,7 @@ def page(name: str) -> str:
     classes = [each for each, value in public.items() if inspect.isclass(value)]
     registries = {each: value for each, value in public.items() if isinstance(value, dict)}
     if name == "cvtimg":
-        title, text = "The verbs: cvtimg", "All functions that most programs need, in one namespace."
+        title, text = "The verbs: cvtimg", VERBS
     else:
         title, text = name, inspect.getdoc(package) or ""
     parts = [title, "=" * len(title), "", text, "", f".. currentmodule:: {name}", ""]
@@ -57,6 +59,13 @@ def page(name: str) -> str:
         parts += [f"``{each}``: {', '.join(f'``{key}``' for key in value)}\n" for each, value in registries.items()]
     parts += links(list(public))
     return "\n".join(parts) + "\n"
+
+
+def said(name: str) -> str:
+    """Return the first sentence of what a package says about itself."""
+    if name == "cvtimg":
+        return VERBS
+    return re.split(r"\n\n|(?<=\.)\s", inspect.getdoc(importlib.import_module(name)) or "")[0].replace("\n", " ")
 
 
 def neighbors(package: str) -> list[str]:
