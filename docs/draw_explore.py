@@ -26,13 +26,13 @@ from visits import Visit  # noqa: E402
 
 #: A photograph, and a drawing, which is more likely to be meshed.
 IMAGES = ("coffee.png", "drawing.png")
-#: Controls that are set before a tab is drawn.
+#: The tabs of the figure, and controls that are set before.
 CHOICES: dict[str, dict[str, str]] = {
-    "colors": {"dither": "blue-noise"},
+    "palette": {},
     "segments": {"way": "hierarchy"},
-    "stipple": {"dots": "sized"},
     "mosaic": {"shape": "triangles"},
-    "restore": {},
+    "sphere": {},
+    "design": {},
     "mesh": {},
 }
 
@@ -85,9 +85,9 @@ def main() -> None:
 
 def draw(browser: Browser, address: str) -> dict[str, Image.Image]:
     """Draw the figures, by name."""
-    wide, middle, narrow = (1280, 800), (1020, 700), (390, 844)
+    wide, middle, narrow = (1280, 800), (900, 640), (390, 844)
     first = shot(browser, address, "colors", scheme="light", size=wide)
-    schemes = ["dark", "light"] * 3
+    schemes = ["dark", "light", "light", "dark", "dark", "light"]
     others = [
         shot(browser, address, tab, scheme=scheme, size=middle) for tab, scheme in zip(CHOICES, schemes, strict=True)
     ]
@@ -95,7 +95,7 @@ def draw(browser: Browser, address: str) -> dict[str, Image.Image]:
         shot(browser, address, tab, scheme=scheme, size=narrow)
         for tab, scheme in (("colors", "light"), ("segments", "dark"), ("stipple", "light"), ("mesh", "dark"))
     ]
-    return {"explore": first, "explore_tabs": tiles(others, 2, 0.75), "explore_narrow": tiles(small, 4, 0.7)}
+    return {"explore": first, "explore_tabs": tiles(others, 2, 0.9), "explore_narrow": tiles(small, 4, 0.7)}
 
 
 if __name__ == "__main__":
