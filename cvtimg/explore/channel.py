@@ -11,8 +11,10 @@ import asyncio
 import ctypes
 import json
 import logging
+import shlex
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from threading import Lock, Thread
 from typing import Any, Generic, TypeVar
 
@@ -23,10 +25,11 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window, packed
-from cvtimg.explore.outcomes import Outcome
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import Outcome, safe_name
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import TABS
-from cvtimg.explore.tabs.base import Request
+from cvtimg.explore.tabs.base import Request, Tab
 
 __all__ = ["Channel"]
 
@@ -166,9 +169,9 @@ class Channel:
         number = asked["seq"]
         view = asked.get("view")
         if lane == "before":
-            picture = self._store.files.picture(str(asked.get("picture")))
+            picture = _opened(self._store, asked)
             window = Window.of(view, picture.size, EXACT_PIXELS)
-            about = {"lane": lane, "picture": picture.key}
+            about = {"lane": lane, "picture": asked.get("picture")}
             reply = await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
             await self._socket.send_bytes(reply)
             return
@@ -176,35 +179,29 @@ class Channel:
         if tab is None:
             raise UnfitRequestError("there is no such tab")
         settings = parse_settings(tab.controls, asked.get("settings"))
-        opened = None if tab.sheet else self._store.files.picture(str(asked.get("picture")))
+        opened = None if tab.sheet else _opened(self._store, asked)
         size = opened.size if opened else tab.sheet or (1, 1)
         window = Window.of(view, size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
-        request = Request(opened, settings, self._store.files, window)
-        same = (tab.name, opened and opened.key, settings)
+        request = Request(opened, settings, self._store.files, window, tab.for_frames)
+        same = (tab.name, opened and request.source.key, settings)
 
         def answered() -> tuple[bytes, Outcome | None, str]:
             key, outcome = "", None
-            recipe = tab.recipe(request)
-            outputs = tab.outputs(request)
-            recipes = [
-                {**recipe.shown(outputs[0] if one.read else one, request.stem), "key": one.key, "label": one.label}
-                | ({"file": one.pattern.format(request.stem)} if one.read else {})
-                for one in outputs
-            ]
-            about: dict[str, Any] = {"lane": lane, "recipes": recipes}
-            if lane == "draft":
-                outcome = tab.draft(request)
-            elif self._last and self._last[0] == same:
+            about: dict[str, Any] = {"lane": lane, "recipes": _recipes(tab, request)}
+            if self._last and self._last[0] == same and (lane == "exact" or self._last[2].frames):
                 key, outcome = self._last[1:]
+            elif lane == "draft":
+                outcome = tab.draft(request)
             else:
                 outcome = tab.exact(request)
                 key = self._store.keep_result(outcome)
                 self._last = (same, key, outcome)
             if outcome is None:
                 return b"", None, json.dumps({"seq": number, "none": True, **about})
-            about |= {"facts": outcome.facts, "result": key}
-            return packed(number, about, outcome.layer, window, outcome.drawn), outcome, key
+            layer, facts = outcome.frames[_frame(asked)] if outcome.frames else (outcome.layer, outcome.facts)
+            about |= {"facts": facts, "result": key}
+            return packed(number, about, layer, window, outcome.drawn), outcome, key
 
         work = Work(answered)
         if lane == "exact":
@@ -234,3 +231,27 @@ class Channel:
             named = await run_in_threadpool(outcome.file, outcome.outputs[0].key)
             if named is not None:
                 await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "bytes": len(named[1])}))
+
+
+def _frame(asked: dict[str, Any]) -> int:
+    number = asked.get("frame", 0)
+    return number if isinstance(number, int) else 0
+
+
+def _opened(store: Store, asked: dict[str, Any]) -> Picture:
+    """Return the picture of a request: of an animation the frame."""
+    return store.files.picture(str(asked.get("picture"))).frame(_frame(asked))
+
+
+def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:
+    """Return what the page shows for each file of a result."""
+    recipe, outputs = tab.recipe(request), tab.outputs(request)
+    animation = None if tab.for_frames or request.opened is None else request.opened.animation
+    if animation:
+        before = shlex.join(["cvtimg", "frames", safe_name(animation.name), "--out-dir", animation.folder])
+        recipe = replace(recipe, before="\n".join(filter(None, [before, recipe.before])))
+    return [
+        {**recipe.shown(outputs[0] if one.read else one, request.stem), "key": one.key, "label": one.label}
+        | ({"file": one.pattern.format(request.stem)} if one.read else {})
+        for one in outputs
+    ]

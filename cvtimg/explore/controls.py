@@ -61,6 +61,7 @@ class Control:
     # Shown, and in effect, only while other controls have one of these values.
     when: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     about: str = ""  # Explanation shown below the control
+    only: str = ""  # "images" or "animations" where it is shown for these alone
 
     def parse(self, value: Any) -> Any:
         """Check a value that the page sent."""
@@ -79,6 +80,7 @@ class Control:
             "default": self.default,
             "when": {name: list(values) for name, values in self.when.items()},
             "about": self.about,
+            "only": self.only,
         }
 
     def refuse(self, value: Any, allowed: str) -> UnfitRequestError:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,14 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import energy_curve, read_image
+from cvtimg import energy_curve, read_image, write_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.pictures import image_info
+from cvtimg.pictures import image_info, read_frames
+from cvtimg.pictures.frames import ANIMATED
 from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.showing import natural_limits, shown
 
@@ -33,6 +38,8 @@ N_CURVE = 64
 SMALL = 1 << 18
 #: Samples of windows that are kept.
 _KEPT = 4
+#: Temporary folders begin so, and go on with the number of the process.
+FOLDERS = "cvtimg-explore-"
 
 
 class Picture:
@@ -41,19 +48,52 @@ class Picture:
     def __init__(self, key: str, name: str, path: Path) -> None:
         self.key, self.name, self.path = key, name, path
         self.header = header = image_info(path)
-        if header.frames > 1:
-            kind = "an animation" if header.format in ("GIF", "PNG", "WEBP", "AVIF") else "a file"
-            said = f"{name} is {kind} of {header.frames} images; the page shows single images"
+        if header.frames > 1 and header.format not in ANIMATED:
+            said = f"{name} is a file of {header.frames} images; the page shows single images and animations"
             raise UnfitRequestError(f"{said}. Use the command line for all of them, or save one")
         if (n_pixels := header.width * header.height) > MOST_PIXELS:
             raise UnfitRequestError(f"{name} has {n_pixels} pixels; the page takes up to {MOST_PIXELS}")
-        self.array = read_image(path)
+        if header.frames > 1 and (n_pixels := header.frames * n_pixels) > MOST_PIXELS:
+            raise UnfitRequestError(f"{name} has {n_pixels} pixels in all frames; the page takes up to {MOST_PIXELS}")
+        self.frames = read_frames(path) if header.frames > 1 else None
+        self.animation: Picture | None = None  # of which this is a frame
+        self.array = self.frames.images[0] if self.frames else read_image(path)
         self.n_bytes = path.stat().st_size
         self._lock = threading.Lock()
         self._kept: OrderedDict[Any, Any] = OrderedDict()
         self._curves: dict[str, threading.Event] = {}
         self._found: dict[str, EnergyCurve] = {}
         self._closed = False
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder to which commands write the frames of an animation."""
+        return f"{self.stem}-frames"
+
+    def frame(self, number: int) -> Picture:
+        """Return a frame of an animation, as `cvtimg frames` writes it; of other pictures the picture itself."""
+        if self.frames is None:
+            return self
+        images = self.frames.images
+        if not 0 <= number < len(images):
+            raise UnfitRequestError(f"there is no frame {number}")
+        file = f"frame-{number:0{len(str(len(images) - 1))}}.png"
+
+        def made() -> Picture:
+            path = self._written / file
+            write_image(path, images[number], overwrite=True)
+            frame = Picture(f"{self.key}/{number}", f"{self.folder}/{file}", path)
+            frame.animation = self
+            return frame
+
+        found: Picture = self.kept(("frame", number), made)
+        return found
+
+    @cached_property
+    def _written(self) -> Path:
+        folder = tempfile.mkdtemp(prefix=f"{FOLDERS}{os.getpid()}-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)  # with the picture, or at the end
+        return Path(folder)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -187,6 +227,7 @@ class Picture:
             **about,
             "width": width,
             "height": height,
+            "frames": len(self.frames.images) if self.frames else 1,
             "distinct": self.n_distinct,
             "exact": self.array.dtype == np.uint8,
         }

@@ -78,6 +78,8 @@ class Outcome:
     outputs: Sequence[Output] = ()  # The files that it can be saved as, the main one first
     stem: str = ""  # Name of the picture without suffix
     drawn: Window | None = None  # The part of the picture that the layer shows; by default all of it
+    # Layer and facts of each frame of an animation.
+    frames: Sequence[tuple[Layer, Mapping[str, Any]]] = ()
     _files: dict[str, bytes] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 

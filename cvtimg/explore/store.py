@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cvtimg import read_palette
 from cvtimg._shared.messages import one_line
 from cvtimg.explore.controls import UnfitRequestError
-from cvtimg.explore.opened import Picture
+from cvtimg.explore.opened import FOLDERS, Picture
 from cvtimg.explore.outcomes import Outcome
 from cvtimg.explore.tabs.base import OpenFiles
 from cvtimg.palettes.known import known_palettes
@@ -30,8 +30,6 @@ MOST_BYTES = 1 << 28
 _MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
 #: Pixels of all pictures together; a picture takes about 12 bytes for each.
 _MOST_PIXELS = 1 << 28
-#: Folders of files that were sent begin so, and go on with the number of the process.
-_FOLDERS = "cvtimg-explore-"
 #: Longest name that is kept.
 _LONGEST_NAME = 120
 
@@ -49,7 +47,7 @@ class Store:
 
     def __init__(self) -> None:
         _remove_left()
-        self._folder = tempfile.TemporaryDirectory(prefix=f"{_FOLDERS}{os.getpid()}-")
+        self._folder = tempfile.TemporaryDirectory(prefix=f"{FOLDERS}{os.getpid()}-")
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
@@ -139,8 +137,8 @@ def _remove_left() -> None:
     """Remove folders of servers of this user that were killed."""
     if os.name == "nt":  # where processes are not found by their numbers
         return
-    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDERS}*-*"):
-        number = folder.name.removeprefix(_FOLDERS).partition("-")[0]
+    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*"):
+        number = folder.name.removeprefix(FOLDERS).partition("-")[0]
         with suppress(OSError):
             if number.isdigit() and folder.is_dir() and folder.lstat().st_uid == os.getuid() and not _runs(int(number)):
                 shutil.rmtree(folder)

@@ -131,7 +131,9 @@ QUANTIZE = (
         keyword="keep_metadata",
     ),
     switch("optimize", "Make PNG files smaller with oxipng; slower.", keyword="optimize"),
-    switch("palette_per_frame", "Use a palette for each frame or page, not one for all.", keyword="per_frame"),
+    switch("palette_per_frame", "Use a palette for each frame or page, not one for all.", keyword="per_frame").on_page(
+        "Own palettes", "Each frame has its own. Colors that stand still may change."
+    ),
     common.SKIP_EXISTING,
     replace(common.MAX_PIXELS, keyword="max_pixels"),
     *common.READING,

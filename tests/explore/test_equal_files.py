@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from scipy.io import netcdf_file
 from cvtimg.cli import commands
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
+from cvtimg.explore.channel import _recipes
 from cvtimg.explore.controls import (
     Brushed,
     Choice,
@@ -241,6 +243,37 @@ def test_a_given_palette_gives_the_same_file(dither: str, store: Store, scene: N
     Path("my colors.hex").write_bytes(content)
     palette = store.open_palette("my colors.hex", content)["id"]
     check_equal(store, "colors", opened(store, scene), {"aim": "palette", "palette": [palette], "dither": dither}, 2)
+
+
+ANIMATED: list[tuple[str, dict[str, Any]]] = [
+    ("colors", {"k": 8}),
+    ("colors", {"k": 8, "per_frame": True, "dither": "bayer-8", "locked": ["#00ff7f"]}),
+    ("colors", {"aim": "psnr", "psnr": 25.0}),
+    ("colors", {"aim": "palette", "palette": ["nes"]}),
+    ("segments", {"regions": 4}),
+    ("restore", {}),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tab", "settings"), ANIMATED)
+def test_animations_and_their_frames_give_the_same_file(
+    tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]
+) -> None:
+    frames = [Image.fromarray(np.roll(scene, 9 * shift, axis=1)) for shift in range(3)]
+    frames[0].save("walk.png", save_all=True, append_images=frames[1:], duration=80)
+    frame = store.open_file(Path("walk.png")).frame(1)
+    assert (frame.array == np.roll(scene, 9, axis=1)).all()
+    request = replace(request_for(store, tab, frame, settings), is_whole=TABS[tab].for_frames)
+    shown, outcome = _recipes(TABS[tab], request), TABS[tab].exact(request)
+    for one in (shown[0], shown[-1]):
+        _, content = outcome.file(one["key"]) or ("", b"")
+        for line in one["command"].splitlines():
+            assert main([*shlex.split(line)[1:], "--overwrite", "--quiet"]) == 0, line
+        assert Path(one["file"]).read_bytes() == content
+        Path(one["file"]).unlink()
+        exec(one["python"], {})
+        assert Path(one["file"]).read_bytes() == content
 
 
 @pytest.mark.slow

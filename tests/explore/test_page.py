@@ -580,3 +580,37 @@ def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
     page.uncheck("#c-brushes")
     one.settled()
     assert "--mask" not in page.inner_text("#command")
+
+
+def test_frames_of_an_animation_are_scrubbed(visit: Go, folder: Path) -> None:
+    from PIL import Image
+
+    with Image.open(folder / "photo.png") as photo:
+        frames = [photo.rotate(30 * turn) for turn in range(4)]
+    frames[0].save(folder / "spin.png", save_all=True, append_images=frames[1:], duration=80)
+    one = visit()
+    page = one.page
+    assert page.is_hidden("#film")
+    page.set_input_files("#open", folder / "spin.png")
+    one.until("document.getElementById('framename').textContent === '1 / 4'")
+    one.settled()
+    pixels = (
+        "document.querySelector('#right canvas:not([hidden])').getContext('2d').getImageData(2, 2, 1, 1).data.join()"
+    )
+    first = page.evaluate(pixels)
+    page.focus("#frame")
+    page.keyboard.press("End")
+    one.until(f"{pixels} !== '{first}'")
+    one.settled()
+    assert page.inner_text("#framename") == "4 / 4"
+    assert page.inner_text("#command") == "cvtimg quantize spin.png -k 16 -o spin-quantized.gif"
+    page.check("#c-per_frame")
+    one.settled()
+    assert "--palette-per-frame" in page.inner_text("#command")
+    one.choose("segments")
+    one.settled()
+    assert "cvtimg frames spin.png --out-dir spin-frames" in page.inner_text("#command")
+    assert "spin-frames/frame-3.png" in page.inner_text("#command")
+    page.select_option("#pictures", label="photo.png")
+    one.settled()
+    assert page.is_hidden("#film")

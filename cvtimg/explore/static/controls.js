@@ -24,7 +24,7 @@ export class Controls {
 
 	// palettes: [{id, name}], pictures: [{id, name}]
 	draw(controls, settings, files) {
-		const shown = inEffect(controls, settings).filter(control => control.kind !== "swatches"), key = JSON.stringify([shown.map(control => control.name), files]);
+		const shown = inEffect(controls, settings).filter(control => control.kind !== "swatches" && (!control.only || control.only === files.kind)), key = JSON.stringify([shown.map(control => control.name), files]);
 		if (this.key !== key || this.controls !== controls) {
 			const focused = this.form.contains(document.activeElement) ? document.activeElement.id : "";
 			this.form.replaceChildren(...shown.map(control => this.made(control, files)));

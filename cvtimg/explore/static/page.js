@@ -12,7 +12,7 @@ const $ = id => document.getElementById(id);
 const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
-const state = {tabs: [], tab: "colors", settings: {}, picture: null, pictures: [], palettes: [], spot: -1};
+const state = {tabs: [], tab: "colors", settings: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
 let past = [], future = [], recent = {}, last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, share = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
@@ -46,7 +46,7 @@ function lost() {
 function back() {
 	delete $("problem").dataset.lost;
 	problem("");
-	if (state.picture) { link.ask("before", {picture: state.picture.id, view: viewer.visible()}, {main: true}); want(); }
+	if (state.picture) { link.ask("before", original(), {main: true}); want(); }
 }
 
 // What a reload finds again: settings and steps back in this tab of the browser, images and palettes on the server.
@@ -127,6 +127,14 @@ function setTool() {
 	$("stage").ariaLabel = viewer.tool?.label ?? "Image: arrows move, plus and minus zoom";
 }
 
+function setFrame(number) {
+	const {frames} = state.picture;
+	state.frame = number;
+	$("film").hidden = frames < 2;
+	Object.assign($("frame"), {max: frames - 1, value: number, ariaValueText: `${number + 1} of ${frames}`});
+	$("framename").textContent = `${number + 1} / ${frames}`;
+}
+
 function locate(index) {
 	shades.spot = index;
 	state.spot = shades.editable && $("whereone").ariaPressed !== "true" ? -1 : index; // edits are seen in all colors
@@ -143,7 +151,8 @@ function toggleLock(color) {
 
 // Asking
 
-const asked = () => ({picture: state.picture?.id, tab: state.tab, settings: settings(), view: viewer.visible()});
+const original = () => ({picture: state.picture.id, frame: state.frame, view: viewer.visible()});
+const asked = () => ({picture: state.picture?.id, frame: state.frame, tab: state.tab, settings: settings(), view: viewer.visible()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
 	keep();
@@ -201,7 +210,7 @@ function moved() { // finer pixels of what is now in sight
 	clearTimeout(moved.timer);
 	moved.timer = setTimeout(() => {
 		if (!state.picture || !before || sheet()) return;
-		if (before.window[4] > 1) link.ask("before", {picture: state.picture.id, view: viewer.visible()}, {main: true});
+		if (before.window[4] > 1) link.ask("before", original(), {main: true});
 		if (last?.window?.[4] > 1 && result) wantExact();
 	}, 150);
 }
@@ -274,7 +283,7 @@ function stretched(reply, size) {
 }
 
 function drawControls() {
-	const files = {palettes: state.palettes.map(({id, name}) => ({id, name})), pictures: sameSize().map(({id, name}) => ({id, name}))};
+	const files = {palettes: state.palettes.map(({id, name}) => ({id, name})), kind: state.picture?.frames > 1 ? "animations" : "images", pictures: sameSize().map(({id, name}) => ({id, name}))};
 	controls.draw(tab().controls, settings(), files);
 	if (state.tab === "colors") curve.mark(settings().aim === "k" || !last ? settings().k : last.facts.k);
 }
@@ -472,6 +481,7 @@ function added(picture) {
 
 function show(picture) {
 	state.picture = picture;
+	setFrame(0);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
 	if (sheet()) state.tab = "colors";
@@ -481,7 +491,7 @@ function show(picture) {
 	$("against").value = "original";
 	$("swap").disabled = true;
 	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
-	link.ask("before", {picture: picture.id, view: viewer.visible()}, {main: true});
+	link.ask("before", original(), {main: true});
 	showTab(state.tab);
 	measure();
 }
@@ -528,7 +538,7 @@ function pick(on) {
 
 async function picked({x, y}) {
 	const has = () => before.window[4] === 1 && x >= before.window[0] && x < before.window[2] && y >= before.window[1] && y < before.window[3];
-	if (!has()) await new Promise(resolve => link.ask("before", {picture: state.picture.id, view: [x, y, x + 1, y + 1]}, {main: true, resolve}));
+	if (!has()) await new Promise(resolve => link.ask("before", {...original(), view: [x, y, x + 1, y + 1]}, {main: true, resolve}));
 	if (!has()) return;
 	const [left, top] = before.window, at = 4 * ((y - top) * before.width + x - left), p = before.pixels;
 	toggleLock(hex(p[at] | p[at + 1] << 8 | p[at + 2] << 16));
@@ -551,6 +561,7 @@ $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
 $("again").onclick = () => change("start", "image", false, {k: Math.max(settings().colors.length, 1)});
 $("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
+$("frame").oninput = () => { setFrame(Number($("frame").value)); link.ask("before", original(), {main: true}); want(); };
 $("fill").onchange = repaint;
 $("output").onchange = showRecipe;
 $("download").onclick = download;

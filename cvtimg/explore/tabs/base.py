@@ -50,6 +50,12 @@ class Request:
     settings: Settings  # Values of all controls of the tab
     files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
+    is_whole: bool = False  # Whether all frames are wanted if the picture is one of an animation
+
+    @property
+    def source(self) -> Picture:
+        """What the command reads: the picture, or the animation of which it is a frame."""
+        return (self.picture.animation if self.is_whole else None) or self.picture
 
     @property
     def picture(self) -> Picture:
@@ -61,7 +67,7 @@ class Request:
     @property
     def stem(self) -> str:
         """Name of the picture without suffix, which names of files begin with."""
-        return self.opened.stem if self.opened else ""
+        return self.source.stem if self.opened else ""
 
 
 class Tab:
@@ -75,6 +81,7 @@ class Tab:
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
+    for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
     def recipe(self, request: Request) -> Recipe:
@@ -99,7 +106,7 @@ class Tab:
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
-        inputs = [] if self.sheet else [safe_name(request.picture.name)]
+        inputs = [] if self.sheet else [safe_name(request.source.name)]
         maps = [
             word for one in self._brushed(request) for word in (one.flag, safe_name(one.pattern.format(request.stem)))
         ]

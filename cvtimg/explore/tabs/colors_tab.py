@@ -17,13 +17,23 @@ from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
 from cvtimg.explore.calls import Call, Named
-from cvtimg.explore.controls import Brushed, Choice, Colors, Control, Files, Number, Settings, controls_of
+from cvtimg.explore.controls import (
+    Brushed,
+    Choice,
+    Colors,
+    Control,
+    Files,
+    Number,
+    Settings,
+    UnfitRequestError,
+    controls_of,
+)
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
 from cvtimg.pictures import encode_image
-from cvtimg.quantization import Quantized, map_to_palette
+from cvtimg.quantization import Quantized, QuantizedFrames, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
 #: Formats of palettes that are offered, with their labels.
@@ -53,6 +63,7 @@ class ColorsTab(Tab):
     title = "Colors"
     about = "Reduce the image to few colors, with the least error."
     verb = "quantize"
+    for_frames = True
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "quantize",
         Choice(
@@ -100,8 +111,9 @@ class ColorsTab(Tab):
             when={"aim": list(_SEARCHED)},
             about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
+        ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
-        brushes("Mask, weights"),
+        replace(brushes("Mask, weights"), only="images"),
         MASK,
         Brushed(
             name="weights",
@@ -118,6 +130,12 @@ class ColorsTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the picture, as PNG where that holds its samples, and its palette in several formats."""
+        if request.source.frames:
+            ends = [".gif", ".png", ".webp"]
+            images = [Output(f"Animation, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in ends]
+            if request.settings["per_frame"]:
+                return images
+            return [*images, *(_palette_output(end, label, _COUNTED_FRAMES) for end, label in _PALETTES.items())]
         suffix = _suffix(request.picture)
         suffixes = [suffix] if suffix != ".png" else [".png", ".webp", ".gif"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in suffixes]
@@ -126,6 +144,7 @@ class ColorsTab(Tab):
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
+        request = _fitting(request)
         settings, picture = request.settings, request.picture
         call = self._call(request)
         known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
@@ -135,6 +154,9 @@ class ColorsTab(Tab):
             words = ["--palette", request.files.palette(settings["palette"])[0]]
         if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
             words += ["--dither-strength", f"{settings['strength']:g}"]
+        if request.source.frames:
+            read = f"import cvtimg\n\nframes = cvtimg.pictures.read_frames({quoted(request.source.name)})"
+            return Recipe(self.words(request, *words), f"{read}\nresult = {call.text('frames')}")
         start = reading(picture) + known.format(picture.header.nodata) + self.map_lines(request)
         return Recipe(self.words(request, *words), f"{start}\n{size}result = {call.text()}")
 
@@ -149,26 +171,29 @@ class ColorsTab(Tab):
             keywords["mask"] = Named("known & (mask > 0)", known.value & (mask > 0)) if known else Named("mask", mask)
         keywords |= {name: Named(name, image) for name, image in maps.items()}
         dtype = picture.array.dtype
+        function = "quantize_frames" if request.source.frames else "quantize"
+        if settings["per_frame"]:
+            keywords["per_frame"] = True
         if settings["aim"] == "palette":
             name, colors = request.files.palette(settings["palette"])
             text = f"cvtimg.read_palette({quoted(name)})"
             if dtype != np.uint8:
                 text = f"cvtimg.colors.to_depth({text}, image.dtype)"
-            return Call("quantize", (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
+            return Call(function, (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
         if settings["locked"]:
             keywords["locked"] = to_depth(rgb(settings["locked"]), dtype)
         if settings["effort"] != "balanced":
             keywords["effort"] = settings["effort"]
         if settings["aim"] == "psnr":
-            return Call("quantize", (), {"psnr": settings["psnr"], **keywords})
+            return Call(function, (), {"psnr": settings["psnr"], **keywords})
         if settings["aim"] == "max_bytes":
             size = Named("size", partial(_file_size, suffix=_suffix(picture)))
             return Call("quantization.quantize_to_size", (settings["max_bytes"] * _KILO, size), keywords)
         n_colors = settings["k"] if settings["aim"] == "k" else "auto"
-        if picture.header.mode == "P" and not settings["locked"]:
+        if picture.header.mode == "P" and not request.source.frames and not settings["locked"]:
             text = f"cvtimg.read_palette({quoted(picture.name)})"
             keywords["palette_hint"] = Named(text, picture.kept("own palette", lambda: read_palette(picture.path)))
-        return Call("quantize", (n_colors,), keywords)
+        return Call(function, (n_colors,), keywords)
 
     def _mapping(self, settings: Settings) -> dict[str, Any]:
         """Return how pixels get their colors."""
@@ -225,8 +250,17 @@ class ColorsTab(Tab):
 
     def exact(self, request: Request) -> Outcome:
         """Quantize the picture."""
-        result: Quantized = self._call(request).run(request.picture.array)
-        return self._outcome(request.picture, result, self.outputs(request))
+        request = _fitting(request)
+        call, outputs = self._call(request), self.outputs(request)
+        if request.source.frames:
+            return self._animated(request, call.run(request.source.frames), outputs)
+        result: Quantized = call.run(request.picture.array)
+        return self._outcome(request.picture, result, outputs)
+
+    def _animated(self, request: Request, result: QuantizedFrames, outputs: Sequence[Output]) -> Outcome:
+        seen = [self._outcome(request.picture, one) for one in result.results]
+        frames = [(one.layer, one.facts) for one in seen]
+        return Outcome(result, seen[0].layer, seen[0].facts, outputs, request.stem, frames=frames)
 
     def _outcome(self, picture: Picture, result: Quantized, outputs: Sequence[Output] = ()) -> Outcome:
         colors = picture.colors_seen(result.palette, alpha=result.alpha)
@@ -269,14 +303,28 @@ def rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 
 
-def _palette_output(suffix: str, label: str) -> Output:
-    lines = (
-        "import numpy\n\nn_pixels = numpy.bincount(result.indices.ravel(), minlength=len(result.palette))\n"
-        "cvtimg.write_palette({}, result.palette, density=n_pixels)"
-    )
+def _fitting(request: Request) -> Request:
+    """Return a request without what single pictures, or animations, do not have."""
+    settings = request.settings
+    if not request.source.frames:
+        return replace(request, settings={**settings, "per_frame": False})
+    if settings["aim"] in ("auto", "max_bytes"):
+        raise UnfitRequestError("Animations: choose by number of colors, quality or a given palette")
+    return replace(request, settings={**settings, "brushes": False})
+
+
+_COUNTED = "n_pixels = numpy.bincount(result.indices.ravel(), minlength=len(result.palette))"
+_COUNTED_FRAMES = (
+    "n_pixels = sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)"
+)
+
+
+def _palette_output(suffix: str, label: str, counted: str = _COUNTED) -> Output:
+    lines = f"import numpy\n\n{counted}\ncvtimg.write_palette({{}}, result.palette, density=n_pixels)"
     return Output(label, "--save-palette", "{}-palette" + suffix, _save_palette, lines)
 
 
-def _save_palette(result: Quantized, path: Path) -> None:
-    n_pixels = np.bincount(result.indices.ravel(), minlength=len(result.palette))
+def _save_palette(result: Quantized | QuantizedFrames, path: Path) -> None:
+    results = result.results if isinstance(result, QuantizedFrames) else (result,)
+    n_pixels: Any = sum(np.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in results)
     write_palette(path, result.palette, density=n_pixels)

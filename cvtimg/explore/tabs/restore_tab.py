@@ -116,7 +116,9 @@ class RestoreTab(Tab):
 
 
 def _versions(request: Request) -> list[Picture]:
-    versions = [request.files.picture(key) for key in request.settings["versions"]] or [request.picture]
+    chosen = [request.files.picture(key) for key in request.settings["versions"]]
+    shown = request.picture  # of an animation the frame
+    versions = [shown if shown.animation is one else one.frame(0) for one in chosen] or [shown]
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1:
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
