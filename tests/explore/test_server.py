@@ -266,13 +266,17 @@ def test_names_of_files_that_are_sent_lead_nowhere(name: str, page: TestClient, 
     assert path.parent == Path(server.store._folder.name)
 
 
-def test_animations_are_refused_with_what_to_do(page: TestClient) -> None:
+def test_animations_are_opened_and_files_of_pages_refused_with_what_to_do(page: TestClient) -> None:
     frames = [Image.new("L", (4, 4), level) for level in (0, 90)]
-    buffer = io.BytesIO()
-    frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:])
-    answer = page.post("/picture", params={"name": "film.gif"}, content=buffer.getvalue())
-    assert answer.status_code == 422
-    assert "animation of 2 images" in answer.text
+    for form, name in (("GIF", "film.gif"), ("TIFF", "pages.tif")):
+        buffer = io.BytesIO()
+        frames[0].save(buffer, form, save_all=True, append_images=frames[1:])
+        answer = page.post("/picture", params={"name": name}, content=buffer.getvalue())
+        if form == "GIF":
+            assert answer.json()["frames"] == 2
+        else:
+            assert answer.status_code == 422
+            assert "file of 2 images" in answer.text
 
 
 def test_the_oldest_picture_goes_and_its_file_with_it(
