@@ -211,18 +211,17 @@ def test_saved_settings_stand_for_the_options_of_the_command(tab: str, store: St
     picture = opened(store, scene)
     for settings in (case.values[1] for case in cases() if case.values[0] == tab):
         request = request_for(store, tab, picture, settings)
-        recipe = TABS[tab].recipe(request)
+        recipe, output = TABS[tab].recipe(request), TABS[tab].outputs(request)[0]
         _, verb, *words = recipe.words
-        shown = recipe.shown(TABS[tab].outputs(request)[0], "")
-        Path("settings.json").write_text(shown["settings"])
+        Path("settings.json").write_text(recipe.shown(output, "")["settings"])
         inputs = [] if TABS[tab].sheet else [picture.name]
-        assert given(verb, [*inputs, "--settings", "settings.json"]) == given(verb, words)
+        written = [output.option, output.pattern]
+        assert given(verb, [*inputs, "--settings", "settings.json", *written]) == given(verb, [*words, *written])
 
 
 def given(verb: str, words: list[str]) -> dict[str, Any]:
     """Return the values of the options that words of a command give, but for the inputs."""
-    command = commands._made(verb)
-    params: dict[str, Any] = command.make_context(verb, [*words, "-o", "x"]).params
+    params: dict[str, Any] = commands._made(verb).make_context(verb, words).params
     return {name: value for name, value in params.items() if name not in ("settings", "inputs")}
 
 
