@@ -62,7 +62,7 @@ def stippling(quick: bool) -> list[Row]:
         gray = np.asarray(Image.fromarray(image).convert("L"))
         wanted = np.float32(MAX_INK) * ink_coverage(gray)
         for dots in ("equal", "equal-mass", "sized"):
-            draw = partial(cvtimg.stipple, gray, n_dots, dots=dots, max_ink=MAX_INK)
+            draw = partial(cvtimg.stipple, gray, n_dots, dots=dots, max_ink=MAX_INK, tones="true")
             result, seconds = timed(draw, time.process_time)
             rows.append({"image": name, "dots": dots, **errors(result.points, result.radii, wanted), "s": seconds})
         for other, place in (("density 1 - gray", plain_density), ("error diffusion", error_diffusion)):
@@ -110,7 +110,7 @@ def tours(quick: bool) -> list[Row]:
     gray = np.asarray(Image.fromarray(data.camera()).resize((632, 632)))
     rows = []
     for n_dots in (5000,) if quick else (5000, 20_000, 100_000):
-        points = cvtimg.stipple(gray, n_dots).points
+        points = cvtimg.stipple(gray, n_dots, tones="true").points
         order, seconds = timed(partial(find_tour, points), time.process_time)
         unit = np.sqrt(n_dots * gray.size)
         before = tour_length(points, np.arange(n_dots)) / unit
@@ -151,7 +151,7 @@ def million() -> list[Row]:
     if not path.exists():
         return []
     image = cvtimg.read_image(path)
-    result, seconds = timed(partial(cvtimg.stipple, image, 1_000_000), time.process_time)
+    result, seconds = timed(partial(cvtimg.stipple, image, 1_000_000, tones="true"), time.process_time)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     return [{"dots": len(result), "pixels": image.shape[0] * image.shape[1], "s": seconds, "GB": memory}]
 

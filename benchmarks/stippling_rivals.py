@@ -114,7 +114,9 @@ def compare(gray: NDArray[np.uint8], n_dots: int, asked: argparse.Namespace) -> 
         'cvtimg place_in_picture, "fast"': timed(
             lambda: place_in_picture(density, n_dots, effort="fast").points, time.process_time
         ),
-        "cvtimg stipple": timed(lambda: cvtimg.stipple(gray, n_dots, max_ink=MAX_INK).points, time.process_time),
+        "cvtimg stipple": timed(
+            lambda: cvtimg.stipple(gray, n_dots, max_ink=MAX_INK, tones="true").points, time.process_time
+        ),
         "LBG, our port of the paper": timed(partial(lbg, wanted, n_dots), time.process_time),
     }
     modules = asked.node_modules

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_needs, hints_at_keywords
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_excluded,
+    check_in_range,
+    check_needs,
+    check_positive,
+    check_that,
+    hints_at_keywords,
+)
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
 from cvtimg.artwork.stipples import Stipples
-from cvtimg.artwork.tones import PROCESS_COLORS, disk_area, ink_coverage, palette_coverages, process_coverages
+from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, palette_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
+from cvtimg.placement.pictures import enlarge
 
 #: Dots by default: enough for faces.
 _USUAL_DOTS = 20_000
+#: Least diameter of dots in pixels, finer than which an image is enlarged, to so many pixels at most.
+_FINEST, _MOST_PIXELS = 1.25, 1 << 28
 #: Coverage of black by default: dots nearly touch there, and hardly overlap.
 MAX_INK = 0.9
 
@@ -27,9 +41,11 @@ def stipple(
     dots: str = "equal",
     max_ink: float = MAX_INK,
     white_cutoff: float = 0.0,
+    dot_diameter: float | None = None,
     radius_range: tuple[float, float] | None = None,
     layers: str | int | None = None,
     invert: bool = False,
+    tones: str = "light",
 ) -> Stipples:
     """Reproduce the tones of an image by dots.
 
@@ -45,6 +61,9 @@ def stipple(
     n_dots : int, optional
         Number of dots, in 1..pixels; by default 20,000, or a quarter of the pixels of images with fewer than 80,000. An
         image without ink has none.
+    dot_diameter : float, optional
+        Diameter of dots in pixels, such as that of a pen, in place of their number, which follows from the ink. A pen
+        of 0.4 mm on a drawing 200 mm wide has ``0.4 / 200 * image.shape[1]``. Not for "sized".
     dots : {"equal", "equal-mass", "sized"}
         "equal": dots of one size. "equal-mass": dots of one size, each for exactly the same ink, so that tones are
         right to the last dot; for one pen. "sized": each as large as the ink of its cell, for print.
@@ -61,6 +80,10 @@ def stipple(
         the number of all together.
     invert : bool
         Draw light on dark paper.
+    tones : {"light", "true"}
+        "light": a drawing that is easy on the eye, whose tones follow lightness: what is lightest is paper, and ink is
+        thinned, in the shades between white and black, where it would cover more than about a third. "true": from a
+        distance as bright as the image, but for `max_ink` and `white_cutoff`; photographs become nearly black.
 
     Returns
     -------
@@ -92,56 +115,94 @@ def stipple(
     True
     """
     check_choice("dots", dots, DOTS)
+    check_choice("tones", tones, TONES)
     check_in_range("white_cutoff", white_cutoff, 0 <= white_cutoff <= 1, "in 0..1")
     check_in_range("max_ink", max_ink, 0 < max_ink <= 1, "> 0 and <= 1")
     if radius_range is not None:
         _check_radii(radius_range, dots)
+    if dot_diameter is not None:
+        check_positive("dot_diameter", dot_diameter, "in pixels")
+        check_excluded("dot_diameter", True, n_dots=n_dots, radius_range=radius_range)
+        check_needs("dot_diameter", True, 'dots of one size, not "sized"', dots != "sized")
+    count = _Count(n_dots, dot_diameter)
     if layers is not None:
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
-        return _in_colors(image, layers, n_dots, dots, max_ink, white_cutoff, radius_range)
-    coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert)
-    n_dots = _number(n_dots, coverage.size)
+        return _in_colors(image, layers, count, dots, max_ink, white_cutoff, radius_range, tones)
+    coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones)
     coverage *= np.float32(max_ink)
-    layer = place_dots(disk_area(coverage), n_dots if coverage.any() else 0, dots, radius_range)
-    ink, paper = (255, 0) if invert else (0, 255)
-    return _together([layer], [[ink] * 3], ["white" if invert else "black"], [paper] * 3, coverage.shape, max_ink)
+    area = disk_area(count.enlarged(coverage))
+    layer = place_dots(area, count.of(area), dots, radius_range)
+    ink, paper = ([255] * 3, [0] * 3) if invert else ([0] * 3, [255] * 3)
+    about = _Drawn(["white" if invert else "black"], [ink], paper, coverage.shape, max_ink)
+    return _together([layer], about, count.factor)
 
 
 def _in_colors(
     image: Any,
     layers: str | int,
-    n_dots: int | None,
+    count: _Count,
     dots: str,
     max_ink: float,
     white_cutoff: float,
     radius_range: tuple[float, float] | None,
+    tones: str,
 ) -> Stipples:
     """Stipple with several pens."""
     white = [255] * 3
     if isinstance(layers, str):
         check_choice("layers", layers, ("cmyk",))
-        coverages = process_coverages(image, white_cutoff, max_ink)
-        inks = [disk_area(coverage) for coverage in coverages]
-        n_dots = _number(n_dots, inks[0].size)
-        counts = _divide(n_dots, np.array([ink.sum(dtype=np.float64) for ink in inks]))
+        coverages = process_coverages(image, white_cutoff, max_ink, tones)
+        inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
+        counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
         placed = place_pens(inks, counts.tolist(), dots, radius_range)
-        colors, names = list(PROCESS_COLORS.values()), list(PROCESS_COLORS)
-        return _together(placed, colors, names, white, inks[0].shape, max_ink)
+        about = _Drawn(list(PROCESS_COLORS), list(PROCESS_COLORS.values()), white, coverages[0].shape, max_ink)
+        return _together(placed, about, count.factor)
     n_pens = check_count("layers", layers, 64, "or 'cmyk'")
-    coverages, pens = palette_coverages(image, n_pens, white_cutoff)
-    n_dots = _number(n_dots, coverages[0].size)
-    coverages = [coverage * np.float32(max_ink) for coverage in coverages]
+    coverages, pens = palette_coverages(image, n_pens, white_cutoff, tones)
+    size = coverages[0].shape
+    coverages = [count.enlarged(coverage * np.float32(max_ink)) for coverage in coverages]
     total = np.minimum(np.sum(coverages, axis=0, dtype=np.float32), 1)
-    together = place_dots(disk_area(total), n_dots if total.any() else 0, dots, radius_range)
+    area = disk_area(total)
+    together = place_dots(area, count.of(area), dots, radius_range)
     tour = find_tour(together.points) if len(together.points) else np.empty(0, np.intp)
     shared = share_dots(together, coverages, tour)
-    return _together(shared, pens, [f"#{pen.tobytes().hex()}" for pen in pens], white, total.shape, max_ink)
+    about = _Drawn([f"#{pen.tobytes().hex()}" for pen in pens], pens, white, size, max_ink)
+    return _together(shared, about, count.factor)
 
 
-def _number(n_dots: int | None, n_pixels: int) -> int:
-    if n_dots is None:
-        return max(1, min(_USUAL_DOTS, n_pixels // 4))
-    return check_count("n_dots", n_dots, n_pixels, "the number of pixels")
+@dataclass(frozen=True, slots=True)
+class _Count:
+    """How many dots there are to be: their number, or what follows from their diameter; by default the usual one."""
+
+    n_dots: int | None
+    diameter: float | None
+
+    def of(self, area: NDArray[np.float32]) -> int:
+        """Return the number of dots for the area of disks that each pixel asks for, (H, W), or (L, H, W) of pens."""
+        n_pixels = area.shape[-2] * area.shape[-1]
+        if self.n_dots is not None:
+            check_count("n_dots", self.n_dots, n_pixels, "the number of pixels")
+        if not area.any():
+            return 0
+        if self.diameter is None:
+            return self.n_dots or max(1, min(_USUAL_DOTS, n_pixels // 4))
+        return max(1, round(float(area.sum(dtype=np.float64)) / (np.pi / 4 * (self.factor * self.diameter) ** 2)))
+
+    @property
+    def factor(self) -> int:
+        """How much the image is enlarged, so that dots are not smaller than its pixels."""
+        return 1 if self.diameter is None else max(1, math.ceil(_FINEST / self.diameter))
+
+    def enlarged(self, coverage: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Enlarge the coverage (H, W) of each pixel."""
+        if self.factor == 1:
+            return coverage
+        fits = coverage.size * self.factor**2 <= _MOST_PIXELS
+        least = _FINEST / math.isqrt(_MOST_PIXELS // coverage.size)
+        check_that(
+            f"dot_diameter={self.diameter:.3g}", fits, f"be at least {least:.2g} pixels of an image of this size"
+        )
+        return enlarge(coverage, self.factor) * np.float32(self.factor**2)
 
 
 def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -159,10 +220,18 @@ def _check_radii(radius_range: tuple[float, float], dots: str) -> None:
     check_in_range("radius_range", radius_range, ordered, "two finite numbers > 0, the least first")
 
 
-def _together(
-    layers: list[DotLayer], colors: ArrayLike, names: list[str], paper: ArrayLike, size: tuple[int, ...], max_ink: float
-) -> Stipples:
-    """Put layers into one value, and find a tour through each."""
+class _Drawn(NamedTuple):
+    """What `Stipples` says beside its dots."""
+
+    names: list[str]
+    colors: ArrayLike
+    paper: ArrayLike
+    size: tuple[int, ...]
+    max_ink: float
+
+
+def _together(layers: list[DotLayer], about: _Drawn, factor: int) -> Stipples:
+    """Put layers, found on an image enlarged by a factor, into one value, and find a tour through each."""
     counts = [len(layer.points) for layer in layers]
     starts = np.cumsum([0, *counts])
     tours = [find_tour(layer.points) + start for layer, start in zip(layers, starts, strict=False) if len(layer.points)]
@@ -171,16 +240,16 @@ def _together(
         return np.concatenate([getattr(layer, name) for layer in layers])
 
     return Stipples(
-        points=joined("points"),
-        radii=joined("radii"),
-        masses=joined("masses"),
-        weights=joined("weights"),
+        points=joined("points") / factor,
+        radii=joined("radii") / factor,
+        masses=joined("masses") / factor**2,
+        weights=joined("weights") / factor**2,
         layers=np.repeat(np.arange(len(layers), dtype=np.int32), counts),
         order=np.concatenate(tours) if tours else np.empty(0, np.intp),
-        colors=np.asarray(colors, np.uint8),
-        names=tuple(names),
-        paper=np.asarray(paper, np.uint8),
-        size=(size[0], size[1]),
-        max_ink=max_ink,
-        energy=sum(layer.energy for layer in layers),
+        colors=np.asarray(about.colors, np.uint8),
+        names=tuple(about.names),
+        paper=np.asarray(about.paper, np.uint8),
+        size=(about.size[0], about.size[1]),
+        max_ink=about.max_ink,
+        energy=sum(layer.energy for layer in layers) / factor**4,
     )

@@ -25,6 +25,13 @@ TOUCHING = np.pi / np.sqrt(12)
 #: Summed area of the disks of a hexagonal lattice, per area, that leaves no paper between them.
 COVERING = 2 * np.pi / np.sqrt(27)
 _TABLE_SIZE = 4096
+#: Ways to come from an image to the tones of a drawing.
+TONES = ("light", "true")
+#: Shares of the pixels that are darker than black and than white of a light drawing, and the least range of lightness
+#: that is stretched.
+_ENDS, _FLAT = (0.0, 0.98), 0.05
+#: Mean ink of a light drawing at most, and the powers of it that are tried, on so many pixels.
+_LIGHT, _STEEPEST, _POWERS, _ENOUGH = 0.38, 2.0, 21, 1 << 16
 #: Pens of process colors: what each name draws.
 PROCESS_COLORS = {"cyan": (0, 255, 255), "magenta": (255, 0, 255), "yellow": (255, 255, 0), "black": (0, 0, 0)}
 #: Levels of each channel that palettes are mixed for, and sweeps of the search for a mixture.
@@ -94,7 +101,38 @@ def luminance(light: Floats32) -> Floats32:
     return np.minimum(total, 1, out=total)
 
 
-def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False) -> Floats32:
+def light_tones(
+    luminance: Floats32, opacity: Floats32 | None, *, invert: bool = False, colors: bool = False
+) -> Floats32:
+    """Choose white and ink for a light drawing; return the luminance (H, W) that it has.
+
+    Photographs are dark: half of their light is a third of their lightness, which eyes see. So coverage follows
+    lightness, from the lightest parts, which are paper, to the darkest; and where it comes to more than a third of the
+    paper, it is raised to a power, which lightens shades in between and leaves white and black as they are. Inverted,
+    light is the ink; of colors, only white is paper.
+    """
+    counts = slice(None) if opacity is None else opacity > 0.5
+    # CIE lightness, of which the linear part near black would change next to nothing.
+    lightness = np.cbrt(luminance)
+    seen = lightness[counts]
+    if not seen.size:
+        return luminance
+    dark, light = np.quantile(seen, _ENDS)
+    light = 1.0 if colors else light
+    if light - dark < _FLAT:
+        return luminance
+    ink = np.clip((lightness - dark) / (light - dark), 0, 1, dtype=np.float32)
+    if not invert:
+        np.subtract(1, ink, out=ink)
+    powers = np.linspace(1, _STEEPEST, _POWERS)
+    few = ink[counts].ravel()
+    few = few[:: -(-few.size // _ENOUGH)]
+    power = next((power for power in powers if float((few**power).mean()) <= _LIGHT), _STEEPEST)
+    ink **= np.float32(power)
+    return ink if invert else np.subtract(1, ink, out=ink)
+
+
+def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False, tones: str = "true") -> Floats32:
     """Compute the share of each pixel that black ink must cover.
 
     Parameters
@@ -105,6 +143,8 @@ def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False)
         Coverage, in 0..1, below which paper stays white.
     invert : bool
         Light ink on dark paper.
+    tones : {"true", "light"}
+        As for `stipple`.
 
     Returns
     -------
@@ -121,6 +161,8 @@ def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False)
     """
     light, opacity = linear_light(image)
     ink = luminance(light)
+    if tones == "light":
+        ink = light_tones(ink, opacity, invert=invert)
     if not invert:
         np.subtract(1, ink, out=ink)
     return as_coverage(ink, opacity, white_cutoff)
@@ -158,14 +200,14 @@ def disk_area(coverage: Floats32) -> Floats32:
     return areas
 
 
-def process_coverages(image: Any, white_cutoff: float, max_ink: float) -> list[Floats32]:
+def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: str = "true") -> list[Floats32]:
     """Compute the coverage of cyan, magenta, yellow and black, in this order, for tones scaled by `max_ink`.
 
     Black takes all that the three have in common. Ink c and black k leave 1 - c - k + q c k of the light of a channel:
     q is 1 for dots that fall on each other by chance (Demichel), and 0 for dots that never do. Dots here keep apart as
     far as there is room, which black takes: q is k, which drawings bear out.
     """
-    light, opacity = _three_channels(image)
+    light, opacity = _three_channels(image, tones)
     light = 1 - np.float32(max_ink) * (1 - light)
     lightest = light.max(axis=2)
     black = 1 - lightest
@@ -174,12 +216,14 @@ def process_coverages(image: Any, white_cutoff: float, max_ink: float) -> list[F
     return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]
 
 
-def palette_coverages(image: Any, n_pens: int, white_cutoff: float) -> tuple[list[Floats32], NDArray[np.uint8]]:
+def palette_coverages(
+    image: Any, n_pens: int, white_cutoff: float, tones: str = "true"
+) -> tuple[list[Floats32], NDArray[np.uint8]]:
     """Find pens for an image, and the coverage of each where their dots lie side by side on white paper.
 
     The pens are the palette of the image, white being one color more, which the paper has.
     """
-    light, opacity = _three_channels(image)
+    light, opacity = _three_channels(image, tones)
     seen = light if opacity is None else 1 - opacity[:, :, np.newaxis] * (1 - light)
     encoded = from_space(seen.reshape(-1, 3).astype(np.float64), "linear", np.dtype(np.float32))
     steps = np.rint(encoded * (_LEVELS - 1)).astype(np.int64)
@@ -197,8 +241,17 @@ def palette_coverages(image: Any, n_pens: int, white_cutoff: float) -> tuple[lis
     return [as_coverage(ink, None, white_cutoff) for ink in inks], np.ascontiguousarray(pens[:, :3])
 
 
-def _three_channels(image: Any) -> tuple[Floats32, Floats32 | None]:
+def _three_channels(image: Any, tones: str) -> tuple[Floats32, Floats32 | None]:
     light, opacity = linear_light(image)
+    if tones == "light":
+        before = luminance(light)
+        after = light_tones(before, opacity, colors=True)
+        apart = light - before[:, :, np.newaxis]
+        # As colorful as before, as far as no channel is lighter than paper.
+        least = np.float32(1e-6)
+        most = (1 - after) / np.maximum(apart.max(axis=2), least)
+        apart *= np.minimum(after / np.maximum(before, least), most)[:, :, np.newaxis]
+        light = np.clip(after[:, :, np.newaxis] + apart, 0, 1)
     return np.repeat(light, 3, axis=2) if light.shape[2] == 1 else light, opacity
 
 

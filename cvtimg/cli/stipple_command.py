@@ -8,7 +8,7 @@ from cvtimg.options.record import Given
 
 EXAMPLES = """\
   cvtimg stipple portrait.jpg -n 20000 -o portrait.svg
-  cvtimg stipple photo.jpg -n 30000 --dots equal-mass --marks lines -o a.svg
+  cvtimg stipple photo.jpg --pen 0.4mm --width 200mm --marks points -o a.svg
   cvtimg stipple photo.jpg -n 8000 --dots sized --radius-range 0.5 4 -o a.png
   cvtimg stipple photo.jpg -n 60000 --layers cmyk -o pens.svg
   cvtimg stipple logo.png -n 3000 --invert --cells cells.geojson -o dots.csv
@@ -20,8 +20,8 @@ COLUMNS = ("input", "n", "radius", "max_ink", "energy", "seconds", "output")
 def stipple(given: Given) -> int:
     """Reproduce the tones of images by dots.
 
-    Coverage is computed in linear light, so that the drawing is as bright as the image, scaled by --max-ink.
-    Transparent pixels are paper, and no dot lies in white.
+    Drawings are light; with --tones true, they are as bright as the image from afar, scaled by --max-ink. Transparent
+    pixels are paper, and no dot lies in white.
 
     The suffix of -o picks the format: .svg in millimeters with a layer for each pen, .png and other images, .csv, .npy
     or .npz. Without -o and --out-dir, one input gives NAME-stippled.svg beside it; with --out-dir each gives NAME.svg.
@@ -38,9 +38,15 @@ def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
     image = cvtimg.read_image(task.source)
     stopwatch.lap("read")
-    result = cvtimg.stipple(image, given.number, **given.arguments)
+    diameter = given.pen and given.pen / given.width * image.shape[1]
+    result = cvtimg.stipple(image, given.number, **given.arguments | {"dot_diameter": diameter})
     stopwatch.lap("stipple")
-    drawing = {"width": given.width, "marks": given.marks, "pen_width": given.pen_width, "tour": given.order == "tour"}
+    drawing = {
+        "width": given.width,
+        "marks": given.marks,
+        "pen_width": given.pen or given.pen_width,
+        "tour": given.order == "tour",
+    }
     result.save(task.output, **drawing, overwrite=given.overwrite)
     if "--cells" in task.outputs:
         result.save_cells(task.outputs["--cells"], width=given.width, overwrite=given.overwrite)

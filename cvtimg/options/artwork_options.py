@@ -51,6 +51,14 @@ STIPPLE = (
         "Number of dots; by default 20000, or a quarter of the pixels of small images.",
         "--dot-count -n",
     ).on_page("Dots", slider=(100, 100_000), log=True, most=10**6, default="auto"),
+    Option(
+        "pen",
+        Text(_length),
+        "Width of a pen, such as 0.4mm: dots are as wide, and as many as the ink takes on a drawing of --width.",
+        metavar="LENGTH",
+        excludes=("number", "pen_width", "radius_range", "dots=sized"),
+        keyword="dot_diameter",
+    ).on_page("Pen", slider=(0.1, 2), step=0.05, unit="mm", suffix="mm", least=0.05, most=10, default=0.4),
     common.output(common.IMAGE_OUTPUT, _dots, standard=".png"),
     common.OUT_DIR,
     passed(
@@ -79,6 +87,12 @@ STIPPLE = (
         metavar="cmyk|K",
         excludes=("invert",),
     ),
+    passed(
+        "tones",
+        Choice(("light", "true"), {"light": "light drawing", "true": "as bright as the image"}),
+        "light: tones follow lightness, and much ink is thinned; true: as bright as the image, seen from afar.",
+        default="light",
+    ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
     Option(
         "width",

@@ -11,7 +11,6 @@ from PIL import Image, ImageDraw
 from skimage import data
 
 import cvtimg
-from cvtimg.artwork import ink_coverage
 from cvtimg.plotting import Panel, contact_sheet
 
 # %%
@@ -24,10 +23,8 @@ portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
 # As many dots as the pen needs for the ink of the image.
 
 PEN, WIDTH, MAX_INK = 0.7, 120, 0.7  # mm, mm, and the share of the paper that black covers
-ink = ink_coverage(portrait)
-pixel = WIDTH / ink.shape[1]
-n_dots = round(MAX_INK * ink.sum() * pixel**2 / (np.pi * (PEN / 2) ** 2))
-dots = cvtimg.stipple(portrait, n_dots, dots="equal-mass", max_ink=MAX_INK)
+diameter = PEN / WIDTH * portrait.shape[1]
+dots = cvtimg.stipple(portrait, dot_diameter=diameter, dots="equal-mass", max_ink=MAX_INK)
 pens = cvtimg.stipple(portrait, 12_000, layers="cmyk", max_ink=MAX_INK)
 
 # %%
@@ -41,7 +38,7 @@ detail = np.s_[SCALE * 80 : SCALE * 140, SCALE * 82 : SCALE * 142]
 sheet = contact_sheet(
     [
         [
-            Panel(dots.draw(scale=PANEL / 250), (f"{n_dots:,} dots of 0.7 mm on 120 mm",)),
+            Panel(dots.draw(scale=PANEL / 250), (f"{len(dots):,} dots of 0.7 mm on 120 mm",)),
             Panel(dots.draw(scale=SCALE)[detail], ("a detail, 29 mm wide",)),
         ],
         [

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -29,7 +31,7 @@ def tone_error(result: Stipples, coverage: np.ndarray, fine: int = 5) -> float:
 
 @pytest.mark.parametrize("dots", DOTS)
 def test_the_ink_of_dots_adds_up_to_the_tones(dots: str) -> None:
-    result = stipple(PHOTO, 3000, dots=dots, max_ink=0.6)
+    result = stipple(PHOTO, 3000, dots=dots, max_ink=0.6, tones="true")
     coverage = 0.6 * ink_coverage(PHOTO)
     assert len(result) == 3000
     assert np.pi * (result.radii**2).sum() == pytest.approx(coverage.sum(), rel=2e-3)
@@ -42,7 +44,7 @@ def test_dots_of_density_1_minus_gray_would_miss_the_tones() -> None:
     coverage = ink_coverage(RAMP) * np.float32(0.6)
     thirds = np.array_split(coverage.sum(axis=0), 4)
     wanted = np.array([third.sum() for third in thirds]) / coverage.sum()
-    result = stipple(RAMP, 2000, max_ink=0.6)
+    result = stipple(RAMP, 2000, max_ink=0.6, tones="true")
     found = np.histogram(result.points[:, 0], 4, (0, 160))[0] / 2000
     assert np.abs(found - wanted).max() < 0.01
 
@@ -57,14 +59,14 @@ def test_equal_masses_are_equal() -> None:
 
 @pytest.mark.parametrize("n_dots", [300, 1000, pytest.param(3000, marks=pytest.mark.slow)])
 def test_masses_are_equal_where_light_lies_beside_dark(n_dots: int) -> None:
-    masses = stipple(STRIPES, n_dots, dots="equal-mass").masses
+    masses = stipple(STRIPES, n_dots, dots="equal-mass", tones="true").masses
     assert masses.std() < 0.03 * masses.mean()
 
 
 def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:
     coverage = np.float32(0.6) * ink_coverage(STRIPES)
     light = coverage[0] < 0.3
-    result = stipple(STRIPES, 1000, max_ink=0.6)
+    result = stipple(STRIPES, 1000, max_ink=0.6, tones="true")
 
     def lightness(points: np.ndarray) -> float:
         drawn = draw_dots(points, result.radii, STRIPES.shape, 5).reshape(160, 5, 160, 5).mean(axis=(1, 3))
@@ -131,7 +133,7 @@ def test_pens_have_the_ink_of_their_colors_where_it_is() -> None:
 def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> None:
     blue = np.full((90, 140, 3), 255, np.uint8)
     blue[:, :, 0] = blue[:, :, 1] = np.linspace(60, 220, 140).astype(np.uint8)  # cyan and magenta alike
-    result = stipple(blue, 1500, layers="cmyk", dots=dots, max_ink=0.5)
+    result = stipple(blue, 1500, layers="cmyk", dots=dots, max_ink=0.5, tones="true")
     inks = process_coverages(blue, 0.0, 0.5)
     alone = [place_dots(ink, int((result.layers == pen).sum()), dots, None) for pen, ink in enumerate(inks)]
     cyan, magenta = (result.points[result.layers == pen] for pen in (0, 1))
@@ -148,7 +150,7 @@ def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> No
 
 def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
     brown = np.tile(np.linspace((90, 50, 20), (230, 190, 150), 150).astype(np.uint8), (80, 1, 1))
-    drawn = stipple(brown, 4000, layers="cmyk", max_ink=0.6).draw(scale=5)
+    drawn = stipple(brown, 4000, layers="cmyk", max_ink=0.6, tones="true").draw(scale=5)
     light, wanted = (to_space(pixels.reshape(-1, 3), "linear").mean(axis=0) for pixels in (drawn, brown))
     assert light == pytest.approx(1 - 0.6 * (1 - wanted), abs=0.015)
 
@@ -174,7 +176,7 @@ def test_cells_fill_the_image() -> None:
 
 
 def test_the_drawing_has_the_light_of_the_image() -> None:
-    result = stipple(RAMP, 1500, dots="sized", max_ink=0.6)
+    result = stipple(RAMP, 1500, dots="sized", max_ink=0.6, tones="true")
     drawn = 1 - ink_coverage(result.draw(scale=4))
     assert drawn.mean() == pytest.approx(1 - 0.6 * ink_coverage(RAMP).mean(), abs=0.01)
 
@@ -194,3 +196,49 @@ def test_the_drawing_has_the_light_of_the_image() -> None:
 def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         stipple(RAMP, **options)  # type: ignore[arg-type]
+
+
+def test_a_light_drawing_keeps_the_order_of_tones_and_covers_a_third_at_most() -> None:
+    light = ink_coverage(PHOTO, tones="light")
+    true = ink_coverage(PHOTO)
+    assert light.mean() <= 0.38 < true.mean()
+    order = np.argsort(true, axis=None)
+    assert (np.diff(light.ravel()[order]) <= 1e-5).all() or (np.diff(light.ravel()[order]) >= -1e-5).all()
+    assert light.max() == 1
+    assert (light == 0).mean() == pytest.approx(0.02, abs=0.02)
+
+
+def test_images_of_one_tone_keep_it() -> None:
+    gray = np.full((8, 9), 180, np.uint8)
+    np.testing.assert_array_equal(ink_coverage(gray, tones="light"), ink_coverage(gray))
+
+
+def test_a_drawing_of_nothing_has_no_dots() -> None:
+    assert not stipple(np.zeros((4, 5, 4), np.uint8), 5).ink
+
+
+def test_dots_are_as_wide_as_the_pen_and_as_many_as_the_ink_takes() -> None:
+    for dots in ("equal", "equal-mass"):
+        result = stipple(RAMP, dot_diameter=2.5, dots=dots)
+        np.testing.assert_allclose(2 * result.radii, 2.5, rtol=2e-3)
+    finer = stipple(RAMP[:40], dot_diameter=0.5)  # finer than pixels
+    np.testing.assert_allclose(2 * finer.radii, 0.5, rtol=2e-3)
+    assert finer.ink == pytest.approx(result.ink, rel=0.02)
+    assert finer.points.max(axis=0) == pytest.approx([155, 40], abs=5)
+    pens = stipple(RAMP, dot_diameter=2.5, layers="cmyk")
+    np.testing.assert_allclose(2 * pens.radii[pens.layers == 3], 2.5, rtol=5e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"dot_diameter": 0.001}, r"dot_diameter=0.001 must be at least 0.\d+ pixels"),
+        ({"dot_diameter": -1}, "dot_diameter"),
+        ({"dot_diameter": 2, "n_dots": 50}, "dot_diameter takes no n_dots"),
+        ({"dot_diameter": 2, "dots": "sized"}, "dots of one size"),
+        ({"tones": "dark"}, "tones"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        stipple(RAMP, **options)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from cvtimg.artwork import Stipples
-from cvtimg.explore.calls import Call, literal
+from cvtimg.explore.calls import Call, Named, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
@@ -42,11 +42,14 @@ class StippleTab(Tab):
     verb = "stipple"
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
-        ("number", {"name": "n_dots", "always": False}),
+        Choice(name="by", label="Dots by", default="n", choices={"n": "their number", "pen": "the width of the pen"}),
+        ("number", {"name": "n_dots", "always": False, "when": {"by": ["n"]}}),
+        ("pen", {"when": {"by": ["pen"]}, "always": True, "keyword": ""}),
         "dots",
         Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
         _radius("least", "Least radius", 0.5, 10),
         _radius("greatest", "Greatest radius", 4.0, 20),
+        "tones",
         "max_ink",
         "white_cutoff",
         Choice(
@@ -61,13 +64,13 @@ class StippleTab(Tab):
         ("invert", {"when": {"layers": ["one"]}}),
         "marks",
         "width",
-        ("pen_width", {"always": False}),
+        ("pen_width", {"always": False, "when": {"by": ["n"]}}),
         "order",
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the drawing for plotters, pixels, and tables."""
-        drawing = _drawing(request.settings)
+        drawing = _drawing(self, request.settings)
         more = "".join(f", {name}={literal(value)}" for name, value in drawing.items())
         write, lines = partial(_save, drawing=drawing), f"result.save({{}}{more})"
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV", ".npy": "Dots, NumPy"}
@@ -75,7 +78,7 @@ class StippleTab(Tab):
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        settings, call = request.settings, _call(self, request.settings)
+        settings, call = request.settings, _call(self, request)
         words = []
         if "least" in self.in_effect(settings):
             words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
@@ -85,7 +88,7 @@ class StippleTab(Tab):
 
     def exact(self, request: Request) -> Outcome:
         """Place the dots."""
-        result: Stipples = _call(self, request.settings).run(request.picture.array)
+        result: Stipples = _call(self, request).run(request.picture.array)
         outputs = self.outputs(request)
         svg = written_as("drawing.svg", lambda path: outputs[0].write(result, path))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
@@ -95,19 +98,28 @@ class StippleTab(Tab):
         return Outcome(result, Drawing(svg), facts, outputs, request.picture.stem)
 
 
-def _call(tab: StippleTab, settings: Settings) -> Call:
+def _call(tab: StippleTab, request: Request) -> Call:
+    settings = request.settings
     keywords = tab.keywords(settings)
+    if settings["by"] == "pen":
+        pen, width = settings["pen"], settings["width"]
+        text = f"{literal(pen)} / {literal(width)} * image.shape[1]"
+        keywords["dot_diameter"] = Named(text, pen / width * request.picture.size[1])
     if "least" in tab.in_effect(settings):
         keywords["radius_range"] = (settings["least"], settings["greatest"])
     if settings["layers"] != "one":
         keywords["layers"] = "cmyk" if settings["layers"] == "cmyk" else settings["pens"]
-    number = () if settings["n_dots"] == "auto" else (settings["n_dots"],)
+    has_number = settings["by"] == "n" and settings["n_dots"] != "auto"
+    number = (settings["n_dots"],) if has_number else ()
     return Call("stipple", number, keywords)
 
 
-def _drawing(settings: Settings) -> dict[str, Any]:
+def _drawing(tab: StippleTab, settings: Settings) -> dict[str, Any]:
     """Return the options of `Stipples.save` that are not the default."""
-    changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual}
+    there = {*tab.in_effect(settings)}
+    changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual and name in there}
+    if settings["by"] == "pen":
+        changed["pen_width"] = settings["pen"]
     if changed.pop("order", "tour") == "none":
         changed["tour"] = False
     return changed
