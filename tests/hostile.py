@@ -352,8 +352,11 @@ def compare(out: Path, row: dict[str, Any]) -> str:
     """Compare the image written with what the command says of it, by other readers."""
     shape: tuple[int, ...] = (row["height"], row["width"])
     if out.suffix == ".tif":
-        image = tifffile.imread(out)
-        pages = (row["pages"],) if "pages" in row else ()
+        with tifffile.TiffFile(out) as tiff:
+            image, axes = tiff.asarray(), tiff.series[0].axes
+        if "C" in axes:  # channels belong to the pixel
+            image = np.moveaxis(image, axes.index("C"), -1)
+        pages = (row["pages"],) if row.get("pages", 1) > 1 or image.ndim > 2 + ("C" in axes or "S" in axes) else ()
         bands = image.shape[-1:] if image.ndim > len(pages + shape) else ()
         shape, found = (*pages, *shape, *bands), image.shape
         rows = image.reshape(image.size // (bands or (1,))[0], -1)

@@ -23,7 +23,16 @@ from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import dpi_of
-from cvtimg.pictures.formats.opening import Source, UnfitContentError, check_size, open_picture, reading, selected
+from cvtimg.pictures.formats.ngff import NgffImage, is_ngff
+from cvtimg.pictures.formats.opening import (
+    Source,
+    UnfitContentError,
+    check_size,
+    named,
+    open_picture,
+    reading,
+    selected,
+)
 from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import (
     Layout,
@@ -157,6 +166,8 @@ def count_pages(path: Source) -> int:
     ...     count_pages(f"{folder}/a.tif")
     3
     """
+    if is_ngff(path):
+        return math.prod(NgffImage.open(path).stack.shape)
     if isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr":
         return 1
     with reading(path) as file:
@@ -169,8 +180,8 @@ def read_pages(path: Source) -> Pages:
     Parameters
     ----------
     path : str or path-like
-        A multi-page TIFF: plain, ImageJ or OME; or a FITS cube, whose planes are pages. Any other image is read as one
-        page.
+        A multi-page TIFF: plain, ImageJ or OME; an OME-Zarr image; or a FITS cube, whose planes are pages. Any other
+        image is read as one page.
 
     Returns
     -------
@@ -195,8 +206,20 @@ def read_pages(path: Source) -> Pages:
     ...     read_pages(f"{folder}/a.tif")
     <Pages Q (3,) of (4, 5) uint8>
     """
+    if is_ngff(path):
+        with named(path):
+            return _of_ngff(NgffImage.open(path))
     with reading(path) as file:
         return _decode(file)
+
+
+def _of_ngff(image: NgffImage) -> Pages:
+    """Read the pages of an image of OME-Zarr that are chosen."""
+    chosen = selected()
+    stack, images = image.pages(chosen)
+    size = chosen.pixel_size or image.pixel_size
+    scale = size.scale("ome") if size else {}
+    return Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), "ome", scale, channels=stack.channels)
 
 
 def write_pages(
@@ -309,7 +332,11 @@ def _decode_all(file: BinaryIO) -> Pages:
 
 def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:
     """Decode one page, from 1, of a file that may have several; None for the only one that is chosen."""
-    pages = _decode(file)
+    return one_page(_decode(file), page)
+
+
+def one_page(pages: Pages, page: int | None) -> NDArray[Any]:
+    """Return one page, from 1, or the only one."""
     n_pages = len(pages.images)
     if page is None and n_pages > 1:
         lengths = " x ".join(map(str, pages.shape))

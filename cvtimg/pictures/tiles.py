@@ -21,6 +21,7 @@ from cvtimg._shared.threads import n_threads
 from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
+from cvtimg.pictures.formats.ngff import is_ngff
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
@@ -170,8 +171,10 @@ def write_bands(
 
 
 def needs_tiles(source: StrPath, target: StrPath) -> bool:
-    """Return whether to process an image in tiles: if it is large or a Zarr array."""
+    """Return whether to process an image in tiles: if it is large or a Zarr array, but not one of OME-Zarr."""
     suffixes = {Path(path).suffix.lower() for path in (source, target)}
+    if is_ngff(source) and Path(target).suffix.lower() != ".zarr":
+        return False
     if ".zarr" in suffixes:
         return True
     if not suffixes <= {".tif", ".tiff"}:

@@ -10,10 +10,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
+from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, named_planes, npy_header
 from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
+from cvtimg.pictures.formats.ngff import NgffImage
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import (
@@ -90,12 +92,26 @@ class ImageInfo:
     @property
     def has_pages(self) -> bool:
         """Whether the file has several pages; frames of an animation are none."""
-        return self.format in ("TIFF", "FITS", "NPY") and self.frames > 1
+        return self.format in ("TIFF", "FITS", "NPY", "OME-Zarr") and self.frames > 1
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
     """Read the header of an open file, as `image_info` does; a page that is chosen is alone."""
-    header, chosen = _read(file), selected()
+    return _chosen(_read(file))
+
+
+def read_ngff(path: StrPath) -> ImageInfo:
+    """Describe an image of OME-Zarr."""
+    image = NgffImage.open(path)
+    header = replace(_of_array(image.array.shape[-2:], 1, np.dtype(image.array.dtype)), format="OME-Zarr")
+    stack = image.stack
+    about: dict[str, Any] = {"shape": stack.shape, "channels": stack.channels, "frames": math.prod(stack.shape)}
+    return _chosen(replace(header, axes=image.letters, pixel_size=image.pixel_size, **about))
+
+
+def _chosen(header: ImageInfo) -> ImageInfo:
+    """Describe what is chosen."""
+    chosen = selected()
     if chosen.channel is not None and "C" not in (chosen.axes or header.axes):
         band = header.bands[place_of(chosen.channel, len(header.bands), header.bands, "channel")]
         header = replace(header, bands=(band,), has_alpha=False)

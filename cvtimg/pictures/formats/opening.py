@@ -82,12 +82,18 @@ Source: TypeAlias = StrPath | bytes | bytearray | memoryview | BinaryIO
 @contextmanager
 def reading(source: Source) -> Iterator[BinaryIO]:
     """Open a source for reading an image; any error in the block becomes an `OSError` that names the source."""
-    path = name_of(source)
     if not isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) and not hasattr(source, "read"):
         raise TypeError(f"source of type {type(source).__name__} must be a path, bytes or a binary file")
+    with named(source), _QUIET, _opened(source) as file:
+        yield file
+
+
+@contextmanager
+def named(source: Source) -> Iterator[None]:
+    """Name a source in errors: any in the block becomes an `OSError`."""
+    path = name_of(source)
     try:
-        with _QUIET, _opened(source) as file:
-            yield file
+        yield
     # For damaged files Pillow and tifffile raise many kinds of errors: SyntaxError, struct.error,
     # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
     except Exception as error:

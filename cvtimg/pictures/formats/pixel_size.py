@@ -13,6 +13,7 @@ __all__ = ["PixelSize"]
 _MICROMETER = "um"
 #: Other ways to write units.
 _UNITS = dict.fromkeys(("\u00b5m", "\u03bcm", "\\u00B5m", "micron", "microns", "micrometer"), _MICROMETER)
+_UNITS |= {"nanometer": "nm", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
 _NUMBER = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)"
 _SIZE = re.compile(rf"{_NUMBER}(?:x{_NUMBER}(?:x{_NUMBER})?)?\s*([^\W\d_]+)", re.IGNORECASE)
 
@@ -68,6 +69,11 @@ class PixelSize:
             across, down = (_positive(value) for value in scale.get("resolution", (None, None)))
             x, y, z = across and 1 / across, down and 1 / down, _positive(scale.get("spacing"))
             unit = str(scale.get("unit", ""))
+        return cls.named(x, y, unit, z)
+
+    @classmethod
+    def named(cls, x: float | None, y: float | None, unit: str, z: float | None = None) -> PixelSize | None:
+        """Return the size by the usual name of its unit; None without one."""
         unit = _UNITS.get(unit, unit)
         return cls(x, y, unit, z) if x and y and unit not in ("", "pixel", "pixels") else None
 
