@@ -37,7 +37,7 @@ __all__ = ["Channel"]
 _PATIENCE = 0.2
 #: Pixels that are sent at most of a result.
 EXACT_PIXELS = 1 << 23
-_LONGEST = 1 << 16
+_LONGEST = 1 << 19
 
 
 T = TypeVar("T")

@@ -94,7 +94,7 @@ QUANTIZE = (
         needs=("palette",),
         excludes=("number", "space", "goal=eyes", "quality", "dither=compact", "shared_palette"),
         keyword="ramp",
-    ),
+    ).on_page("By lightness", "Use all colors, for tones of one color, as those of game-boy."),
     _LOCK,
     passed(
         "color_bits",

@@ -61,7 +61,8 @@ export class Globe {
 
 	drawBase(context, width, height) {
 		const {x, y, r} = this.disk, [right, up, toward] = this.axes;
-		const step = Math.max(1, Math.sqrt(width * height / MOST_BASE)), w = Math.ceil(width / step), h = Math.ceil(height / step);
+		const most = this.held ? MOST_BASE / 4 : MOST_BASE; // coarser while it turns
+		const step = Math.max(1, Math.sqrt(width * height / most)), w = Math.ceil(width / step), h = Math.ceil(height / step);
 		Object.assign(this.base, {width: w, height: h});
 		const own = this.base.getContext("2d"), image = own.createImageData(w, h), out = image.data, {land} = this;
 		for (let j = 0, at = 0; j < h; j++) {

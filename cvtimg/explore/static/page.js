@@ -54,7 +54,10 @@ function back() {
 function keep() {
 	if (!state.keep) return;
 	const {tab, settings, palettes, pictures, picture} = state;
-	sessionStorage.page = JSON.stringify({tab, settings, palettes, past, future, pictures: pictures.map(one => one.id), shown: picture?.id});
+	const now = {tab, settings, palettes, past, future, pictures: pictures.map(one => one.id), shown: picture?.id};
+	try { sessionStorage.page = JSON.stringify(now); } catch { // many strokes: without steps back
+		try { sessionStorage.page = JSON.stringify({...now, past: [], future: []}); } catch { delete sessionStorage.page; }
+	}
 }
 
 async function found() {

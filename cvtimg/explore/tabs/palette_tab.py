@@ -98,7 +98,7 @@ class PaletteTab(Tab):
             ),
             Swatches(name="colors", label="Colors", when={"start": ["hand"]}),
         ),
-        *controls_of("quantize", ("dither", {"when": _GIVEN})),
+        *controls_of("quantize", ("ramp", {"when": _GIVEN}), ("dither", {"when": _GIVEN})),
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -153,7 +153,7 @@ class PaletteTab(Tab):
         settings, picture = request.settings, request.picture
         space: SpaceName = {"image": settings["space"], "main": "oklab"}.get(settings["start"], "rgb")
         if not _is_found(settings):
-            if settings["dither"] != "none":
+            if settings["dither"] != "none" or settings["ramp"]:
                 return None
             colors = to_depth(_given(request)[1], picture.array.dtype)
         else:
