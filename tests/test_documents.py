@@ -210,7 +210,10 @@ def test_the_extra_all_holds_every_optional_part() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     named = re.fullmatch(r"cvtimg\[(.*)\]", *extras["all"])
     assert named
-    assert set(named[1].split(",")) == set(extras) - {"all", "bench", "docs", "lint", "test"}
+    optional = set(extras) - {"all", "bench", "docs", "lint", "test"}
+    assert set(named[1].split(",")) == optional
+    page = (ROOT / "docs" / "installation.md").read_text()
+    assert set(re.findall(r"^\| `(\w+)` \|", page, flags=re.MULTILINE)) == optional
 
 
 def test_the_recipe_for_conda_has_the_dependencies_and_the_version_of_the_project() -> None:
@@ -223,3 +226,4 @@ def test_the_recipe_for_conda_has_the_dependencies_and_the_version_of_the_projec
     assert version
     assert f"  version: {version[1]}\n" in recipe
     assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"version = {{{version[1]}}}" in (ROOT / "docs" / "citing.md").read_text()
