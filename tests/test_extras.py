@@ -26,6 +26,7 @@ OPTIONAL = (
     *(
         "numexpr",
         "oxipng",
+        "psutil",
         "pyarrow",
         "pymetis",
         "pythoncdt",

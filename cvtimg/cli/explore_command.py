@@ -25,7 +25,7 @@ def explore(given: Given) -> int:
     """
     from cvtimg import find_images
 
-    for name in ("starlette", "uvicorn", "websockets"):
+    for name in ("starlette", "uvicorn", "websockets", "psutil"):
         if find_spec(name) is None:
             raise WrongUsageError(f"explore needs {needs(name, 'explore')}")
     paths: list[Path] = []

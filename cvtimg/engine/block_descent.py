@@ -43,6 +43,8 @@ _CHECKPOINT = "checkpoint"
 _SAMPLE_ROWS = 1 << 20
 _SAMPLE_VALUES = 1 << 25
 _ROWS_PER_GENERATOR = 64
+#: Random numbers that are drawn together, whichever of them are needed.
+_PAGE = 1 << 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,10 +150,7 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     lengths = blocks.lengths or over_blocks(blocks, _length, _chained)
     check_count("n_generators", n_generators, sum(lengths), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
-    # Cumulative, so that the shares of the blocks add up.
-    ends = np.cumsum([0, *lengths])
-    shares = np.diff(np.rint(ends * min(1.0, most / ends[-1])).astype(np.int64))
-    found = over_blocks(blocks, _survey_block, Survey.total, int(rng.integers(1 << 62)), shares)
+    found = over_blocks(blocks, _survey_block, Survey.total, int(rng.integers(1 << 62)), np.cumsum([0, *lengths]), most)
     check_that("density", found.mass > 0, "not be 0 for all samples")
     return found
 
@@ -239,7 +238,7 @@ def _added(parts: Sequence[float]) -> float:
     return sum(parts)
 
 
-def _survey_block(block: Block, seed: int, shares: NDArray[np.int64]) -> Survey:
+def _survey_block(block: Block, seed: int, ends: NDArray[np.int64], most: int) -> Survey:
     n_rows, n_dims = block.rows.shape
     mass, sums = 0.0, np.zeros(n_dims)
     low, high = np.full(n_dims, np.inf), np.full(n_dims, -np.inf)
@@ -248,12 +247,27 @@ def _survey_block(block: Block, seed: int, shares: NDArray[np.int64]) -> Survey:
         sums += np.einsum("n,nd->d", weights, rows)
         low, high = np.minimum(low, rows.min(axis=0)), np.maximum(high, rows.max(axis=0))
     members = np.arange(n_rows) if block.weights is None else np.flatnonzero(block.weights)
-    share = int(shares[block.number])
-    if share < len(members):
-        rng = np.random.default_rng([seed, block.number])
-        members = members[np.sort(rng.choice(len(members), share, replace=False))]
+    if len(members) and most < ends[-1]:
+        start = int(ends[block.number])
+        drawn = drawn_rows(int(ends[-1]), most, start, start + n_rows, seed) - start
+        # In place of a row without weight, the next that has some.
+        members = members[np.unique(np.minimum(np.searchsorted(members, drawn), len(members) - 1))]
     weights = np.ones(len(members)) if block.weights is None else block.weights[members].astype(np.float64)
     return Survey(np.array([n_rows]), mass, sums, low, high, as_samples("samples", block.rows[members]), weights)
+
+
+def drawn_rows(n_rows: int, most: int, start: int, stop: int, seed: int) -> NDArray[np.int64]:
+    """Draw one of each `most` equal parts of all rows, and return those in start..stop - 1.
+
+    So the sample is the same for any blocks of the same rows.
+    """
+    first, last = max(start * most // n_rows - 1, 0), min(stop * most // n_rows + 2, most)
+    pages = range(first // _PAGE, -(-last // _PAGE))
+    places = np.concatenate([np.random.default_rng([seed, page]).random(_PAGE) for page in pages])
+    parts = np.arange(first, last)
+    begins, ends = parts * n_rows // most, (parts + 1) * n_rows // most
+    rows = begins + (places[parts - pages.start * _PAGE] * (ends - begins)).astype(np.int64)
+    return rows[(rows >= start) & (rows < stop)]
 
 
 def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> BlockMoments:

@@ -22,6 +22,7 @@ from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
+from cvtimg.explore.opened import most_pixels
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
@@ -59,6 +60,7 @@ class Server:
             Route("/picture/{key}", self._describe_picture),
             Route("/palette", self._open_palette, methods=["POST"]),
             Route("/sample", self._open_sample, methods=["POST"]),
+            Route("/forget", self._forget, methods=["POST"]),
             Route("/given/{number:int}", self._open_given, methods=["POST"]),
             Route("/curve/{picture}/{space}", self._curve),
             Route("/file/{result}/{output}", self._file),
@@ -95,6 +97,8 @@ class Server:
                 "tabs": [tab.described() for tab in TABS.values()],
                 "given": given,
                 "keep": self._keep,
+                "megapixels": most_pixels() // 10**6,
+                "megabytes": MOST_BYTES // 10**6,
                 "palettes": palettes,
             }
         )
@@ -131,6 +135,10 @@ class Server:
 
     async def _open_sample(self, request: Request) -> Response:
         return await _answered(lambda: self.store.open_sent("sample.png", _sample()).described())
+
+    async def _forget(self, request: Request) -> Response:
+        self.store.forget()
+        return JSONResponse({})
 
     async def _curve(self, request: Request) -> Response:
         key, space = request.path_params["picture"], request.path_params["space"]
@@ -170,6 +178,8 @@ class Server:
         finally:
             self._n_pages -= 1
             self._used()
+            if not self._keep and not self._n_pages:
+                self.store.forget()
 
 
 def _sample() -> bytes:

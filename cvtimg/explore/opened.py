@@ -29,10 +29,12 @@ from cvtimg.pictures.frames import ANIMATED
 from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.showing import natural_limits, shown
 
-__all__ = ["MOST_PIXELS", "Picture"]
+__all__ = ["MOST_PIXELS", "Picture", "most_pixels"]
 
 #: Largest picture; its header is checked before pixels are decoded.
 MOST_PIXELS = 1 << 27
+#: Bytes that a pixel takes, with its colors, their sorting, and a result.
+_BYTES = 48
 #: Length of the energy curve, and pixels of the picture in a small size, which searches for drafts use.
 N_CURVE = 64
 SMALL = 1 << 18
@@ -40,6 +42,14 @@ SMALL = 1 << 18
 _KEPT = 4
 #: Temporary folders begin so, and go on with the number of the process.
 FOLDERS = "cvtimg-explore-"
+
+
+def most_pixels() -> int:
+    """Return how many pixels a picture may have: as many as free memory holds with what is computed of them."""
+    import psutil
+
+    free: int = psutil.virtual_memory().available
+    return min(MOST_PIXELS, free // _BYTES)
 
 
 class Picture:
@@ -51,10 +61,11 @@ class Picture:
         if header.frames > 1 and header.format not in ANIMATED:
             said = f"{name} is a file of {header.frames} images; the page shows single images and animations"
             raise UnfitRequestError(f"{said}. Use the command line for all of them, or save one")
-        if (n_pixels := header.width * header.height) > MOST_PIXELS:
-            raise UnfitRequestError(f"{name} has {n_pixels} pixels; the page takes up to {MOST_PIXELS}")
-        if header.frames > 1 and (n_pixels := header.frames * n_pixels) > MOST_PIXELS:
-            raise UnfitRequestError(f"{name} has {n_pixels} pixels in all frames; the page takes up to {MOST_PIXELS}")
+        n_pixels, most = header.width * header.height * header.frames, most_pixels()
+        if n_pixels > most:
+            inside = " in all frames" if header.frames > 1 else ""
+            said = f"{name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory allows"
+            raise UnfitRequestError(f"{said}. Use the command line, which has --max-pixels, or a smaller image")
         self.frames = read_frames(path) if header.frames > 1 else None
         self.animation: Picture | None = None  # of which this is a frame
         self.array = self.frames.images[0] if self.frames else read_image(path)

@@ -60,6 +60,14 @@ class Store:
             picture.close()
         self._folder.cleanup()
 
+    def forget(self) -> None:
+        """Forget all that was opened and made; files of the command line can be opened again."""
+        with self._lock:
+            for kept in (self._pictures, self._palettes, self._results):
+                kept.clear()
+            for file in Path(self._folder.name).iterdir():
+                file.unlink()
+
     def open_file(self, path: Path) -> Picture:
         """Open a picture of the command line; pages share it."""
         same = (picture for picture in list(self._pictures.values()) if picture.path == path)

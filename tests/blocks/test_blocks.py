@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -386,3 +387,30 @@ def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"checkpoint=.* must be a file that an earlier run saved"):
         tessellate(blocks(), 3, checkpoint=path)
     assert path.read_bytes() == b"other"
+
+
+def test_equal_rows_give_the_same_from_any_file_in_any_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    zarr, pyarrow = pytest.importorskip("zarr"), pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(block_descent, "_SAMPLE_ROWS", 2000)
+    rng = np.random.default_rng(3)
+    rows = (rng.normal(size=(9000, 2)) + rng.integers(0, 6, (9000, 1))).astype(np.float32)
+    np.save(tmp_path / "a.npy", rows)
+    zarr.create_array(str(tmp_path / "a.zarr"), data=rows, chunks=(1000, 2))
+    table = pyarrow.table({"a": rows[:, 0], "b": rows[:, 1]})
+    parquet.write_table(table, tmp_path / "a.parquet", row_group_size=700)
+    opened = [open_blocks(tmp_path / f"a.{suffix}") for suffix in ("npy", "zarr", "parquet")]
+    results = [tessellate(blocks, 8) for blocks in (*opened, as_blocks(da.from_array(rows, chunks=(2500, 2))))]
+    for result in results[1:]:
+        assert result.energy == pytest.approx(results[0].energy, rel=1e-9)
+        np.testing.assert_allclose(result.generators, results[0].generators, rtol=1e-5)
+
+
+def test_rows_are_drawn_evenly_whatever_the_blocks() -> None:
+    whole = block_descent.drawn_rows(100_003, 9001, 0, 100_003, 5)
+    ends = [0, 1, 17, 40_000, 99_990, 100_003]
+    parts = [block_descent.drawn_rows(100_003, 9001, *pair, 5) for pair in pairwise(ends)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    assert len(whole) == 9001
+    assert np.diff(whole).max() <= 2 * 100_003 / 9001 + 1
+    assert not np.array_equal(whole, block_descent.drawn_rows(100_003, 9001, 0, 100_003, 6))

@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event, Timer
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -247,7 +248,34 @@ def test_a_file_that_claims_too_many_pixels_is_refused_by_its_header(page: TestC
     content[29:33] = struct.pack(">I", __import__("zlib").crc32(bytes(content[12:29])))
     answer = page.post("/picture", params={"name": "a.png"}, content=bytes(content))
     assert answer.status_code == 422
-    assert "160000000 pixels" in answer.text
+    assert "160,000,000 pixels" in answer.text
+    assert "--max-pixels" in answer.text
+
+
+def test_pixels_are_limited_by_the_memory_there_is(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=48 * 2_500_000))
+    assert page.get("/about").json()["megapixels"] == 2
+    answer = page.post("/picture", params={"name": "a.png"}, content=png(np.zeros((2000, 1300))))
+    assert answer.status_code == 422
+    assert "2,600,000 pixels; the page takes up to 2,500,000" in answer.text
+
+
+def test_what_is_kept_can_be_forgotten(page: TestClient, server: Server) -> None:
+    about = opened(page, png(np.zeros((4, 5))))
+    assert page.post("/forget").status_code == 200
+    assert page.get(f"/picture/{about['id']}").status_code == 422
+    assert not list(Path(server.store._folder.name).iterdir())
+
+
+def test_a_server_that_stores_nothing_forgets_when_its_last_page_goes() -> None:
+    server = Server(OWN, keep=False)
+    page = TestClient(server.app, base_url=HOST)
+    page.headers[SESSION] = OWN.session
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)):
+        about = opened(page, png(np.zeros((4, 5))))
+        assert page.get(f"/picture/{about['id']}").status_code == 200
+    assert page.get(f"/picture/{about['id']}").status_code == 422
+    server.store.close()
 
 
 def test_files_over_the_limit_are_refused_announced_or_not(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -325,7 +353,7 @@ NOT_ALLOWED: list[tuple[dict[str, Any], str]] = [
     ({"settings": {"k": True}}, "must be a number"),
     ({"settings": {"space": "cmyk"}}, "must be one of rgb, linear, lab, oklab"),
     ({"settings": {"locked": ["red; rm"]}}, "a color as #rrggbb"),
-    ({"settings": {"aim": "palette"}}, "open a palette file first"),
+    ({"settings": {"aim": "palette"}}, "choose a palette, or open a file that has one"),
     ({"settings": {"aim": "palette", "palette": ["x"]}}, "no longer open"),
     ({"view": [1, 2]}, "view must be four numbers"),
     ({"view": [1, 2, "x", None]}, "view must be four numbers"),

@@ -574,6 +574,7 @@ $("sample").onclick = async () => { try { added(await send("/sample")); } catch 
 $("copylink").onclick = async () => { await navigator.clipboard.writeText(shared()); $("copylink").textContent = "Copied"; };
 $("savesettings").onclick = saveSettings;
 addEventListener("hashchange", takeShared);
+$("forget").onclick = forget;
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
 	button.onclick = async () => { await navigator.clipboard.writeText($(button.dataset.copy).textContent); button.textContent = "Copied"; };
@@ -604,11 +605,22 @@ addEventListener("keydown", event => {
 });
 addEventListener("keyup", event => { if (event.key.toLowerCase() === "b" && viewer.peek) { viewer.peek = false; viewer.place(); } });
 
+async function forget() {
+	state.keep = false;
+	delete sessionStorage.page;
+	await send("/forget");
+	location.reload();
+}
+
 async function start() {
 	sharedText();
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
 	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
+	$("limits").textContent = `Up to ${about.megapixels} megapixels and ${about.megabytes} MB each. Nothing leaves this machine.`;
+	$("kept").textContent = about.keep
+		? "Images and results, on this machine, until the server ends; settings and steps back in this tab of the browser, until it is closed."
+		: "Nothing: images go from this machine when the last page is closed or loaded again.";
 	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
 	for (const one of about.tabs) {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);

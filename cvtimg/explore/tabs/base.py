@@ -36,7 +36,7 @@ class OpenFiles:
     def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
         """Return the name and the colors of the palette that was chosen."""
         if not keys:
-            raise UnfitRequestError("open a palette file first")
+            raise UnfitRequestError("choose a palette, or open a file that has one")
         if keys[0] not in self.palettes:
             raise UnfitRequestError("this palette is no longer open; open it again")
         return self.palettes[keys[0]]
