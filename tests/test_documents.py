@@ -197,6 +197,23 @@ def test_an_original_in_a_figure_has_all_its_colors(figure: str, sample: str, pa
     assert len(found) == 1
 
 
+def test_each_guide_begins_with_a_figure_and_links_a_tutorial() -> None:
+    groups = re.findall(r":caption: (\w+)\n\n(.*?)```", (ROOT / "docs" / "guides.md").read_text(), flags=re.DOTALL)
+    guides = [name for caption, names in groups if caption != "Help" for name in names.split()]
+    assert len(guides) > 20
+    for name in guides:
+        text = (ROOT / "docs" / f"{name}.md").read_text()
+        assert "![" in text.partition("\n## ")[0], name
+        assert "](tutorials/" in text, name
+
+
+def test_the_tasks_on_the_start_page_are_those_of_the_readme() -> None:
+    tables = [re.findall(r"^\|.*\|$", page.read_text().partition("| I want to |")[2].partition("\n\n")[0], re.MULTILINE)
+              for page in (ROOT / "README.md", ROOT / "docs" / "index.md")]  # fmt: skip
+    assert len(tables[0]) > 10
+    assert [row.replace("](docs/", "](") for row in tables[0]] == tables[1]
+
+
 def test_figures_are_small_and_in_full_color() -> None:
     paths = [path for path in (ROOT / "docs").iterdir() if path.suffix in (".png", ".webp")]
     assert paths
