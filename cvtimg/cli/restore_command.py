@@ -87,6 +87,9 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
         raise InputsFailedError(failed)
     mask_names, shown = _named([(path, pages.images) for path, pages in known])
     alpha = None if any(image_info(path).has_alpha for path in sources) else False
+    for path, pages in images:
+        if merge and merge not in pages.axes:
+            raise ValueError(f"{path} has the axes {pages.axes}YX, without {merge} to --merge; --axes names them")
     stacks = [(path, *pages.joined().grouped(f"Q{merge or ''}")) for path, pages in images]
     first, stack, groups = stacks[0]
     for path, other, own in stacks:

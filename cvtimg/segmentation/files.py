@@ -73,6 +73,8 @@ def divide_file(
     header = image_info(source)
     pages = read_pages(source).joined() if header.has_pages else None
     if pages is None or len(pages.images) == 1:
+        if callable(volume):
+            raise ValueError("is one image, and a volume has several planes")
         image = read_image(source) if pages is None else pages.images[0]
         known = known_pixels(image, header, mask, nodata)
         on_stage("read")

@@ -209,6 +209,8 @@ def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
         (["segment", "rgb.tif", "--objects", "--volume", "-k", "2", "-o", "l.tif"], "takes no -k"),
         (["segment", "gray.tif", "--objects", "--track", "-o", "l.tif"], "without T to track objects along"),
         (["segment", "gray.tif", "-k", "2", "--track", "-o", "l.tif"], "--track needs --objects"),
+        (["segment", "gray.tif", "--objects", "--volume", "--z", "1", "-o", "l.tif"], "a volume has several planes"),
+        (["restore", "gray.tif", "-k", "3", "--merge", "T", "-o", "r.tif"], "without T to --merge"),
         (["quantize", "one.png", "-k", "3", "--weight-map", "gray.tif"], "has 3 pages, where one image is expected"),
     ],
 )

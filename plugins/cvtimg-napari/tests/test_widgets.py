@@ -16,7 +16,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 pytest.importorskip("napari", reason="napari is not installed")
 pytest.importorskip("qtpy", reason="napari has no Qt")
 
-from cvtimg_napari import colors, restoration, segments
+from cvtimg_napari import colors, objects, restoration, segments
 from napari.components import ViewerModel
 from napari.layers import Labels, Layer
 from napari.qt import get_qapp
@@ -134,6 +134,33 @@ def test_an_image_of_several_resolutions_is_taken_at_the_full_one(viewer: Any, f
     image = viewer.add_image([plane, plane[::2, ::2]], multiscale=True)
     layer = made_by(segments.segment(), image=image, n_segments=2)
     assert layer.data.shape == plane.shape
+
+
+@pytest.mark.parametrize("in_volume", [False, True])
+def test_objects_are_counted_and_measured_in_the_units_of_the_layer(viewer: Any, in_volume: bool) -> None:
+    z, y, x = np.mgrid[:9, :40, :60]
+    balls = [np.hypot(np.hypot(3 * (z - 4), y - 20), x - at) < 9 for at in (15, 30, 48)]
+    frame = np.uint8(30 + 150 * np.any(balls, axis=0))
+    units = ("pixel", "micrometer", "micrometer", "micrometer")
+    image = viewer.add_image(np.stack([frame, frame]), name="film", scale=(1, 1.5, 0.5, 0.5), units=units)
+    widget = objects.CountObjects(viewer)
+    choose(widget, image)
+    widget.in_volume.value = in_volume
+    widget.count()
+    wait_for(lambda: len(viewer.layers) == 2)
+    labels = viewer.layers[1]
+    assert np.array_equal(labels.scale, image.scale)
+    assert labels.units == image.units
+    rows = {name: np.array(widget.table[name]) for name in widget.table.column_headers}
+    assert rows["label"].tolist() == np.unique(labels.data)[1:].tolist()
+    assert labels.features["index"].tolist() == rows["label"].tolist()
+    if in_volume:
+        assert len(rows["label"]) == 6
+        assert rows["axis_0"].tolist() == [0, 0, 0, 1, 1, 1]
+        assert rows["volume_um3"].max() == pytest.approx(4 / 3 * np.pi * 4.5**3, rel=0.15)
+    else:
+        middle = (rows["axis_0"] == 0) & (rows["axis_1"] == 4)
+        assert sorted(rows["x_um"][middle]) == pytest.approx([7.5, 15, 24], abs=0.8)
 
 
 def test_the_slider_cuts_the_hierarchy(viewer: Any, film: Any) -> None:
