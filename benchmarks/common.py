@@ -46,11 +46,12 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What a process cost: seconds on the clock and of processors, and how it failed, if it did."""
+    """What a process cost: seconds on the clock and of processors, memory in MiB, and how it failed, if it did."""
 
     wall: float
     cpu: float
     failure: str
+    peak: float
 
 
 def read_rgb(path: Path) -> NDArray[np.uint8]:
@@ -171,7 +172,7 @@ def run_process(command: Sequence[str | Path]) -> Process:
     failure = ""
     if process.returncode:
         failure = messages[-1] if messages else f"exit status {process.returncode}"
-    return Process(wall, usage.ru_utime + usage.ru_stime, failure)
+    return Process(wall, usage.ru_utime + usage.ru_stime, failure, usage.ru_maxrss / 1024)
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

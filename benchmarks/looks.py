@@ -1,27 +1,46 @@
-"""Bytes of indexed PNG files of equal looks, by cvtimg for eyes, cvtimg for least error, and pngquant.
+"""Bytes of indexed files of equal looks: cvtimg for eyes beside other programs, all in one run.
 
-Each program writes a curve of files of several qualities of the middle of each picture. The ratio of bytes at equal
-scores is the mean over the range of scores that two curves have in common, and over pictures. Scores are SSIMULACRA2,
-and as a second measure that nothing was tuned for, the blurred difference in Oklab, masked by texture. "Ahead" is by
-how many points of SSIMULACRA2 cvtimg is better at the bytes of pngquant's 256 colors.
+Each program writes a curve of files of several qualities of the middle of each picture: PNG, which oxipng then makes
+smaller, or with --gif GIF. The ratio of bytes at equal scores is the mean over the range of scores that two curves have
+in common, and over pictures. Scores are SSIMULACRA2, and as a second measure that nothing was tuned for, the blurred
+difference in Oklab, masked by texture. "Ahead" is by how many points of SSIMULACRA2 cvtimg is better at the bytes of
+pngquant's 256 colors. Programs that are not installed are left out.
 
-With --sheet, parts of the pictures three times as large are written instead: as they are, in pngquant's 256 colors, and
-by cvtimg at the same score.
+With --time, whole processes are timed at 768 x 512 and at 12 megapixels instead, and with --sheet parts of the pictures
+three times as large are written: as they are, in pngquant's 256 colors, and by cvtimg at the same score.
 
-    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--sheet FILE]
+    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--gif] [--time] [--sheet FILE]
 """
 
 from __future__ import annotations
 
 import io
+import shutil
+import statistics
 import subprocess
+import tempfile
+from collections.abc import Callable
 from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import oxipng
-from common import Picture, machine, parser, picture_sets, print_table, progress, write_results
+from common import (
+    DATA,
+    Picture,
+    large_pictures,
+    machine,
+    parser,
+    picture_sets,
+    print_table,
+    progress,
+    run_process,
+    write_results,
+)
 from numpy.typing import NDArray
 from PIL import Image
+from rivals import ImageMagick
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import quantize
@@ -29,14 +48,17 @@ from cvtimg.colors.spaces import to_space
 from cvtimg.looks import VisualQuality
 from cvtimg.looks.rate import visibility
 from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.quantization import quantize_file
 
 #: What each program is asked for, from large files to small ones.
 COLORS = (256, 160, 96, 64, 40)
 QUALITIES = (84, 77, 70, 63)
+#: How lossy gifsicle may be.
+LOSSY = (0, 10, 20, 40, 80)
 #: Points of a curve at which bytes are compared.
 N_POINTS = 50
-#: Side of the parts that --sheet shows.
-SHOWN = 110
+#: Side and middles of the parts that --sheet shows, and how many are beside each other.
+SHOWN, PLACES, N_COLUMNS = 80, ((0.3, 0.3), (0.5, 0.5), (0.3, 0.7), (0.75, 0.6)), 2
 #: Standard deviations of the blurs of the second measure, and how much each counts.
 BLURS = {0.7: 1, 1.5: 2, 3.0: 4}
 
@@ -62,12 +84,60 @@ class Measures:
         return to_space(image.reshape(-1, 3), "oklab").reshape(image.shape) * [255, 127.5, 127.5]
 
 
+def png_of(pixels: Pixels) -> bytes:
+    """Return a file that other programs read quickly."""
+    return saved(Image.fromarray(pixels), "png", compress_level=1)
+
+
+def saved(image: Image.Image, form: str, **how: object) -> bytes:
+    """Return the file that Pillow makes."""
+    file = io.BytesIO()
+    image.save(file, form, **how)
+    return file.getvalue()
+
+
+def piped(file: bytes, *command: str) -> bytes:
+    """Return what a program makes of a file."""
+    return subprocess.run(command, input=file, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=True).stdout
+
+
 def as_png(pixels: Pixels, n_colors: int, *options: str) -> bytes:
     """Return the file that pngquant makes."""
-    source = io.BytesIO()
-    Image.fromarray(pixels).save(source, "png", compress_level=1)
-    command = ["pngquant", *options, str(n_colors), "-"]
-    return subprocess.run(command, input=source.getvalue(), stdout=subprocess.PIPE, check=True).stdout
+    return piped(png_of(pixels), "pngquant", *options, str(n_colors), "-")
+
+
+def by_imagequant(pixels: Pixels, n_colors: int) -> bytes:
+    """Return the file of the Python package."""
+    import imagequant
+
+    image = imagequant.quantize_pil_image(Image.fromarray(pixels).convert("RGBA"), 1.0, n_colors)
+    return saved(image, "png", optimize=True)
+
+
+def by_imagemagick(pixels: Pixels, n_colors: int) -> bytes:
+    """Return the file of ImageMagick, with its own way to dither."""
+    return piped(png_of(pixels), ImageMagick().program, "png:-", "-colors", str(n_colors), "png8:-")
+
+
+def by_pillow(pixels: Pixels, n_colors: int) -> bytes:
+    """Return the file of Pillow, dithered."""
+    image = Image.fromarray(pixels)
+    palette = image.quantize(n_colors, Image.Quantize.MEDIANCUT, kmeans=1)
+    return saved(image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG), "png", optimize=True)
+
+
+def rivals() -> dict[str, Callable[[Pixels, int], bytes]]:
+    """Return the programs that are installed."""
+    found: dict[str, Callable[[Pixels, int], bytes]] = {
+        "pngquant": as_png,
+        "--speed 1": lambda pixels, n_colors: as_png(pixels, n_colors, "--speed", "1"),
+        "Pillow": by_pillow,
+    }
+    if find_spec("imagequant"):
+        found["imagequant"] = by_imagequant
+    if ImageMagick().is_available:
+        found["ImageMagick"] = by_imagemagick
+    return found
 
 
 def pixels_of(file: bytes) -> Pixels:
@@ -75,8 +145,8 @@ def pixels_of(file: bytes) -> Pixels:
     return np.asarray(Image.open(io.BytesIO(file)).convert("RGB"))
 
 
-def shown(picture: Picture) -> Pixels:
-    """Return a part of a picture, of pngquant's and of that of cvtimg at the same score, side by side."""
+def shown(picture: Picture) -> list[Pixels]:
+    """Return parts of a picture, of pngquant's and of that of cvtimg at the same score, each row side by side."""
     pixels = picture.pixels
     file = as_png(pixels, 256)
     theirs = pixels_of(file)
@@ -85,13 +155,18 @@ def shown(picture: Picture) -> Pixels:
     ours = quantize(pixels, quality=score)
     size = len(encode_image(".png", ours.content[0], palette=ours.content[1]))
     print(f"{picture.name}: {len(file)} bytes, {score:.1f}; {size} bytes, {ours.quality:.1f}", flush=True)
-    top, left = (max(0, (extent - SHOWN) // 2) for extent in pixels.shape[:2])
-    parts = [one[top : top + SHOWN, left : left + SHOWN] for one in (pixels, theirs, ours.image)]
-    return np.hstack(parts).repeat(3, axis=0).repeat(3, axis=1)
+    rows = []
+    for down, right in PLACES:
+        top, left = (
+            max(0, round(share * n) - SHOWN // 2) for share, n in zip((down, right), pixels.shape, strict=False)
+        )
+        parts = [one[top : top + SHOWN, left : left + SHOWN] for one in (pixels, theirs, ours.image)]
+        rows.append(np.hstack(parts).repeat(3, axis=0).repeat(3, axis=1))
+    return rows
 
 
-def files_of(pixels: Pixels) -> dict[str, list[bytes]]:
-    """Return the files of each program."""
+def pngs_of(pixels: Pixels) -> dict[str, list[bytes]]:
+    """Return the PNG files of each program, those of cvtimg for eyes first."""
     eyes, error = [], [quantize(pixels, n_colors) for n_colors in COLORS]
     for quality in QUALITIES:
         try:
@@ -103,13 +178,32 @@ def files_of(pixels: Pixels) -> dict[str, list[bytes]]:
     def stored(results: list[object]) -> list[bytes]:
         return [encode_image(".png", one.content[0], palette=one.content[1]) for one in results]  # type: ignore
 
-    default = [as_png(pixels, n) for n in COLORS]
+    files = {name: [program(pixels, n) for n in COLORS] for name, program in rivals().items()}
+    smaller = {f"{name} + oxipng": [oxipng.optimize_from_memory(one) for one in some] for name, some in files.items()}
+    return {"eyes": stored(eyes), **files, **smaller, "error": stored(error)}
+
+
+def gifs_of(pixels: Pixels) -> dict[str, list[bytes]]:
+    """Return the GIF files of each program, those of cvtimg for eyes first."""
+
+    def optimized(file: bytes, lossy: int = 0) -> bytes:
+        return piped(file, "gifsicle", "-O3", *([f"--lossy={lossy}"] if lossy else []))
+
+    theirs = [saved(Image.open(io.BytesIO(as_png(pixels, n))), "gif", optimize=False) for n in COLORS]
+    eyes = []
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, "a.png"), Path(folder, "a.gif")
+        source.write_bytes(png_of(pixels))
+        for quality in (*QUALITIES, None):
+            try:
+                quantize_file(source, target, quality=quality, goal="eyes", overwrite=True)
+            except ValueError:  # which 256 colors do not reach
+                continue
+            eyes.append(target.read_bytes())
     return {
-        "eyes": stored(eyes),
-        "error": stored(error),
-        "pngquant": default,
-        "pngquant --speed 1": [as_png(pixels, n, "--speed", "1") for n in COLORS],
-        "pngquant + oxipng": [oxipng.optimize_from_memory(one, level=4) for one in default],
+        "eyes": eyes,
+        "pngquant": [optimized(file) for file in theirs],
+        "gifsicle --lossy": [optimized(theirs[0], lossy) for lossy in LOSSY],
     }
 
 
@@ -132,7 +226,9 @@ def ratio(rival: Curve, ours: Curve) -> float:
     return float(np.exp((np.interp(scores, *ours.T) - np.interp(scores, *rival.T)).mean()))
 
 
-def measure(picture: Picture, size: tuple[int, int]) -> dict[str, float | str]:
+def measure(
+    picture: Picture, size: tuple[int, int], files_of: Callable[[Pixels], dict[str, list[bytes]]]
+) -> dict[str, float | str]:
     """Compare the programs on the middle of a picture."""
     width, height = size
     top, left = (max(0, (a - b) // 2) for a, b in zip(picture.pixels.shape, (height, width), strict=False))
@@ -142,15 +238,40 @@ def measure(picture: Picture, size: tuple[int, int]) -> dict[str, float | str]:
     curves = {name: curve(some, [one[0] for one in scores[name]]) for name, some in files.items()}
     second = {name: curve(files[name], [one[1] for one in scores[name]]) for name in ("eyes", "pngquant")}
     ours, rival = curves["eyes"], curves["pngquant"]
-    return {
-        "picture": picture.name,
-        "pngquant": ratio(rival, ours),
-        "--speed 1": ratio(curves["pngquant --speed 1"], ours),
-        "+ oxipng": ratio(curves["pngquant + oxipng"], ours),
-        "second": ratio(second["pngquant"], second["eyes"]),
-        "error": ratio(rival, curves["error"]),
-        "ahead": float(np.interp(rival[-1, 1], ours[:, 1], ours[:, 0]) - rival[-1, 0]),
+    row: dict[str, float | str] = {"picture": picture.name}
+    row |= {name: ratio(one, ours) for name, one in curves.items() if name not in ("eyes", "error")}
+    row["second"] = ratio(second["pngquant"], second["eyes"])
+    if "error" in curves:
+        row["error"] = ratio(rival, curves["error"])
+    return row | {"ahead": float(np.interp(rival[-1, 1], ours[:, 1], ours[:, 0]) - rival[-1, 0])}
+
+
+def times(n_rounds: int) -> None:
+    """Print what whole processes cost on a small and on a large picture."""
+    small = sorted((DATA / "kodak").glob("*.png"))[0]
+    command = shutil.which("cvtimg") or "cvtimg"
+    programs: dict[str, list[str]] = {
+        "cvtimg --goal eyes": [command, "quantize", "IN", "--goal", "eyes", "-o", "OUT", "--quiet", "--overwrite"],
+        "cvtimg --quality 70": [command, "quantize", "IN", "--quality", "70", "-o", "OUT", "--quiet", "--overwrite"],
+        "pngquant": ["pngquant", "--force", "256", "--output", "OUT", "IN"],
+        "pngquant --speed 1": ["pngquant", "--force", "--speed", "1", "256", "--output", "OUT", "IN"],
     }
+    if ImageMagick().is_available:
+        programs["ImageMagick"] = [ImageMagick().program, "IN", "-colors", "256", "OUT"]
+    rows = {name: [name] for name in programs}
+    with tempfile.TemporaryDirectory() as folder:
+        for source in (small, large_pictures()[-1]):
+            names = {"IN": str(source), "OUT": str(Path(folder, "out.png"))}
+            for name, words in programs.items():
+                progress(f"{source.name}: {name}")
+                runs = [run_process([names.get(word, word) for word in words]) for _ in range(n_rounds)]
+                wall, cpu, peak = (
+                    statistics.median(getattr(one, of) for one in runs) for of in ("wall", "cpu", "peak")
+                )
+                failure = next((one.failure for one in runs if one.failure), "")
+                rows[name] += [failure] * 3 if failure else [f"{wall:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
+    columns = ["s", "CPU s", "MiB", "12 MP: s", "CPU s", "MiB"]
+    print_table("Whole processes, 768 x 512 and 12 megapixels", ["program", *columns], [*rows.values()])
 
 
 def main() -> None:
@@ -158,21 +279,30 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--pictures", type=int, help="pictures of each set")
     options.add_argument("--size", type=int, nargs=2, default=(512, 384), help="width and height of what is taken")
+    options.add_argument("--gif", action="store_true", help="GIF files")
+    options.add_argument("--time", action="store_true", help="time and memory instead")
     options.add_argument("--sheet", metavar="FILE", help="image file to write instead")
     given = options.parse_args()
+    if given.time:
+        print(machine())
+        times(1 if given.quick else 3)
+        return
     if given.sheet:
-        parts = [shown(one) for some in picture_sets(given.data, given.pictures).values() for one in some]
-        rows_of = [np.hstack(parts[i : i + 2]) for i in range(0, len(parts) - 1, 2)]
-        Image.fromarray(np.vstack(rows_of)).save(given.sheet, quality=90)
+        parts = [
+            part for some in picture_sets(given.data, given.pictures).values() for one in some for part in shown(one)
+        ]
+        n_rows = len(parts) // N_COLUMNS
+        columns = [np.vstack(parts[i * n_rows : (i + 1) * n_rows]) for i in range(N_COLUMNS)]
+        Image.fromarray(np.hstack(columns)).save(given.sheet, quality=85, method=6)
         return
     program = subprocess.run(["pngquant", "--version"], capture_output=True, text=True, check=True).stdout.split()[0]
     versions = {"pngquant": program, "pyoxipng": version("pyoxipng")}
-    rows = []
+    name_of_results, rows = "looks_gif" if given.gif else "looks", []
     for name, pictures in picture_sets(given.data, 2 if given.quick else given.pictures).items():
         for picture in pictures:
             progress(f"{name}: {picture.name}")
-            rows.append(measure(picture, given.size))
-            write_results("looks", {"size": given.size, **versions}, rows)  # a run takes long
+            rows.append(measure(picture, given.size, gifs_of if given.gif else pngs_of))
+            write_results(name_of_results, {"size": given.size, **versions}, rows)  # a run takes long
     names = [name for name in rows[0] if name != "picture"]
     table = [[str(row["picture"]), *(f"{row[one]:.3f}" for one in names)] for row in rows]
     values = {one: np.array([row[one] for row in rows], float) for one in names}

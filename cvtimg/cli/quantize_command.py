@@ -48,7 +48,7 @@ _CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least sq
 _FLAGS = {
     "weights": "--weight-map",
     "n_colors='auto'": "-k auto",
-    "goal='eyes'": "--goal eyes",
+    "goal='eyes'": "--goal eyes, the default without an aim such as -k,",
     "depth='16'": "--depth 16",
 }
 
@@ -130,8 +130,6 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
-        if flag == "--goal eyes" and given.goal is None and given.quality is None:
-            flag = "a call without -k"
         raise ValueError(error.reason.format(flag)) from error
     is_one = result.kind in ("image", "tiles")
     return {

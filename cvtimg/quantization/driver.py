@@ -88,6 +88,8 @@ class QuantizeOptions:
         others |= {"space": self.space not in ("rgb", "oklab"), "ramp": self.ramp}
         for name in (name for name, given in others.items() if given):
             raise ValueError(f"{name}={getattr(self, name)!r} cannot be combined with goal='eyes' or quality")
+        if isinstance(self.n_colors, int) and self.n_colors > MAX_ENTRIES:
+            refuse("n_colors", self.n_colors, f"at most {MAX_ENTRIES} with goal='eyes' or quality")
         if self.quality is not None:
             check_in_range("quality", self.quality, 0 <= self.quality <= 100, "in 0..100")
             if self.dither not in (None, "compact"):

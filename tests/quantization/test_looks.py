@@ -34,7 +34,7 @@ def test_for_eyes_the_file_is_smaller_and_looks_better() -> None:
 
 def test_a_quality_is_reached_and_not_much_more_and_less_gives_a_smaller_file() -> None:
     sizes = []
-    for quality in (70, 80):
+    for quality in (60, 80):
         result = cvtimg.quantize(PART, quality=quality, **FAST)
         assert quality <= cvtimg.visual_quality(PART, result.image) < quality + 5
         assert result.quality == cvtimg.visual_quality(PART, result.image)
