@@ -15,9 +15,9 @@ three times as large are written: as they are, in pngquant's 256 colors, and by 
 from __future__ import annotations
 
 import io
-import shutil
 import statistics
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from importlib.metadata import version
@@ -28,6 +28,7 @@ import numpy as np
 import oxipng
 from common import (
     DATA,
+    SAMPLES,
     Picture,
     large_pictures,
     machine,
@@ -246,10 +247,10 @@ def measure(
     return row | {"ahead": float(np.interp(rival[-1, 1], ours[:, 1], ours[:, 0]) - rival[-1, 0])}
 
 
-def times(n_rounds: int) -> None:
+def times(n_rounds: int, data: Path | None) -> None:
     """Print what whole processes cost on a small and on a large picture."""
-    small = sorted((DATA / "kodak").glob("*.png"))[0]
-    command = shutil.which("cvtimg") or "cvtimg"
+    small = [*sorted(((data or DATA) / "kodak").glob("*.png")), SAMPLES / "coffee.png"][0]
+    command = str(Path(sys.executable).with_name("cvtimg"))
     programs: dict[str, list[str]] = {
         "cvtimg --goal eyes": [command, "quantize", "IN", "--goal", "eyes", "-o", "OUT", "--quiet", "--overwrite"],
         "cvtimg --quality 70": [command, "quantize", "IN", "--quality", "70", "-o", "OUT", "--quiet", "--overwrite"],
@@ -258,20 +259,17 @@ def times(n_rounds: int) -> None:
     }
     if ImageMagick().is_available:
         programs["ImageMagick"] = [ImageMagick().program, "IN", "-colors", "256", "OUT"]
-    rows = {name: [name] for name in programs}
     with tempfile.TemporaryDirectory() as folder:
-        for source in (small, large_pictures()[-1]):
+        for source in (small, large_pictures(data)[-1]):
             names = {"IN": str(source), "OUT": str(Path(folder, "out.png"))}
+            rows = []
             for name, words in programs.items():
                 progress(f"{source.name}: {name}")
                 runs = [run_process([names.get(word, word) for word in words]) for _ in range(n_rounds)]
-                wall, cpu, peak = (
-                    statistics.median(getattr(one, of) for one in runs) for of in ("wall", "cpu", "peak")
-                )
                 failure = next((one.failure for one in runs if one.failure), "")
-                rows[name] += [failure] * 3 if failure else [f"{wall:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
-    columns = ["s", "CPU s", "MiB", "12 MP: s", "CPU s", "MiB"]
-    print_table("Whole processes, 768 x 512 and 12 megapixels", ["program", *columns], [*rows.values()])
+                costs = [statistics.median(getattr(one, of) for one in runs) for of in ("wall", "cpu", "peak")]
+                rows.append([name, *([failure] * 3 if failure else [f"{cost:.2f}" for cost in costs])])
+            print_table(f"Whole processes, {source.name}", ["program", "seconds", "of processors", "MiB"], rows)
 
 
 def main() -> None:
@@ -285,7 +283,7 @@ def main() -> None:
     given = options.parse_args()
     if given.time:
         print(machine())
-        times(1 if given.quick else 3)
+        times(1 if given.quick else 3, given.data)
         return
     if given.sheet:
         parts = [
