@@ -1,4 +1,4 @@
-"""A page in the browser, for the tests of the page and its benchmark."""
+"""A page in the browser, and what it saves, for the tests of the page and its benchmark."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -59,3 +60,13 @@ class Visit:
         self.page.click(f"#tab-{tab}")
         for name, value in values.items():
             self.page.select_option(f"#c-{name}", value)
+
+
+def without_history(content: bytes) -> Any:
+    """Return the variables of a netCDF file, whose history names the command; any other file as it is."""
+    from scipy.io import netcdf_file
+
+    if not content.startswith(b"CDF"):
+        return content
+    with netcdf_file(BytesIO(content)) as file:
+        return {name: variable[...].tobytes() for name, variable in file.variables.items()}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.io import netcdf_file
+from visits import without_history
 
 from cvtimg.cli import commands
 from cvtimg.cli.app import main
@@ -163,14 +162,6 @@ def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, An
     checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
     window = Window.of(None, picture.size, 1 << 20)
     return Request(None if TABS[tab].sheet else picture, checked, store.files, window)
-
-
-def without_history(content: bytes) -> Any:
-    """Return the variables of a netCDF file, whose history names the command; any other file as it is."""
-    if not content.startswith(b"CDF"):
-        return content
-    with netcdf_file(BytesIO(content)) as file:
-        return {name: variable[...].tobytes() for name, variable in file.variables.items()}
 
 
 def check_equal(
