@@ -1,48 +1,53 @@
-"""Draw docs/napari.webp: the window of napari with the widget of hierarchies.
+"""Draw the figure of docs/napari.md: the widget that counts objects, on the stack of the tutorial.
 
-python docs/draw_napari.py
+    xvfb-run -s "-screen 0 1400x900x24" python docs/draw_napari.py
 
-Needs napari with Qt, plugins/cvtimg-napari, and a display (``xvfb-run`` makes one).
+Needs napari with Qt, the plugin, and a screen, which may be virtual.
 """
 
+from __future__ import annotations
+
+import runpy
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-import figures
 import napari
-from cvtimg_napari.segments import Hierarchy
-from qtpy.QtWidgets import QApplication
+import numpy as np
+from cvtimg_napari.objects import CountObjects
+from napari.qt import get_qapp
+from PIL import Image
 
-import cvtimg
-
-SAMPLES = Path(__file__).parent.parent / "sample_images"
-
-
-def wait(seconds: float) -> None:
-    """Let the window draw itself."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        QApplication.processEvents()
-        time.sleep(0.01)
+DOCS = Path(__file__).parent
+GALLERY = DOCS.parent / "examples" / "gallery"
 
 
 def main() -> None:
-    """Open an image, find its regions, cut them, and take a picture of the window."""
-    viewer = napari.Viewer(show=True)
-    viewer.window.resize(1280, 800)
-    viewer.add_image(cvtimg.read_image(SAMPLES / "coffee.png"), name="coffee")
-    widget = Hierarchy(viewer)
-    viewer.window.add_dock_widget(widget, name="Hierarchy of regions", area="right")
-    widget.image.reset_choices()
-    widget.find()
-    while len(viewer.layers) < 2:
-        wait(0.1)
-    widget.n_regions.value = 30
-    viewer.layers[-1].opacity = 0.5
-    wait(2)
-    viewer.reset_view()
-    wait(2)
-    figures.write("napari", viewer.screenshot(canvas_only=False, flash=False)[..., :3])
+    """Count the nuclei, and write what the window shows."""
+    stack = runpy.run_path(str(GALLERY / "plot_stack.py"))["stack"]
+    viewer = napari.Viewer()
+    image = viewer.add_image(stack, name="nuclei", scale=(1.5, 0.5, 0.5), units=("micrometer",) * 3)
+    widget = CountObjects(viewer)
+    viewer.window.add_dock_widget(widget, name="Count objects")
+    widget.image.choices = [image]
+    widget.in_volume.value = True
+    widget.count()
+    wait(lambda: len(viewer.layers) == 2, 60)
+    viewer.dims.set_current_step(0, 12)
+    viewer.scale_bar.visible = True
+    viewer.window.resize(1300, 800)
+    wait(lambda: False, 2)
+    shot = Image.fromarray(np.asarray(viewer.screenshot(canvas_only=False)))
+    shot.convert("RGB").save(DOCS / "napari.webp", quality=82, method=6)
+    viewer.close()
+
+
+def wait(ready: Callable[[], bool], seconds: float) -> None:
+    """Let the window work until something is ready, or so long."""
+    end = time.monotonic() + seconds
+    while not ready() and time.monotonic() < end:
+        get_qapp().processEvents()
+        time.sleep(0.01)
 
 
 if __name__ == "__main__":
