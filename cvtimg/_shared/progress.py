@@ -62,14 +62,16 @@ def first_few(items: Iterable[T], left: float = 0.75) -> Iterator[T]:
 
 @contextmanager
 def watched(told: Callable[[float], None]) -> Iterator[None]:
-    """Call a function with the share of what is computed within, 0 to 1, whenever there is more to tell."""
+    """Call a function with the share of what is computed within, 0 to 1, which never falls, whenever it is told.
+
+    An exception that the function raises ends the computation.
+    """
     done = 0.0
 
     def more(share: float) -> None:
         nonlocal done
-        if (share := min(share, 1.0)) > done:
-            done = share
-            told(done)
+        done = max(done, min(share, 1.0))
+        told(done)
 
     with _set(_Listening(more)):
         yield

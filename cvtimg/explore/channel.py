@@ -35,6 +35,8 @@ __all__ = ["Channel"]
 
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
+#: Seconds after which a search that is not wanted ends even if it tells nothing: libraries may then be interrupted.
+_GRACE = 1.0
 #: Pixels that are sent at most of a result.
 EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 19
@@ -52,20 +54,26 @@ class Work(Generic[T]):
 
     def __init__(self, function: Callable[[], T]) -> None:
         self._loop = asyncio.get_running_loop()
-        self.share = 0.0  # how much of it is done
+        self.share, self._ended = 0.0, False  # how much of it is done, and whether it is not wanted any longer
         self.result: asyncio.Future[T] = self._loop.create_future()
         self._lock, self._runs = Lock(), True
         self._thread = Thread(target=self._run, args=(function,), daemon=True)
         self._thread.start()
 
     def end(self) -> None:
-        """Wait no longer, and let the thread raise an exception as soon as it is back from compiled code."""
+        """Wait no longer, and let the thread end: when it next tells how far it is, or else wherever it is then."""
         if not self.result.done():
             self.result.set_exception(OvertakenError())
-            with self._lock:  # so that no other thread has its number by now
-                if self._runs:
-                    number, raised = ctypes.c_ulong(self._thread.ident or 0), ctypes.py_object(OvertakenError)
-                    ctypes.pythonapi.PyThreadState_SetAsyncExc(number, raised)
+            self.result.exception()  # as somebody may wait for it, or nobody
+            self._ended = True
+            self._loop.call_later(_GRACE, self._raise)
+
+    def _raise(self) -> None:
+        """Raise an exception in the thread as soon as it is back from compiled code."""
+        with self._lock:  # so that no other thread has its number by now
+            if self._runs:
+                number, raised = ctypes.c_ulong(self._thread.ident or 0), ctypes.py_object(OvertakenError)
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(number, raised)
 
     def _run(self, function: Callable[[], T]) -> None:
         with suppress(OvertakenError):
@@ -83,6 +91,8 @@ class Work(Generic[T]):
 
     def _done(self, share: float) -> None:
         self.share = share
+        if self._ended:
+            raise OvertakenError
 
     def _report(self, tell: Callable[[Any], None], what: Any) -> None:
         def first() -> None:

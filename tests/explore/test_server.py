@@ -545,6 +545,28 @@ def test_work_that_has_ended_is_what_it_was() -> None:
     asyncio.run(run())
 
 
+def test_a_search_ends_where_it_tells_before_libraries_are_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg.explore.channel._GRACE", 1e9)
+    ended_at: list[str] = []
+
+    def telling() -> None:
+        try:
+            while True:
+                time.sleep(0.01)
+                tell(0.5)
+        except OvertakenError:
+            ended_at.append("tell")
+
+    async def run() -> None:
+        work = Work(telling)
+        await asyncio.sleep(0.05)
+        work.end()
+        work._thread.join(5)
+
+    asyncio.run(run())
+    assert ended_at == ["tell"]
+
+
 def test_images_that_were_opened_are_told_again_to_a_page_that_is_reloaded(page: TestClient) -> None:
     about = opened(page, png(np.zeros((4, 5))))
     assert page.get(f"/picture/{about['id']}").json() == about
