@@ -347,7 +347,8 @@ function showRecipe() {
 	for (const name of ["command", "python", "folder"]) $(name).textContent = one[name] ?? "";
 	$("many").hidden = !one.folder;
 	$("copylink").textContent = "Copy link";
-	$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${tab().verb} --settings ${tab().verb}.json`;
+	const {command} = JSON.parse(one.settings);
+	$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`;
 	if (result) offer();
 }
 
@@ -410,7 +411,7 @@ const fits = (control, value) => control && (control.auto && value === "auto" ||
 
 function saveSettings() {
 	const one = recipes.list.find(recipe => recipe.key === $("output").value), href = URL.createObjectURL(new Blob([one.settings + "\n"], {type: "application/json"}));
-	element("a", {href, download: `${tab().verb}.json`}).click();
+	element("a", {href, download: `${JSON.parse(one.settings).command}.json`}).click();
 	setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 

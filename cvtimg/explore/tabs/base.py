@@ -145,14 +145,7 @@ class Tab:
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the tab."""
-        about = {
-            "name": self.name,
-            "title": self.title,
-            "about": self.about,
-            "sheet": self.sheet,
-            "tool": self.tool,
-            "verb": self.verb,
-        }
+        about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
         return {**about, "controls": [control.described() for control in self.controls]}
 
 
