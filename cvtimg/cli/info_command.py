@@ -12,14 +12,14 @@ from cvtimg.options.record import Given
 EXAMPLES = "  cvtimg info photos/ --json"
 COLUMNS = (
     *("input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "distinct_colors"),
-    *("pixel_size", "icc"),
+    *("channels", "pixel_size", "icc"),
 )
 
 
 def info(given: Given) -> int:
     """Show the size, format, bands, bit depth and number of distinct colors of images.
 
-    For stacks and micrographs, show the axes and the size of a pixel, too; --json adds the names of the channels.
+    For stacks and micrographs, show the axes, the names of channels and the size of a pixel, too.
     """
     return run_plan(plan_each(given.inputs), _info, COLUMNS, given)
 

@@ -390,12 +390,10 @@ def _metadata(job: _Job, keep_profile: bool, nodata: float | None) -> Metadata |
     tiffs = {path.suffix.lower() for path in (job.source, job.target)} <= {".tif", ".tiff"}
     if job.keep_metadata:
         return replace(read_metadata(job.source, keep_profile=keep_profile), nodata=nodata if tiffs else None)
+    if not tiffs:
+        return None
     found = read_metadata(job.source)
-    return (
-        Metadata(geo=found.geo, nodata=nodata, dpi=found.dpi if found.scale else None, scale=found.scale)
-        if tiffs
-        else None
-    )
+    return Metadata(geo=found.geo, nodata=nodata, dpi=found.dpi if found.scale else None, scale=found.scale)
 
 
 def _content(result: Quantized, file: Mapping[str, Any]) -> tuple[NDArray[Any], dict[str, Any]]:

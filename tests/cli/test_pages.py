@@ -176,6 +176,8 @@ def test_channels_belong_to_the_pixel(channels: NDArray[np.uint8], capsys: pytes
     np.testing.assert_allclose(np.square(pixels - joined.reshape(-1, 2).astype(float)).sum(axis=1), nearest)
     (row,) = rows(capsys, "info", "channels.tif")
     assert row["distinct_colors"] == len(np.unique(joined.reshape(-1, 2), axis=0))
+    assert main(["info", "channels.tif"]) == 0
+    assert "DAPI,GFP  0.142857 x 0.142857 x 0.3 um" in capsys.readouterr().out
 
 
 def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
