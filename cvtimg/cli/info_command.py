@@ -33,6 +33,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
     found = image_info(task.source)
     header = asdict(found)
+    header["channels"] = found.channels or None
     header["pixel_size"] = found.pixel_size and str(found.pixel_size)
     header["alpha"] = header.pop("has_alpha")
     if header["nodata"] is not None and not math.isfinite(header["nodata"]):

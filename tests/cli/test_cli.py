@@ -310,11 +310,26 @@ def test_info_as_a_table(run: Run, here: Path) -> None:
         "bits",
         "alpha",
         "colors",
+        "channels",
         "pixel_size",
         "icc",
     ]
     assert head == names
-    assert grey == ["pictures/grey.png", "32", "24", "1", "YX", "L", "L", "8", "no", str(n_distinct(GREY)), "-", "-"]
+    assert grey == [
+        "pictures/grey.png",
+        "32",
+        "24",
+        "1",
+        "YX",
+        "L",
+        "L",
+        "8",
+        "no",
+        str(n_distinct(GREY)),
+        "-",
+        "-",
+        "-",
+    ]
     assert rgba[5:9] == ["RGBA", "R,G,B,A", "8", "yes"]
 
 
