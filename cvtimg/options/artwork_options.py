@@ -54,7 +54,7 @@ STIPPLE = (
     Option(
         "pen",
         Text(_length),
-        "Width of a pen, such as 0.4mm: dots are as wide, and as many as the ink takes on a drawing of --width.",
+        "Width of a pen, such as 0.4mm: sets the size of dots and, with --width, their number.",
         metavar="LENGTH",
         excludes=("number", "pen_width", "radius_range", "dots=sized"),
         keyword="dot_diameter",
@@ -90,7 +90,7 @@ STIPPLE = (
     passed(
         "tones",
         Choice(("light", "true"), {"light": "light drawing", "true": "as bright as the image"}),
-        "light: tones follow lightness, and much ink is thinned; true: as bright as the image, seen from afar.",
+        "light: tones follow lightness, with less ink where there is much; true: as bright as the image from afar.",
         default="light",
     ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
