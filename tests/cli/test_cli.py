@@ -289,7 +289,7 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
         "input_bytes": Path("pictures/rgba.png").stat().st_size,
         "axes": "YX",
         "shape": [],
-        "channels": [],
+        "channels": None,
         "pixel_size": None,
     }
     assert (rows["deep"]["bits"], rows["deep"]["bands"]) == (16, ["I"])
