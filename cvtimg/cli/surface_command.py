@@ -11,6 +11,7 @@ EXAMPLES = """\
   cvtimg surface part.obj -n 20000 -o part.vtu --plot part.png
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
   cvtimg surface scan.ply -n 5000 --density quality
+  cvtimg surface voxels.stl -n 5000 --feature-angle 180
 """
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
 
@@ -19,7 +20,7 @@ def surface(given: Given) -> int:
     """Place N points on surfaces, evenly or by a density, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
-    handles stay. Where a surface has a boundary, triangles end half a cell before it.
+    handles stay, and so do sharp edges, corners and borders.
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """
@@ -37,7 +38,8 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     shape = read_surface(task.source)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
-    found = cvtimg.surface_points(shape, given.number, density=weight, effort=given.effort)
+    features = {"feature_angle": given.feature_angle, "keep_border": not given.free_border}
+    found = cvtimg.surface_points(shape, given.number, density=weight, effort=given.effort, **features)
     stopwatch.lap("place")
     found.save(task.output, overwrite=given.overwrite)
     if "--plot" in task.outputs:

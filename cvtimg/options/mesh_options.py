@@ -72,6 +72,14 @@ SURFACE = (
         "Gather points by this property of the vertices in PLY files: distances go as NAME^(-1/4).",
         metavar="NAME",
     ),
+    Option(
+        "feature_angle",
+        Real(0, 180),
+        "Keep edges where faces meet at more than this angle from flat, in degrees; 180 keeps none.",
+        metavar="DEGREES",
+        default=40.0,
+    ),
+    switch("free_border", "Let points of open surfaces stay half a cell from the border, and keep no edges."),
     file("plot", "Plot the triangles, .png or .svg, colored by quality and shaded.", common.PLOTS),
     Option(
         "view",

@@ -17,35 +17,41 @@ cdef extern from "geometry.h" nogil:
     )
     int may_turn(const half_edges *mesh, const double *normals, int32_t e)
     int should_turn(const half_edges *mesh, const double *normals, int32_t e)
-    int collapse_edge(half_edges *mesh, const double *normals, double most, int32_t e)
+    int collapse_edge(half_edges *mesh, const double *normals, double most, int32_t e, int back)
     int faces_outward(const double *points, const double *normals, const int32_t *corners, double cosine)
     void add_kites(const half_edges *mesh, const double *density, int32_t t, double *masses, double *pulls)
     int32_t walk_to_nearest(const half_edges *mesh, int32_t t, double *place)
 
 
 def collapse(
-    mesh, const double[:, ::1] normals, const double[::1] sizes, double part, double stretch, Py_ssize_t most
+    mesh, const double[:, ::1] normals, const double[::1] sizes, const uint8_t[::1] ranks, double part, double stretch,
+    Py_ssize_t most
 ):
     """Collapse edges shorter than a part of the wanted sizes (N,), each to one of its ends; return how many.
 
-    New edges are no longer than `stretch` times that part; triangles that are removed become -1.
+    Vertices have ranks: at most `most` of rank 0 vanish, those of rank 1 along the boundary, those of rank 2 stay. The
+    number of the others is returned second. New edges are no longer than `stretch` times that part; triangles that are
+    removed become -1.
     """
     cdef half_edges c_mesh = seen(mesh)
     cdef int32_t e, a, b, n_edges = <int32_t>mesh.triangles.size
-    cdef Py_ssize_t n = 0
+    cdef Py_ssize_t n = 0, n_on_boundary = 0
     cdef double limit
     with nogil:
         for e in range(n_edges):
-            if n == most:
-                break
             a = c_mesh.vertices[e]
             if a < 0:
                 continue
             b = end_of(&c_mesh, e)
             limit = part * (sizes[a] + sizes[b]) / 2
-            if squared_distance(c_mesh.points + 3 * <Py_ssize_t>a, c_mesh.points + 3 * <Py_ssize_t>b) < limit * limit:
-                n += collapse_edge(&c_mesh, &normals[0, 0], stretch * limit, e)
-    return n
+            if squared_distance(c_mesh.points + 3 * <Py_ssize_t>a, c_mesh.points + 3 * <Py_ssize_t>b) >= limit * limit:
+                continue
+            if ranks[a] == 0:
+                if n < most:
+                    n += collapse_edge(&c_mesh, &normals[0, 0], stretch * limit, e, 0)
+            elif c_mesh.twins[e] < 0 and (ranks[a] == 1 or ranks[b] == 1):
+                n_on_boundary += collapse_edge(&c_mesh, &normals[0, 0], stretch * limit, e, ranks[a] != 1)
+    return n, n_on_boundary
 
 
 def flip(mesh, const double[:, ::1] normals, Py_ssize_t most):

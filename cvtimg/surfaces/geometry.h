@@ -1,6 +1,6 @@
 /* Flips, collapses of edges, cells and nearest faces of triangulated surfaces, as half-edges.
  *
- * Only the walk to the nearest face takes surfaces with a boundary, where the twin of a half-edge is -1. */
+ * The twin of a half-edge on a boundary is -1: no edge is flipped, no cell reaches, and no walk leads across. */
 #ifndef CVTIMG_SURFACE_GEOMETRY_H
 #define CVTIMG_SURFACE_GEOMETRY_H
 
@@ -22,15 +22,30 @@ static inline double cotangent(const double *apex, const double *a, const double
     return dot3(u, v) / sqrt(dot3(normal, normal) + 1e-300);
 }
 
+/* List the vertices that edges join to the origin of e, counterclockwise. Returns how many, or more than MOST_AROUND. */
+static int vertices_around(const struct half_edges *mesh, int32_t e, int32_t found[MOST_AROUND + 1])
+{
+    int n = half_edges_around(mesh, e, found);
+
+    if (n > MOST_AROUND)
+        return n;
+    int32_t last = last_edge(found[n - 1]);
+    for (int i = 0; i < n; i++)
+        found[i] = end_of(mesh, found[i]);
+    if (mesh->twins[last] < 0)
+        found[n++] = mesh->vertices[last];
+    return n;
+}
+
 static int is_joined(const struct half_edges *mesh, int32_t e, int32_t vertex)
 {
-    int32_t around[MOST_AROUND];
-    int n = half_edges_around(mesh, e, around);
+    int32_t around[MOST_AROUND + 1];
+    int n = vertices_around(mesh, e, around);
 
     if (n > MOST_AROUND)
         return 1;
     for (int i = 0; i < n; i++)
-        if (end_of(mesh, around[i]) == vertex)
+        if (around[i] == vertex)
             return 1;
     return 0;
 }
@@ -62,7 +77,10 @@ static int faces_outward(const double *points, const double *normals, const int3
  * nothing. */
 static int should_turn(const struct half_edges *mesh, const double *normals, int32_t e)
 {
-    int32_t f = mesh->twins[e], e2 = last_edge(e), f2 = last_edge(f);
+    int32_t f = mesh->twins[e];
+    if (f < 0)
+        return 0;
+    int32_t e2 = last_edge(e), f2 = last_edge(f);
     int32_t a = mesh->vertices[e], b = mesh->vertices[f], c = mesh->vertices[e2], d = mesh->vertices[f2];
     const double *at_a = origin3(mesh, e), *at_b = origin3(mesh, f);
 
@@ -80,50 +98,105 @@ static int may_turn(const struct half_edges *mesh, const double *normals, int32_
     return mesh->twins[e] >= e && mesh->vertices[e] >= 0;
 }
 
-/* Whether the triangles at the origin of e, but the two that vanish, face where the surface does and have no side longer
- * than `most` if it moves to its end. */
-static int stays_sound(const struct half_edges *mesh, const double *normals, double most, int32_t e, const int32_t *around,
-                       int n)
+/* Whether triangles at a vertex, the origins of `around`, face where the surface does and have no side longer than `most`
+ * if it moves to the vertex `kept`; triangles that have both vanish. */
+static int stays_sound(const struct half_edges *mesh, const double *normals, double most, const int32_t *around, int n,
+                       int32_t kept)
 {
-    int32_t to = mesh->vertices[mesh->twins[e]];
-
     for (int i = 0; i < n; i++) {
-        int32_t g = around[i];
-        if (squared_distance(origin3(mesh, next_edge(g)), mesh->points + 3 * (ptrdiff_t)to) > most * most)
+        int32_t g = around[i], second = end_of(mesh, g), third = mesh->vertices[last_edge(g)];
+        if (squared_distance(origin3(mesh, next_edge(g)), mesh->points + 3 * (ptrdiff_t)kept) > most * most)
             return 0;
-        if (g == e || turn_left(mesh, g) == e)
+        if (second == kept || third == kept)
             continue;
-        int32_t corners[3] = {to, mesh->vertices[next_edge(g)], mesh->vertices[last_edge(g)]};
+        int32_t corners[3] = {kept, second, third};
         if (!faces_outward(mesh->points, normals, corners, LEAST_COSINE))
             return 0;
     }
     return 1;
 }
 
-/* Move the origin of e to its end and remove the two triangles at e, if the surface stays one without folds, and no new
- * edge is longer than `most`. */
-static int collapse_edge(struct half_edges *mesh, const double *normals, double most, int32_t e)
+/* Whether the origin of e has triangles enough to lose one. */
+static int may_lose_one(const struct half_edges *mesh, int32_t e)
 {
-    int32_t f = mesh->twins[e], around[MOST_AROUND], beyond[MOST_AROUND];
-    int n = half_edges_around(mesh, e, around), m = half_edges_around(mesh, f, beyond), common = 0;
+    int32_t around[MOST_AROUND];
+    int n = half_edges_around(mesh, e, around);
 
-    if (n + m - 4 > MOST_AROUND || n + m - 4 < 3)
+    return n > MOST_AROUND || n > (mesh->twins[last_edge(around[n - 1])] < 0 ? 1 : 3);
+}
+
+/* Remove the triangle of e, whose origin and end have become one: the two other sides, too. */
+static void close_triangle(struct half_edges *mesh, int32_t e)
+{
+    int32_t one = mesh->twins[next_edge(e)], other = mesh->twins[last_edge(e)];
+
+    join_twins(mesh, one < 0 ? other : one, one < 0 ? one : other);
+    for (int k = 0; k < 3; k++)
+        mesh->vertices[3 * (e / 3) + k] = -1;
+}
+
+/* Move the origin of e to its end, or the end to its origin if `back`, and remove the triangles at e, if the surface stays
+ * one without folds, and no new edge is longer than `most`. A vertex on a boundary must move along it. */
+static int collapse_edge(struct half_edges *mesh, const double *normals, double most, int32_t e, int back)
+{
+    int32_t f = mesh->twins[e], from = back ? next_edge(e) : e, to = back ? e : next_edge(e);
+    int32_t kept = mesh->vertices[to], around[MOST_AROUND], near[MOST_AROUND + 1], beyond[MOST_AROUND + 1];
+    int n_faces = half_edges_around(mesh, from, around), n_sides = f < 0 ? 1 : 2, common = 0;
+    int n = vertices_around(mesh, from, near), m = vertices_around(mesh, to, beyond);
+
+    if (n_faces > MOST_AROUND || n + m - 2 - n_sides > MOST_AROUND || n > MOST_AROUND || m > MOST_AROUND)
         return 0;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < m; j++)
-            common += end_of(mesh, around[i]) == end_of(mesh, beyond[j]);
-    int apexes_have_more = half_edges_around(mesh, last_edge(e), beyond) > 3 &&
-                           half_edges_around(mesh, last_edge(f), beyond) > 3;
-    if (common != 2 || !apexes_have_more || !stays_sound(mesh, normals, most, e, around, n))
+            common += near[i] == beyond[j];
+    if (common != n_sides || !may_lose_one(mesh, last_edge(e)) || (f >= 0 && !may_lose_one(mesh, last_edge(f))) ||
+        !stays_sound(mesh, normals, most, around, n_faces, kept))
         return 0;
-    int32_t kept = mesh->vertices[f];
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n_faces; i++)
         mesh->vertices[around[i]] = kept;
-    join_twins(mesh, mesh->twins[next_edge(e)], mesh->twins[last_edge(e)]);
-    join_twins(mesh, mesh->twins[next_edge(f)], mesh->twins[last_edge(f)]);
-    for (int k = 0; k < 3; k++)
-        mesh->vertices[3 * (e / 3) + k] = mesh->vertices[3 * (f / 3) + k] = -1;
+    close_triangle(mesh, e);
+    if (f >= 0)
+        close_triangle(mesh, f);
     return 1;
+}
+
+/* Add a triangle to the cell of a vertex, a corner of it: its mass, and its first moment about that. Steps to the others
+ * are u and v; the density is linear. */
+static void add_part(int32_t vertex, const double *u, const double *v, double area, double here, double at_u, double at_v,
+                     double *masses, double *pulls)
+{
+    double all = here + at_u + at_v;
+
+    masses[vertex] += area * all / 3;
+    for (int axis = 0; axis < 3; axis++)
+        pulls[3 * (ptrdiff_t)vertex + axis] += area / 12 * (all * (u[axis] + v[axis]) + at_u * u[axis] + at_v * v[axis]);
+}
+
+/* Add the cells within a triangle whose angle at corner k is obtuse, opposite to a boundary: there they end. */
+static void add_clipped(const int32_t *v, const double *const *p, const double *density, int k, double area, double *masses,
+                        double *pulls)
+{
+    double base[3], feet[2][3], shares[2], at_feet[2];
+
+    subtract3(base, p[(k + 2) % 3], p[(k + 1) % 3]);
+    for (int h = 0; h < 2; h++) { /* where the cell of one end of the boundary ends, as a share of it */
+        int i = (k + 1 + h) % 3;
+        double side[3], middle[3], sign = h ? -1 : 1, step[3], from_end[3];
+        subtract3(side, p[k], p[i]);
+        shares[h] = dot3(side, side) / (2 * sign * dot3(base, side));
+        at_feet[h] = density[v[i]] + shares[h] * (density[v[(k + 2 - h) % 3]] - density[v[i]]);
+        for (int axis = 0; axis < 3; axis++) {
+            from_end[axis] = sign * shares[h] * base[axis];
+            feet[h][axis] = from_end[axis] - side[axis];
+            middle[axis] = side[axis] / 2;
+            step[axis] = -middle[axis];
+        }
+        double half = (density[v[i]] + density[v[k]]) / 2, part = shares[h] * area / 2;
+        add_part(v[i], middle, from_end, part, density[v[i]], half, at_feet[h], masses, pulls);
+        add_part(v[k], step, feet[h], part, density[v[k]], half, at_feet[h], masses, pulls);
+    }
+    add_part(v[k], feet[0], feet[1], (1 - shares[0] - shares[1]) * area, density[v[k]], at_feet[0], at_feet[1], masses,
+             pulls);
 }
 
 /* Add mass and first moments of the cells of a triangle's corners, from corner to middles of sides to circumcenter, all
@@ -147,6 +220,11 @@ static void add_kites(const struct half_edges *mesh, const double *density, int3
     double area = 0.5 * sqrt(dot3(normal, normal));
     if (sum <= 0 || area <= 0)
         return;
+    for (int k = 0; k < 3; k++)
+        if (weights[k] < 0 && mesh->twins[3 * (ptrdiff_t)t + (k + 1) % 3] < 0) {
+            add_clipped(v, p, density, k, area, masses, pulls);
+            return;
+        }
     double least = density[v[0]], largest = least;
     for (int k = 0; k < 3; k++) {
         double here = density[v[k]], share = weights[k] / sum;
@@ -161,15 +239,13 @@ static void add_kites(const struct half_edges *mesh, const double *density, int3
         int ends[2] = {(k + 1) % 3, (k + 2) % 3};
         double between = (density[v[ends[0]]] + density[v[ends[1]]]) / 2;
         for (int h = 0; h < 2; h++) {
-            int32_t i = v[ends[h]];
-            double here = density[i], all = here + between + at_center;
-            masses[i] += part * all / 3;
+            int i = ends[h];
+            double middle[3], inward[3];
             for (int axis = 0; axis < 3; axis++) {
-                double middle = (p[ends[1 - h]][axis] - p[ends[h]][axis]) / 2;
-                double inward = center[axis] + p[0][axis] - p[ends[h]][axis];
-                pulls[3 * (ptrdiff_t)i + axis] +=
-                    part / 12 * (all * (middle + inward) + between * middle + at_center * inward);
+                middle[axis] = (p[ends[1 - h]][axis] - p[i][axis]) / 2;
+                inward[axis] = center[axis] + p[0][axis] - p[i][axis];
             }
+            add_part(v[i], middle, inward, part, density[v[i]], between, at_center, masses, pulls);
         }
     }
 }

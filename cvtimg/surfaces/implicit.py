@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from cvtimg._shared.checks import check_finite, check_in_range, check_places, ch
 from cvtimg.placement import Box
 from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divide_fans, unit
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divided, unit
 
 #: By default, the longest side of the bounds has so many cubes.
 _CUBES = 64
@@ -52,6 +52,7 @@ class ImplicitSurface(Surface):
     (True, 2)
     """
 
+    is_smooth: ClassVar[bool] = True
     function: ImplicitFunction
     box: Box
     _triangulation: SurfaceTriangulation
@@ -104,7 +105,7 @@ class ImplicitSurface(Surface):
         found: Any = marching_cubes(values, 0.0, **options)  # type: ignore[no-untyped-call]
         vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
         faces = np.ascontiguousarray(found[1], np.int32)
-        return SurfaceTriangulation(*divide_fans(vertices, faces))
+        return divided(vertices, faces)
 
 
 def torus(major: float = 1.0, minor: float = 0.4) -> ImplicitSurface:

@@ -1,6 +1,7 @@
 """Place points on a surface: collapse edges of fine triangles, then move points and flip edges (Lloyd's method).
 
-On surfaces with a boundary, cells are sums over samples, and end where the surface does.
+Creases and boundaries are curves of points that stay, along which the surface is cut. Where a boundary is free, cells
+are sums over samples instead, and end where the surface does.
 """
 
 from __future__ import annotations
@@ -28,12 +29,14 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
+from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
 Values = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: Area of a regular hexagon whose neighbors are at distance 1.
 _HEXAGON = 0.75**0.5
@@ -86,6 +89,8 @@ def surface_points(
     n: int,
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,
+    feature_angle: float = 40.0,
+    keep_border: bool = True,
     effort: EffortName = "balanced",
 ) -> SurfacePoints:
     """Place points on a surface as generators of a centroidal Voronoi tessellation, and join them by triangles.
@@ -99,6 +104,12 @@ def surface_points(
         Number of points.
     density : callable or float, optional
         From (N, 3) points to (N,) densities >= 0. Distances of points are about in proportion to density^(-1/4).
+    feature_angle : float
+        Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
+        kept: their corners are points, and edges of triangles lie along them. 180 keeps none.
+    keep_border : bool
+        Keep the boundary of an open surface in the same way. Otherwise points stay inside, half a cell from it, and
+        creases are not kept.
     effort : {"fast", "balanced", "best"}
         How long points are moved.
 
@@ -120,8 +131,11 @@ def surface_points(
     Distances are those of space, not along the surface, and centers of mass are projected to it. Triangles are those of
     the intrinsic Delaunay property: angles opposite to an edge add up to at most 180 degrees.
 
-    Where a surface has a boundary, cells end there: points stay inside, and so do triangles, which join points whose
-    cells meet. Such surfaces take longer.
+    Creases, boundaries, and edges of three faces or more are features. Points at their corners stay; others divide the
+    curves between by the same density, and the rest is placed while these stay, in pieces that end at the curves.
+    Creases shorter than the distance of points are left out.
+
+    Where a boundary is free, cells end there, and triangles join points whose cells meet. This takes longer.
 
     References
     ----------
@@ -144,9 +158,10 @@ def surface_points(
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
     measure, limits = as_density(density), EFFORTS[effort]
-    if not shape.triangulation.is_closed:
+    check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
+    if not (keep_border or shape.triangulation.is_closed):
         return _by_samples(shape, n, measure, limits)
-    found, is_free = _by_triangles(shape, n, measure, limits)
+    found, is_free = _by_triangles(shape, n, measure, limits, 180.0 if shape.is_smooth else feature_angle)
     if is_free:
         return found
     other = _by_samples(shape, n, measure, limits)
@@ -161,14 +176,27 @@ def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
     return figures.is_closed and figures.euler_characteristic == surface.triangulation.euler_characteristic
 
 
-def _by_triangles(surface: Surface, n: int, density: Density, effort: SurfaceEffort) -> tuple[SurfacePoints, bool]:
-    """Place points by the cells of a triangulation; tell whether no fold stood in their way."""
-    fine, sizes = _fine(surface, n, density, _FINE)
-    mesh, faces = _collapsed(fine, sizes, n)
-    offset, n_iter, is_free = _relax(surface, fine, mesh, faces, density, effort)
+def _by_triangles(
+    surface: Surface, n: int, density: Density, effort: SurfaceEffort, angle: float
+) -> tuple[SurfacePoints, bool]:
+    """Place points by the cells of a triangulation; tell whether there are features, or no fold stood in their way."""
+    whole, sizes = _fine(surface, n, density, _FINE)
+    sizes = sizes * (n / max(n - extra_points(whole, sizes), n / 2)) ** 0.5
+    features = find_features(whole, angle, sizes)
+    kept, places = place_on_curves(whole, features, sizes, angle)
+    fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
+    goals = whole.points.copy()
+    goals[kept] = surface.on_surface(places) if len(kept) else places
+    used, triangles = _collapsed(fine, sizes[sites], n, kept, sites)
+    mesh = SurfaceTriangulation(goals[sites[used]], triangles)
+    offset, n_iter, is_free = _relax(surface, fine, mesh, used, density, effort)
     masses, _ = mesh.moments(density(mesh.points))
-    energy = _energy(fine, mesh.points, density)
-    return SurfacePoints(mesh.points, mesh.triangles, masses, energy, offset, n_iter), is_free
+    # The sides of a cut become one again.
+    _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
+    points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
+    masses = sum_by_label(joined, masses, n)
+    energy = _energy(fine, points, density)
+    return SurfacePoints(points, triangles, masses, energy, offset, n_iter), is_free or len(kept) > 0
 
 
 def _by_samples(surface: Surface, n: int, density: Density, effort: SurfaceEffort) -> SurfacePoints:
@@ -219,36 +247,50 @@ def _limits(relative: Density, distance: float) -> Density:
     return lambda places: distance * relative(places)
 
 
-def _collapsed(fine: SurfaceTriangulation, sizes: Values, n: int) -> tuple[SurfaceTriangulation, Triangles]:
-    """Collapse the shortest edges until n vertices are left; return a triangle of `fine` at each, too."""
+def _collapsed(
+    fine: SurfaceTriangulation, sizes: Values, n: int, kept: Indices, sites: Indices
+) -> tuple[Indices, Triangles]:
+    """Collapse the shortest edges until n sites of vertices are left, those kept among them.
+
+    Returns the vertices that are left, and triangles of these.
+    """
+    ranks = fine.on_boundary().astype(np.uint8)
+    ranks[np.isin(sites, kept)] = 2
     mesh = SurfaceTriangulation(fine.points, fine.triangles.copy(), fine.twins.copy())
-    n_left, part, normals = len(mesh.points), _FIRST_PART, fine.normals()
-    while n_left > n and part < _LAST_PART:
-        most = n_left - n
-        n_left -= _surfaces.collapse(mesh, normals, sizes, part, _STRETCH, most)
+    normals, part, most = fine.normals(), _FIRST_PART, n - len(kept)
+    n_left, n_on_curves, _ = np.bincount(ranks, minlength=3)
+    while (n_left > most or n_on_curves) and part < _LAST_PART:
+        gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, _STRETCH, max(n_left - most, 0))
+        n_left, n_on_curves = n_left - gone[0], n_on_curves - gone[1]
         mesh.flip(normals)
         part *= _GROWTH
-    check_in_range("n", n, n_left == n, f"at least {n_left}: fewer points do not make triangles of this shape")
     left = mesh.triangles[:, 0] >= 0
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
-    return SurfaceTriangulation(fine.points[used], corners.reshape(-1, 3).astype(np.int32)), fine.face_of_each()[used]
+    if n_on_curves:  # those that one side cannot do without stay on all
+        return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites)
+    allowed = f"at least {n_left + len(kept)}: fewer points do not make triangles of this shape"
+    allowed += ", with its edges; a larger feature_angle keeps fewer of these" if len(kept) else ""
+    check_in_range("n", n, n_left == most, allowed)
+    return used, corners.reshape(-1, 3).astype(np.int32)
 
 
 def _relax(
     surface: Surface,
     fine: SurfaceTriangulation,
     mesh: SurfaceTriangulation,
-    faces: Triangles,
+    used: Indices,
     density: Density,
     effort: SurfaceEffort,
 ) -> tuple[float, int, bool]:
-    """Move points to the centers of mass of their cells, projected to the surface.
+    """Move points, used vertices of `fine`, to the centers of mass of their cells, projected to the surface.
 
-    Returns the offset, the moves, and whether the last one held no point back.
+    Those on its boundary stay. Returns the offset, the moves, and whether the last one held no point back.
     """
     move, last, is_free = 0, effort.moves, True
-    points, normals, faces = surface.nearest(mesh.points, faces, fine)
-    mesh.points = points
+    fixed = mesh.on_boundary()
+    goals, outward = mesh.points[fixed], fine.normals()[used[fixed]]
+    mesh.points, normals, faces = surface.nearest(mesh.points, fine.face_of_each()[used], fine)
+    mesh.points[fixed], normals[fixed] = goals, outward
     while True:
         mesh.flip(normals)
         _, steps = mesh.moments(density(mesh.points))
@@ -258,6 +300,7 @@ def _relax(
         factor = _BEYOND if move < last - _LAST_MOVES else 1.0
         share = np.minimum(factor, _LONGEST_STEP * sizes / np.maximum(lengths, 1e-300))
         there, directions, near = surface.nearest(mesh.points + share[:, None] * steps, faces, fine)
+        there[fixed], directions[fixed] = goals, outward
         # What a cell is off by its size; sums over the cells of folded triangles may lead anywhere.
         off = np.minimum(np.linalg.norm(there - mesh.points, axis=1) / (share * sizes), 1)
         offset = float(np.sqrt(np.mean(off**2)))

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles, check_weights
 from cvtimg.halfedges import measure_triangles
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, check_manifold, divide_fans
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, check_directions, divided
 
 
 class Surface(ABC):
     """A surface in space, with triangles that are on it or near to it."""
 
     __slots__ = ()
+    #: Whether no two faces meet at an angle, but for those of its triangles.
+    is_smooth = False
 
     @property
     @abstractmethod
@@ -38,7 +40,7 @@ class Surface(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
 class TriangulatedSurface(Surface):
-    """A surface of triangles, closed or with a boundary.
+    """A surface of triangles, closed or with a boundary; more than two may meet at an edge.
 
     Parameters
     ----------
@@ -50,8 +52,7 @@ class TriangulatedSurface(Surface):
     Raises
     ------
     TypeError, ValueError
-        If vertices are not finite, a face has no area, three faces meet at an edge, or faces go around in different
-        directions.
+        If vertices are not finite, a face has no area, or two faces at an edge go around in different directions.
 
     Examples
     --------
@@ -68,9 +69,8 @@ class TriangulatedSurface(Surface):
         points = check_places("vertices", vertices, 3)
         triangles = check_triangles("faces", faces, len(points))
         check_have_area("faces", measure_triangles(points, triangles).areas)
-        check_manifold(triangles, len(points))
-        points, triangles = divide_fans(points, triangles)
-        mesh = SurfaceTriangulation(points, triangles)
+        check_directions(points, triangles)
+        mesh = divided(points, triangles)
         if mesh.is_closed and np.linalg.det(points[triangles] - points.mean(axis=0)).sum() < 0:
             mesh = SurfaceTriangulation(points, triangles[:, ::-1])
         object.__setattr__(self, "_triangulation", mesh)

@@ -12,7 +12,6 @@ from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.halfedges import HalfEdges, find_twins
-from cvtimg.halfedges.half_edges import turn_left
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -64,6 +63,18 @@ class SurfaceTriangulation(HalfEdges):
         in_parts(partial(_surfaces.walk, self, found, last), len(found), _WORK * len(found))
         return found, last
 
+    def cut(self, features: NDArray[np.bool_]) -> tuple[SurfaceTriangulation, NDArray[np.intp]]:
+        """Cut along half-edges (3 T,), so that each side has vertices of its own; return what these were, too."""
+        edge = np.where(features, -1, number_edges(self.triangles, len(self.points)))
+        sites, triangles = divide_fans(self.triangles, edge)
+        return SurfaceTriangulation(self.points[sites], triangles), sites
+
+    def on_boundary(self) -> NDArray[np.bool_]:
+        """Tell which vertices (N,) are on the boundary."""
+        found = np.zeros(len(self.points), np.bool_)
+        found[self.edges[self.twins.ravel() < 0]] = True
+        return found
+
     def face_of_each(self) -> Triangles:
         """Return a triangle (N,) at each vertex; any number for vertices without one."""
         face = np.zeros(len(self.points), np.int32)
@@ -76,26 +87,55 @@ def unit(vectors: Points) -> Points:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
-def check_manifold(triangles: Triangles, n: int) -> None:
-    """Refuse triangles that go around in different directions, or that meet at an edge of others."""
-    keys = np.sort(triangles.astype(np.int64).ravel() * n + triangles[:, [1, 2, 0]].ravel())
-    demand = "go around in one direction, at most two at an edge: turn some, or divide the surface"
-    check_that("faces", (np.diff(keys) > 0).all(), demand)
+def number_edges(triangles: Triangles, n_points: int) -> Triangles:
+    """Return the edge (3 T,) of each half-edge, numbered by one of its half-edges, of which it may have many."""
+    twins = find_twins(triangles, n_points).ravel()
+    edge = np.maximum(np.arange(triangles.size, dtype=np.int32), twins)
+    alone = np.flatnonzero(twins < 0)
+    a, b = triangles.ravel()[alone], triangles[:, [1, 2, 0]].ravel()[alone]
+    keys = np.minimum(a, b) * np.int64(n_points) + np.maximum(a, b)
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    edge[alone] = alone[first][which]
+    return edge
 
 
-def divide_fans(points: Points, triangles: Triangles) -> tuple[Points, Triangles]:
-    """Give each fan of triangles a vertex of its own where several meet in one, and leave out unused vertices."""
+def check_directions(points: Points, triangles: Triangles) -> None:
+    """Refuse two triangles at an edge that go around in different directions."""
+    edge = number_edges(triangles, len(points))
+    wrong = np.flatnonzero((np.bincount(edge)[edge] == 2) & (find_twins(triangles, len(points)).ravel() < 0))
+    for half in wrong[:1].tolist():
+        ends = [tuple(points[triangles[half // 3, (half + step) % 3]].tolist()) for step in range(2)]
+        demand = "go around in one direction: turn one, or cut the surface if it has one side only"
+        check_that(f"faces at the edge from {ends[0]} to {ends[1]}", False, demand)
+
+
+def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[NDArray[np.intp], Triangles]:
+    """Give each fan of triangles a vertex of its own where several meet in one; return what these were, and triangles.
+
+    Fans go on across edges that are numbered alike (3 T,), but not across those of number -1. Unused vertices vanish.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    numbers = np.arange(triangles.size, dtype=np.int32)
-    beyond = turn_left(numbers, find_twins(triangles, len(points)))
-    there = beyond >= 0
-    links = coo_array((np.ones(there.sum(), np.int8), (numbers[there], beyond[there])), (len(numbers), len(numbers)))
+    vertices, halves = triangles.ravel(), np.arange(triangles.size)
+    following = halves.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    order = np.argsort(edge, kind="stable")
+    is_same = (edge[order[1:]] == edge[order[:-1]]) & (edge[order[1:]] >= 0)
+    one, other = order[:-1][is_same], order[1:][is_same]
+    turned = vertices[one] == vertices[other]
+    starts, ends = np.where(turned, other, following[other]), np.where(turned, following[other], other)
+    rows, columns = np.concatenate([one, following[one]]), np.concatenate([starts, ends])
+    links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), (len(halves), len(halves)))
     n_fans, fan = connected_components(links, directed=False)
-    origin = np.empty(n_fans, np.int64)
-    origin[fan] = triangles.ravel()
-    return points[origin], fan.astype(np.int32).reshape(-1, 3)
+    origin = np.empty(n_fans, np.intp)
+    origin[fan] = vertices
+    return origin, fan.astype(np.int32).reshape(-1, 3)
+
+
+def divided(points: Points, triangles: Triangles) -> SurfaceTriangulation:
+    """Give each fan of triangles a vertex of its own where several meet in one, and leave out unused vertices."""
+    origin, triangles = divide_fans(triangles, number_edges(triangles, len(points)))
+    return SurfaceTriangulation(points[origin], triangles)
 
 
 def split_long_edges(
@@ -108,9 +148,8 @@ def split_long_edges(
     allowed = limits(points)
     triangles = np.ascontiguousarray(triangles)
     for _ in range(_ROUNDS):
-        halves = np.arange(triangles.size, dtype=np.int32)
-        edge = np.maximum(halves, find_twins(triangles, len(points)).ravel())  # one of the two half-edges for both
-        own = np.flatnonzero(edge == halves)
+        edge = number_edges(triangles, len(points))
+        own = np.flatnonzero(edge == np.arange(len(edge)))
         a, b = triangles.ravel()[own], triangles[:, [1, 2, 0]].ravel()[own]
         is_long = np.linalg.norm(points[a] - points[b], axis=1) > (allowed[a] + allowed[b]) / 2
         if not is_long.any():

@@ -103,6 +103,7 @@ def _surfaces() -> None:
     ball = trimesh.creation.icosphere(2)
     ball.export("scan.stl")
     ball.export("part.obj")
+    ball.export("voxels.stl")
     ball.vertex_attributes["quality"] = np.linspace(1, 2, len(ball.vertices)).astype(np.float32)
     ball.export("scan.ply")
 

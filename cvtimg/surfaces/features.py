@@ -1,0 +1,141 @@
+"""What points on surfaces keep: creases and boundaries as curves, the corners between these, and points on them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.sums import sum_by_label
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
+
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+#: Creases that are shorter in all than so many distances of points are left out.
+_SHORTEST = 3
+#: A curve turns at a corner if it does over this part of the distance of points as well: the steps of a scan do not.
+_REACH = 0.5
+#: Curves get points until twice as many make them longer by less than this.
+_MOST_LOSS = 0.05
+
+
+def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Mask:
+    """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, and creases.
+
+    Creases are where faces meet at more than `angle` degrees from flat. Those that are not longer in all than a few
+    distances (N,) of points are noise, or too small to be seen.
+    """
+    edge = number_edges(mesh.triangles, len(mesh.points))
+    n_faces = np.bincount(edge)[edge]
+    beyond = np.maximum(mesh.twins.ravel(), 0)
+    normals = mesh.face_normals()
+    cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[beyond // 3])
+    creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
+    return (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
+
+
+def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
+    """Return how many points more there are than whole cells: those on a boundary have half of one."""
+    edge = number_edges(mesh.triangles, len(mesh.points))
+    a, b = mesh.edges.T
+    lengths = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1) * 2 / (sizes[a] + sizes[b])
+    return float((lengths * (1 / np.bincount(edge)[edge] - 1 / 2)).sum())
+
+
+def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
+    """Tell which half-edges (3 T,) belong to connected creases that are long beside the distances of points."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    a, b = mesh.edges[creased].T
+    links = coo_array((np.ones(len(a), np.int8), (a, b)), (len(mesh.points), len(mesh.points)))
+    _, group = connected_components(links, directed=False)
+    parts = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1) / (sizes[a] + sizes[b])  # half of it, on both sides
+    lengths = sum_by_label(group[a], parts, int(group.max()) + 1)
+    return np.asarray((lengths > _SHORTEST)[group[mesh.edges[:, 0]]])
+
+
+def place_on_curves(mesh: SurfaceTriangulation, features: Mask, sizes: Values, angle: float) -> tuple[Indices, Points]:
+    """Choose the vertices (M,) that stay on features, and the places (M, 3) they go to, `sizes` (N,) apart."""
+    edge = number_edges(mesh.triangles, len(mesh.points))
+    ends = mesh.edges[features & (edge == np.arange(len(edge)))]
+    kept: dict[int, Points] = {}
+    for chain in _chains(ends):
+        for curve in _divided(mesh.points, chain, sizes, angle):
+            inner, places = _spaced(mesh.points[curve], sizes[curve])
+            kept.update(zip(curve[[0, -1]].tolist(), mesh.points[curve[[0, -1]]], strict=True))
+            kept.update(zip(curve[inner].tolist(), places, strict=True))
+    return np.array([*kept], np.intp), np.array([*kept.values()]).reshape(-1, 3)
+
+
+def _chains(ends: Triangles) -> list[Indices]:
+    """Join edges (E, 2) to chains of vertices between those with other than two; a closed one ends at its start."""
+    neighbors: dict[int, list[int]] = defaultdict(list)
+    for a, b in ends.tolist():
+        neighbors[a].append(b)
+        neighbors[b].append(a)
+    degree = {vertex: len(others) for vertex, others in neighbors.items()}
+    chains = []
+    # Those that end come first; what is left then goes around.
+    for start in sorted(neighbors, key=lambda vertex: degree[vertex] == 2):
+        while neighbors[start]:
+            chain = [start]
+            while len(chain) == 1 or (degree[chain[-1]] == 2 and chain[-1] != start):
+                following = neighbors[chain[-1]].pop()
+                neighbors[following].remove(chain[-1])
+                chain.append(following)
+            chains.append(np.array(chain))
+    return chains
+
+
+def _divided(points: Points, chain: Indices, sizes: Values, angle: float) -> list[Indices]:
+    """Divide a chain of vertices at its corners, where it turns by more than an angle."""
+    places, is_closed = points[chain], chain[0] == chain[-1]
+    along = _lengths(places)
+    reach = np.minimum(_REACH * sizes[chain], along[-1] / 4)
+    sharp = np.ones(len(chain), bool)
+    period = along[-1] if is_closed else None
+    for step in (reach, 1e-3 * np.diff(along).min()):
+        before, after = (
+            np.stack([np.interp(along + way, along, x, period=period) for x in places.T], axis=1)
+            for way in (-step, step)
+        )
+        sharp &= np.einsum("ij,ij->i", unit(places - before), unit(after - places)) < np.cos(np.radians(angle))
+    corners = np.flatnonzero(sharp[:-1] if is_closed else np.r_[True, sharp[1:-1], True])
+    if is_closed and len(corners):
+        chain = np.concatenate([chain[corners[0] : -1], chain[: corners[0] + 1]])
+        corners = np.append(corners - corners[0], len(chain) - 1)
+    elif is_closed:
+        corners = np.array([0, len(chain) - 1])
+    return [chain[i : j + 1] for i, j in pairwise(corners)]
+
+
+def _spaced(places: Points, sizes: Values) -> tuple[Indices, Points]:
+    """Choose inner vertices of a curve (M, 3), and the places that divide it by the distances of points.
+
+    In one dimension this is a centroidal Voronoi tessellation, whose ends stay.
+    """
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    along = np.concatenate([[0], np.cumsum(steps * 2 / (sizes[1:] + sizes[:-1]))])
+
+    def divided(n: int) -> Points:
+        return np.stack([np.interp(np.linspace(0, along[-1], n + 1), along, x) for x in places.T], axis=1)
+
+    is_closed, most = (places[0] == places[-1]).all(), len(places) - 1
+    n = min(max(round(along[-1]), 3 if is_closed else 1), most)
+    while 2 * n <= most and _lengths(divided(n))[-1] < (1 - _MOST_LOSS) * _lengths(divided(2 * n))[-1]:
+        n *= 2
+    inner = np.arange(1, n)
+    nearest = np.rint(np.interp(inner * along[-1] / n, along, np.arange(most + 1))).astype(np.intp)
+    # Each has a vertex of its own.
+    distinct = np.maximum.accumulate(np.maximum(nearest, inner) - inner) + inner
+    return np.minimum(distinct, most - n + inner), divided(n)[1:-1]
+
+
+def _lengths(places: Points) -> Values:
+    """Return how far (M,) each of places (M, 3) is from the first, along straight lines from one to the next."""
+    return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
