@@ -271,7 +271,7 @@ def _collapsed(
     allowed = f"at least {n_left + len(kept)}: fewer points do not make triangles of this shape"
     allowed += ", with its edges; a larger feature_angle keeps fewer of these" if len(kept) else ""
     check_in_range("n", n, n_left == most, allowed)
-    return used, corners.reshape(-1, 3).astype(np.int32)
+    return used.astype(np.intp), corners.reshape(-1, 3).astype(np.int32)
 
 
 def _relax(

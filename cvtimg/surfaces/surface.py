@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ class Surface(ABC):
 
     __slots__ = ()
     #: Whether no two faces meet at an angle, but for those of its triangles.
-    is_smooth = False
+    is_smooth: ClassVar[bool] = False
 
     @property
     @abstractmethod
