@@ -12,6 +12,7 @@ import ctypes
 import json
 import logging
 import shlex
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -71,7 +72,9 @@ class Work(Generic[T]):
     def _raise(self) -> None:
         """Raise an exception in the thread as soon as it is back from compiled code."""
         with self._lock:  # so that no other thread has its number by now
-            if self._runs:
+            if self._runs and _imports(self._thread):  # a module that is left half imported fails ever after
+                self._loop.call_later(_GRACE, self._raise)
+            elif self._runs:
                 number, raised = ctypes.c_ulong(self._thread.ident or 0), ctypes.py_object(OvertakenError)
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(number, raised)
 
@@ -101,6 +104,14 @@ class Work(Generic[T]):
 
         with suppress(RuntimeError):  # the server has ended
             self._loop.call_soon_threadsafe(first)
+
+
+def _imports(thread: Thread) -> bool:
+    """Whether a thread is importing a module."""
+    frame = sys._current_frames().get(thread.ident or 0)
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
 
 
 class Channel:

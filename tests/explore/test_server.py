@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
 import io
 import json
 import os
@@ -565,6 +566,29 @@ def test_a_search_ends_where_it_tells_before_libraries_are_interrupted(monkeypat
 
     asyncio.run(run())
     assert ended_at == ["tell"]
+
+
+def test_a_search_that_ends_while_a_library_is_imported_leaves_it_whole(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("cvtimg.explore.channel._GRACE", 0.01)
+    (tmp_path / "slowly_imported.py").write_text("import time\nfor _ in range(20): time.sleep(.01)\nwhole = True\n")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def importing() -> None:
+        importlib.import_module("slowly_imported")
+        while True:
+            time.sleep(0.01)
+
+    async def run() -> None:
+        work = Work(importing)
+        await asyncio.sleep(0.05)
+        work.end()
+        while work._thread.is_alive():
+            await asyncio.sleep(0.02)
+
+    asyncio.run(asyncio.wait_for(run(), 10))
+    assert sys.modules.pop("slowly_imported").whole
 
 
 def test_images_that_were_opened_are_told_again_to_a_page_that_is_reloaded(page: TestClient) -> None:
