@@ -16,5 +16,6 @@ AveragingName: TypeAlias = Literal["before", "after"]
 DitherName: TypeAlias = Literal[
     "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16", "compact"
 ]
+NoiseName: TypeAlias = Literal["auto", "white"]
 AlignName: TypeAlias = Literal["auto", "translation", "euclidean", "affine", "homography"]
 GoalName: TypeAlias = Literal["error", "eyes"]

@@ -32,7 +32,7 @@ EXAMPLES = """\
   cvtimg restore a.tif b.tif --mask a-known.png --mask b-known.png -k 4 -o c.tif --labels c-labels.png
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
 """
-COLUMNS = ("input", "versions", "k", "unknown", "energy", "seconds", "output")
+COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds", "output")
 #: Versions in a row of the sheet.
 _ACROSS = 4
 
@@ -134,6 +134,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "unknown": sum(float((result.coverage == 0).mean()) for result in results) / len(results),
         "left_out": sum(float((result.left_out > 0).mean()) for result in results) / len(results),
         "noise": [noise if math.isfinite(noise) else None for result in results for noise in result.noise.tolist()],
+        **(_noise_like(first) if first.detail else {}),
         "weights": first.weights.tolist(),
         "shifts": first.shifts.tolist(),
         "transforms": first.transforms.tolist(),
@@ -144,6 +145,22 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "n_iter": max(len(result.energies) - 1 for result in results),
         "converged": all(result.converged for result in results),
         **({"warning": "; ".join(dict.fromkeys(notes))} if notes else {}),
+    }
+
+
+def _noise_like(result: Restoration) -> dict[str, Any]:
+    """Say whether noise is white, or else its level in each band and how far neighbors share it."""
+    import numpy as np
+
+    shared = result.noise_shared
+    if shared is None:
+        return {"noise_like": "white"}
+    middle = len(shared) // 2
+    variance, near = (np.einsum("cc->c", shared[middle, middle + apart]) for apart in (0, 1))
+    return {
+        "noise_like": "shared",
+        "noise_bands": np.sqrt(variance).tolist(),
+        "noise_neighbors": float(near.sum() / variance.sum()),
     }
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import get_args
 
-from cvtimg._shared.choices import AlignName
+from cvtimg._shared.choices import AlignName, NoiseName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
@@ -62,6 +62,18 @@ RESTORE = (
         "detail",
         "Restore texture too, patch by patch; the default for photographs unless -k or others ask for segments.",
     ).on_page("Detail", "Restore texture too, for photographs."),
+    passed(
+        "noise",
+        Real(above=0),
+        "Standard deviation of the noise, in levels of 8 bits; by default it is estimated.",
+        metavar="S",
+    ),
+    passed(
+        "noise_like",
+        Choice(get_args(NoiseName)),
+        "With --detail: noise that neighboring pixels share is recognized, or all noise is taken for white.",
+        default="auto",
+    ),
     passed(
         "hidden",
         Choice(

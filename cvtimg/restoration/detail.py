@@ -45,11 +45,13 @@ def halved(noisy: Noisy) -> Noisy:
 
     inner = slice(REACH, -REACH)
     precision = noisy.precision[inner, inner, None]
-    weight = 4 * _half(precision)
-    total = 4 * _half(precision * noisy.values[inner, inner])
+    shared = noisy.shared and noisy.shared.halved()
+    gain = np.float32(noisy.shared.variance / shared.variance if noisy.shared and shared else 4)
+    weight = gain * _half(precision)
+    total = gain * _half(precision * noisy.values[inner, inner])
     values = np.divide(total, weight, out=_half(noisy.estimate[inner, inner]), where=weight > 0)
     estimate = gaussian_filter(values, (FIRST_BLUR, FIRST_BLUR, 0))
-    return Noisy(with_border(values), with_border(estimate), with_border(weight)[:, :, 0])
+    return Noisy(with_border(values), with_border(estimate), with_border(weight)[:, :, 0], shared)
 
 
 def with_low_frequencies(estimate: Floats, coarse: Floats, variance: float) -> Floats:
@@ -130,6 +132,7 @@ def denoise_versions(
                 with_border(axes.along(values)),
                 with_border(axes.along(estimate)),
                 with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
+                evidence.shared and evidence.shared.along(axes.matrix),
             )
             kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
@@ -164,7 +167,7 @@ def _with_low_frequencies(
             half = replace(half, estimate=with_border(coarse))
     with part(_FULL_SIZE, 1):
         coarse = _with_low_frequencies(coarse, half, axes, passes, n_generators, n_halvings - 1, rng)
-    return with_low_frequencies(image, coarse, noisy.usual_variance)
+    return with_low_frequencies(image, coarse, 4 * half.usual_variance)
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Detailed:

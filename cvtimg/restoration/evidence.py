@@ -13,6 +13,7 @@ from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.spectrum import SharedNoise, shared_noise
 from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import Floats, Versions, disagreement, fill, trust_in, usual_noise
 
@@ -107,6 +108,7 @@ class Evidence:
     #: (S,): standard deviation of the noise of each version, NaN where too little is known; and its weight
     noise: NDArray[np.float64]
     trust: NDArray[np.float64]
+    shared: SharedNoise | None  # what pixels share of the noise of weight 1; None if it is white
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
 
@@ -121,9 +123,25 @@ class Evidence:
         return found or [0.0]
 
 
-def prepare(given: Versions, weights: ArrayLike | None, *, align: str | None, hidden: str, channels: bool) -> Evidence:
+def prepare(
+    given: Versions,
+    weights: ArrayLike | None,
+    *,
+    align: str | None,
+    hidden: str,
+    channels: bool,
+    level: float | None,
+    white: bool,
+) -> Evidence:
     """Measure the noise of versions, put them in place, and leave out where they disagree; options as in `restore`."""
-    noise = noise_of(given, alike=not channels)  # before any interpolation, which smooths it
+    # Noise is measured before any interpolation, which smooths it; `level` is its standard deviation, if given.
+    shared = None if white else shared_noise(given, in_place=align is None)
+    noise = noise_of(given, alike=not channels)
+    if level is not None:
+        noise = np.full_like(noise, level)
+    elif shared:
+        usual = np.sqrt(np.nanmean(noise**2)) if np.isfinite(noise).any() else 1.0
+        noise = np.sqrt(shared.variance) * (noise / usual if usual else np.ones_like(noise))
     trust = trust_in(given, weights, noise)
     placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
@@ -132,7 +150,7 @@ def prepare(given: Versions, weights: ArrayLike | None, *, align: str | None, hi
         fitting, apart = _fitting(placed, usual, aligned=bool(align), leaves_out=hidden != "none")
         versions = HIDDEN[hidden](fitting, usual)
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    return Evidence(placed, versions, alignment, apart, noise, trust, suspicion, channels)
+    return Evidence(placed, versions, alignment, apart, noise, trust, shared, suspicion, channels)
 
 
 def _fitting(

@@ -17,6 +17,7 @@ from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
+from cvtimg.restoration.spectrum import SharedNoise
 from cvtimg.restoration.versions import Floats
 
 _Doubles = NDArray[np.float64]
@@ -49,6 +50,7 @@ class Noisy:
     values: Floats
     estimate: Floats
     precision: Floats  # (H + 4, W + 4): 1 / variance of the noise of each pixel; 0 where nothing is known
+    shared: SharedNoise | None = None  # what pixels share of their noise; None where it is white
 
     @property
     def usual_variance(self) -> float:
@@ -59,12 +61,15 @@ class Noisy:
     def part(self, block: PatchBlock) -> Noisy:
         """Return a block with its own border."""
         here = _with_border(block)
-        return Noisy(*(np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)))
+        values, estimate, precision = (
+            np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)
+        )
+        return Noisy(values, estimate, precision, self.shared)
 
     def bands(self, chosen: slice) -> Noisy:
         """Return some of the bands."""
         values, estimate = (np.ascontiguousarray(image[:, :, chosen]) for image in (self.values, self.estimate))
-        return Noisy(values, estimate, self.precision)
+        return Noisy(values, estimate, self.precision, self.shared and self.shared.of_bands(chosen))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +167,7 @@ class _Filters:
 
     means: Floats
     matrices: Floats
+    shared: _Doubles | None  # (P, P): covariance of the noise, of mean variance 1; None where it is white
 
     @classmethod
     def of(cls, noisy: Noisy, groups: Groups, variances: _Doubles, from_estimate: bool) -> _Filters:
@@ -172,6 +178,8 @@ class _Filters:
         columns = -(-size // 16) * 16
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
         noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
+        shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
+        factor = None if shared is None else np.asarray(np.linalg.cholesky(shared), np.float64)
         for start in range(0, len(groups), _CHUNK):
             stop = min(start + _CHUNK, len(groups))
             covariances = np.empty((stop - start, size, size))
@@ -187,6 +195,8 @@ class _Filters:
             work = float(groups.sizes[start:stop].sum()) * size**2 / 16
             in_parts(measure, stop - start, work)
             here = slice(start, stop)
+            if factor is not None:
+                covariances[:] = _whitened(covariances, factor)
             if noise is None:
                 covariances *= _GAIN
             else:
@@ -194,12 +204,18 @@ class _Filters:
             diagonal = np.einsum("gii->gi", covariances)
             diagonal += _RIDGE * variances[here, None]
             in_parts(make, stop - start, work=(stop - start) * size**3 / 8)
-        return cls(means, matrices)
+            if factor is not None:
+                _unwhiten(matrices[here, :, :size], factor)
+        return cls(means, matrices, shared)
 
     def left(self) -> Floats:
         """(G, 25) variance that remains at each place of a patch, as a share of that of the noise."""
         size = self.means.shape[1]
-        diagonal = np.einsum("gii->gi", self.matrices[:, :, :size])
+        matrices = self.matrices[:, :, :size]
+        if self.shared is None:
+            diagonal = np.einsum("gii->gi", matrices)
+        else:
+            diagonal = np.einsum("gij,ij->gj", matrices, self.shared.astype(np.float32))
         return diagonal.reshape(len(diagonal), SIDE**2, -1).mean(axis=2)
 
     def applied(self, image: Floats, change: Floats, groups: Groups, steps: _Doubles) -> Floats:
@@ -213,6 +229,18 @@ class _Filters:
 
         in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         return patches
+
+
+def _whitened(covariances: _Doubles, factor: _Doubles) -> _Doubles:
+    """Covariances of patches divided by the factor, which white noise is multiplied by to become theirs."""
+    whiten = np.linalg.inv(factor)
+    return np.asarray(whiten @ covariances @ whiten.T)
+
+
+def _unwhiten(filters: Floats, factor: _Doubles) -> None:
+    """Turn filters of patches divided by the factor into filters of patches; both multiply rows from the right."""
+    whiten = np.linalg.inv(factor).astype(np.float32)
+    filters[:] = whiten.T @ filters @ factor.T.astype(np.float32)
 
 
 def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:

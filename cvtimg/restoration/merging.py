@@ -51,7 +51,7 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
         versions = evidence.suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
     before = how.averaging if how.averaging and how.averaging.when == "before" else None
     data = averaged_versions(versions, before) if before else versions
-    unit, cost = _level(versions, how.space) ** 2, how.edge_weight
+    unit, cost = level_of(versions, how.space) ** 2, how.edge_weight
     if cost is None:
         cost = _EDGE_WEIGHT_PER_VARIANCE * max(evidence.variances(data, before.noise_gain if before else 1.0)) / unit
     after = None if before else how.averaging
@@ -61,7 +61,7 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
     return search.segments(n_generators, how, cost)
 
 
-def _level(versions: Versions, space: SpaceName) -> float:
+def level_of(versions: Versions, space: SpaceName) -> float:
     """Return an 8-bit level in the units of the first version's color space."""
     white = np.array([[white_of(versions.dtype)]], versions.dtype)
     return float(to_space(white, space)[0, 0]) / 255

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,23 +14,26 @@ from cvtimg._shared.checks import (
     check_edge_weight,
     check_excluded,
     check_non_negative,
+    check_positive,
     check_that,
     hints_at_keywords,
 )
-from cvtimg._shared.choices import AlignName, AutoEffortName, AveragingName, SpaceName
+from cvtimg._shared.choices import AlignName, AutoEffortName, AveragingName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoise_versions
 from cvtimg.restoration.evidence import prepare
-from cvtimg.restoration.merging import Merging, merge_versions
+from cvtimg.restoration.merging import Merging, level_of, merge_versions
 from cvtimg.restoration.recognition import is_drawing
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Restoration, in_order
 from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.averaging import Averaging, as_averaging
 
+#: What noise may be like.
+NOISES = get_args(NoiseName)
 __all__ = ["Restoration", "restore"]
 
 #: Parts of the time until versions are prepared, without and with their alignment, and for what they show.
@@ -55,6 +58,8 @@ def restore(
     volume_power: float = 0,
     renormalize: str | None = "range",
     detail: bool | str = False,
+    noise: float | None = None,
+    noise_like: NoiseName = "auto",
     effort: AutoEffortName = "auto",
     rng: int | np.random.Generator = 0,
 ) -> Restoration:
@@ -113,6 +118,11 @@ def restore(
         filter that restores the detail its generator leaves out. Integer values are taken to be clipped at the
         ends of their type where they pile up there. Not available with averaging, edge weight or volume power.
         "auto" restores detail of what is no drawing in a few flat colors.
+    noise : float, optional
+        Standard deviation of the noise of each version, > 0, in 8-bit levels at any depth; by default it is estimated.
+    noise_like : {"auto", "white"}
+        With `detail`: whether pixels next to each other may share noise, as after demosaicing, scaling, blurring or
+        JPEG. "auto" finds out from quiet parts or, of versions in place, from what they differ by; "white" denies it.
     effort : {"auto", "fast", "balanced", "best"}
         Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
         in each of which groups are found anew: 2, 4 or 5. "auto" is "balanced"; with `detail`, it is "best" up to a
@@ -174,13 +184,23 @@ def restore(
     model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
     power, cost = check_non_negative("volume_power", volume_power), check_edge_weight(edge_weight)
     average = as_averaging(averaging)
+    check_choice("noise_like", noise_like, NOISES)
+    level = None if noise is None else check_positive("noise", noise)
     check_that("detail", detail in (True, False, "auto"), f"be True, False or 'auto', not {detail!r}")
     check_excluded(
         f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
     )
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
     with part(0, prepared := _PREPARED if model is None else _ALIGNED):
-        evidence = prepare(given, weights, align=model, hidden=hiding, channels=channels)
+        evidence = prepare(
+            given,
+            weights,
+            align=model,
+            hidden=hiding,
+            channels=channels,
+            level=level and level * level_of(given, space),
+            white=noise_like == "white" or not detail,
+        )
     if isinstance(n_generators, str):
         check_choice("n_generators", n_generators, ("auto",))
         number = None

@@ -39,8 +39,11 @@ class Restoration(ReadOnly):
     left_out : (H, W) int32 array
         Number of these that were left out there, because they disagree with the others; see `hidden`.
     noise : (S,) float64 array
-        Estimated standard deviation of the noise of each version, in the units of its color space; NaN where too
-        little is known to estimate it.
+        Standard deviation of the noise of each version, given or estimated, in the units of its color space; NaN where
+        too little is known to estimate it.
+    noise_shared : (2 L + 1, 2 L + 1, C, C) float64 array or None
+        Autocovariance of the noise over rows, columns and bands, if `detail` was asked for and pixels next to each
+        other share noise; in its middle, the covariance of the bands of a pixel. None where noise is white.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
@@ -72,6 +75,7 @@ class Restoration(ReadOnly):
     coverage: NDArray[np.int32]
     left_out: NDArray[np.int32]
     noise: NDArray[np.float64]
+    noise_shared: NDArray[np.float64] | None
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
     transforms: NDArray[np.float64]
@@ -141,6 +145,7 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         coverage=versions.coverage,
         left_out=versions.coverage - found.used,
         noise=evidence.noise,
+        noise_shared=evidence.shared.autocovariance if evidence.shared else None,
         weights=evidence.trust,
         shifts=evidence.alignment.shifts(labels.shape),
         transforms=evidence.alignment.transforms,

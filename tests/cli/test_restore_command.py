@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from damaging import card, damage, psnr
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from cvtimg import read_image, restore, write_image
 from cvtimg.cli import app as cli
@@ -179,3 +180,22 @@ def test_photographs_are_recognized_and_both_options_force(run: Run, photograph:
     assert "flat" not in run("photo.png", "-o", "segments.png", "-k", "4")[2]
     assert len(np.unique(read_image("segments.png").reshape(-1, 3), axis=0)) <= 4
     assert "flat" not in run("v_*.png", "-o", "drawing.png")[2]
+
+
+def test_the_report_says_what_noise_is_like(run: Run, photograph: NDArray[Any]) -> None:
+    noise = gaussian_filter(np.random.default_rng(0).normal(0, 50, (64, 64, 3)), (0.8, 0.8, 0))
+    write_image("photo.png", np.clip(photograph[40:104, 80:144] + noise, 0, 255).astype(np.uint8))
+
+    def reported(*options: str) -> dict[str, Any]:
+        status, out, _ = run("photo.png", "-o", "out.png", "--overwrite", "--effort", "fast", "--json", *options)
+        assert status == 0
+        return dict(json.loads(out))
+
+    found = reported("--detail")
+    assert found["noise_like"] == "shared"
+    np.testing.assert_allclose(np.mean(np.square(found["noise_bands"])), found["noise"][0] ** 2)
+    assert 0.4 < found["noise_neighbors"] < 0.9
+    white = reported("--detail", "--noise-like", "white", "--noise", "12")
+    assert (white["noise_like"], white["noise"]) == ("white", [12.0])
+    assert "noise_like" not in reported("-k", "4")
+    assert run("photo.png", "-o", "no.png", "--noise", "0")[0] == 2
