@@ -53,6 +53,7 @@ class DesignTab(Tab):
             about="Values: a range as 0, 30; whole numbers as 1, 4, integer; or levels as A | B | C.",
         ),
         "latin",
+        ("criterion", {"when": {"latin": [True]}}),
         "periodic",
         "effort",
     )
