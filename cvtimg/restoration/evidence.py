@@ -35,13 +35,13 @@ _ALIKE = 0.5
 MOST_MISFIT = 0.25
 
 
-def misfits(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def misfits(versions: Versions, noise: NDArray[np.float64], shared: SharedNoise | None = None) -> NDArray[np.float64]:
     """(S, S) misfit of each version with each other, 0 where nothing tells; `noise`, (S,), is that of versions."""
     n = versions.n_versions
     structure = [_structure(versions, version) for version in range(n)]
     powers = [_means(np.square(values), known) for values, known in structure]
     n_bands = np.bincount(versions.version_of)
-    noisy = _noise_left() * noise**2 / n_bands
+    noisy = noise**2 * (_shared_left(shared) if shared else _noise_left() / n_bands)
     found = np.zeros((n, n))
     for one in range(n):
         for other in range(one):
@@ -88,10 +88,25 @@ def _means(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float64]:
 @cache
 def _noise_left() -> float:
     """Variance that is left in the structure of white noise of variance 1."""
+    return _left_of(np.random.default_rng(0).standard_normal((256, 256)))
+
+
+def _shared_left(shared: SharedNoise) -> float:
+    """Part of the variance of bands of shared noise that is left in the structure of their mean."""
+    mean = np.zeros((256, 256))
+    lags = len(shared.autocovariance) // 2
+    mean[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
+    power = np.abs(np.fft.fft2(mean))
+    white = np.fft.fft2(np.random.default_rng(0).standard_normal(mean.shape))
+    return _left_of(np.fft.ifft2(white * np.sqrt(power)).real) / shared.variance
+
+
+def _left_of(noise: NDArray[np.float64]) -> float:
+    """Variance that is left in the structure of noise."""
     from scipy.ndimage import gaussian_filter, median_filter
 
-    white = median_filter(np.random.default_rng(0).standard_normal((256, 256)), 3)
-    return float(np.var(gaussian_filter(white, _FINE) - gaussian_filter(white, _COARSE)))
+    smooth = median_filter(noise, 3)
+    return float(np.var(gaussian_filter(smooth, _FINE) - gaussian_filter(smooth, _COARSE)))
 
 
 # --- evidence
@@ -147,18 +162,18 @@ def prepare(
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise)
-        fitting, apart = _fitting(placed, usual, aligned=bool(align), leaves_out=hidden != "none")
+        fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), leaves_out=hidden != "none")
         versions = HIDDEN[hidden](fitting, usual)
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     return Evidence(placed, versions, alignment, apart, noise, trust, shared, suspicion, channels)
 
 
 def _fitting(
-    versions: Versions, noise: NDArray[np.float64], *, aligned: bool, leaves_out: bool
+    versions: Versions, noise: NDArray[np.float64], shared: SharedNoise | None, *, aligned: bool, leaves_out: bool
 ) -> tuple[Versions, NDArray[np.float64]]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
     # Return also the (S,) misfit with that one.
-    apart = misfits(versions, noise)
+    apart = misfits(versions, noise, shared)
     reference = int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
     is_out = apart[reference] > MOST_MISFIT
     if not is_out.any():

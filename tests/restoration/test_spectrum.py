@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import restore
+from cvtimg.restoration.evidence import MOST_MISFIT, misfits
 from cvtimg.restoration.spectrum import SharedNoise, shared_noise
 from cvtimg.restoration.versions import stack_versions
 
@@ -46,6 +47,14 @@ def test_versions_in_place_tell_noise_from_texture(photograph: NDArray[Any]) -> 
     found = found_in(*versions)
     assert found is not None
     np.testing.assert_allclose(np.sqrt(found.variance), 6, rtol=0.08)
+
+
+def test_versions_with_shared_noise_fit(photograph: NDArray[Any]) -> None:
+    images = [photograph[40:168, 64:192] + blurred_noise((128, 128, 3), 25, 0.8, seed) for seed in range(3)]
+    versions = stack_versions(images)
+    shared = shared_noise(versions, in_place=True)
+    assert misfits(versions, np.full(3, 25.0), shared).max() < 0.5 * misfits(versions, np.full(3, 25.0)).max()
+    assert misfits(versions, np.full(3, 25.0), shared).max() < MOST_MISFIT
 
 
 @pytest.mark.parametrize("sigma", [5, 15, 40])
