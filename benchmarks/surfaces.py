@@ -1,8 +1,12 @@
-"""Points on surfaces beside pyacvd: processor seconds, energy and angles on a torus and on a closed blob.
+"""Points on surfaces beside pyacvd, pymeshlab (isotropic remeshing) and mmgs: processor seconds, energy, angles, shape.
 
-Both get the same triangles. pyacvd clusters vertices, so its input is subdivided as its documentation advises, until
-it has 20 vertices or more per point. Energy (E n, for area 1; less is better) is measured alike for both, with the same
+All get the same triangles. pyacvd clusters vertices, so its input is subdivided as its documentation advises, until
+it has 20 vertices or more per point. Energy (E n, for area 1; less is better) is measured alike for all, with the same
 million samples of the fine surface. The blob is where a sum of Gaussians is constant, as marching cubes find it.
+
+A cube, a part with a hole and a boss, a sheet and a bowl have edges or borders: how far from the surface results are is
+measured by pymeshlab, in both directions and by the diagonal. Edge lengths of pymeshlab and mmgs are found by trial,
+and the seconds of the trial that was taken are shown. Needs pyacvd, pymeshlab, mmgpy, trimesh and manifold3d.
 
     python benchmarks/surfaces.py [--quick] [--effort best]
 """
@@ -56,6 +60,25 @@ def blob(n_cubes: int = 90) -> Mesh:
     return surface.triangulation.points, surface.triangulation.triangles
 
 
+def shapes() -> dict[str, Mesh]:
+    """Make surfaces with edges or a border."""
+    import trimesh
+
+    plate, hole = trimesh.creation.box((2, 1.4, 0.3)), trimesh.creation.cylinder(0.25, 1, sections=64)
+    boss = trimesh.creation.cylinder(0.3, 0.5, sections=64)
+    part = plate.difference(hole.apply_translation([-0.5, 0, 0])).union(boss.apply_translation([0.45, 0.1, 0.3]))
+    bowl = trimesh.creation.icosphere(5).slice_plane([0, 0, 0.13], [0, 0, -1])
+    bowl.merge_vertices()
+    bowl.update_faces(bowl.nondegenerate_faces(height=1e-9))
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 1, 41), indexing="ij"))
+    number = np.arange(81 * 41).reshape(81, 41)
+    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    sheet = np.stack([x, y, 0 * x], axis=1), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    meshes = {"cube": trimesh.creation.box(), "part": part, "bowl": bowl}
+    found = {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in meshes.items()}
+    return found | {"sheet": (sheet[0], sheet[1].astype(np.int32))}
+
+
 def samples(mesh: Mesh, n: int) -> Points:
     """Spread samples evenly over triangles, in their order."""
     from cvtimg.placement.regions import low_discrepancy
@@ -92,20 +115,102 @@ def pyacvd(mesh: Mesh, n: int) -> Mesh:
     return np.asarray(found.points, float), np.asarray(found.faces).reshape(-1, 4)[:, 1:].astype(np.int32)
 
 
-def measure(name: str, method: str, n: int, make: Callable[[], Mesh], places: Points) -> Row:
+def pymeshlab(mesh: Mesh, n: int) -> Mesh:
+    """Remesh by the isotropic remeshing of MeshLab, which keeps edges of more than 40 degrees and borders."""
+    import pymeshlab as library
+
+    def remesh(length: float) -> Mesh:
+        meshes = library.MeshSet()
+        meshes.add_mesh(library.Mesh(*mesh))
+        meshes.meshing_isotropic_explicit_remeshing(
+            iterations=10, targetlen=library.PureValue(length), featuredeg=40, checksurfdist=False
+        )
+        found = meshes.current_mesh()
+        return found.vertex_matrix(), found.face_matrix().astype(np.int32)
+
+    return by_trial(remesh, mesh, n)
+
+
+def mmgs(mesh: Mesh, n: int) -> Mesh:
+    """Remesh by mmgs, which keeps edges of more than 40 degrees and borders."""
+    from mmgpy import MmgMeshS
+
+    def remesh(length: float) -> Mesh:
+        found = MmgMeshS(np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1], np.int32))
+        found.remesh(hsiz=length, hausd=0.1 * length, ar=40.0, verbose=-1)
+        return np.array(found.get_vertices()), np.array(found.get_triangles(), np.int32)
+
+    return by_trial(remesh, mesh, n)
+
+
+#: Seconds of the trial that was taken.
+_last = [0.0]
+
+
+def by_trial(remesh: Callable[[float], Mesh], mesh: Mesh, n: int) -> Mesh:
+    """Remesh with lengths of edges until there are about n points; return what was nearest to that."""
+    from cvtimg.halfedges import measure_triangles
+
+    length = (measure_triangles(*mesh).areas.sum() / (0.75**0.5 * n)) ** 0.5
+    best: Mesh | None = None
+    for _ in range(8):
+        found, seconds = timed(lambda length=length: remesh(length), time.process_time)
+        if best is None or abs(len(found[0]) - n) < abs(len(best[0]) - n):
+            best, _last[0] = found, seconds
+        if abs(len(found[0]) / n - 1) < 0.01:
+            break
+        length *= (len(found[0]) / n) ** 0.4
+    assert best is not None
+    return best
+
+
+def shape(before: Mesh, after: Mesh) -> Row:
+    """Measure what a result keeps: distances by the diagonal, area and length of borders by what they were, corners."""
+    import pymeshlab as library
+    from scipy.spatial import KDTree
+
+    from cvtimg.halfedges import boundary_edges, measure_triangles
+
+    meshes = library.MeshSet()
+    meshes.add_mesh(library.Mesh(*before))
+    meshes.add_mesh(library.Mesh(*after))
+    found = [
+        meshes.get_hausdorff_distance(
+            sampledmesh=k, targetmesh=1 - k, samplenum=200_000, maxdist=library.PureValue(1e9)
+        )
+        for k in (0, 1)
+    ]
+    diagonal = float(np.linalg.norm(np.ptp(before[0], axis=0)))
+    areas = [float(measure_triangles(*mesh).areas.sum()) for mesh in (before, after)]
+    borders = [
+        float(np.linalg.norm(np.diff(mesh[0][boundary_edges(mesh[1])], axis=1), axis=2).sum())
+        for mesh in (before, after)
+    ]
+    # Corners of boxes: vertices where the surface reaches its bounds along all axes but flat ones.
+    low, high = before[0].min(axis=0), before[0].max(axis=0)
+    corners = before[0][((before[0] == low) | (before[0] == high)).all(axis=1)]
+    off = KDTree(after[0]).query(corners)[0].max() / diagonal if len(corners) else 0.0
+    return {
+        "hausdorff": max(one["max"] for one in found) / diagonal, "area": areas[1] / areas[0],
+        "border": borders[1] / borders[0] if borders[0] else 1.0, "corners": float(off),
+    }  # fmt: skip
+
+
+def measure(name: str, method: str, n: int, make: Callable[[], Mesh], mesh: Mesh, places: Points) -> Row:
     """Run one method once and measure what it made."""
     from scipy.spatial import KDTree
 
     from cvtimg.surfaces import measure_surface
 
     (points, triangles), seconds = timed(make, time.process_time)
+    seconds = _last[0] if method in ("pymeshlab", "mmgs") else seconds
     distances, _ = KDTree(points).query(places)
     figures = measure_surface(points, triangles)
     return {
         "surface": name, "n": n, "method": method, "points": len(points), "seconds": seconds,
         "energy_n": float((distances**2).mean()) * len(points), "least_angle": figures.least_angle,
         "n_obtuse": figures.n_obtuse, "mean_quality": figures.mean_quality, "closed": figures.is_closed,
-        "euler": figures.euler_characteristic,
+        "euler": figures.euler_characteristic, **shape(mesh, (points, triangles)),
     }  # fmt: skip
 
 
@@ -116,20 +221,25 @@ def main() -> None:
     options = read.parse_args()
     pin_threads(1)
     rows = []
-    for name, mesh in (("torus", torus()), ("blob", blob())):
+    surfaces = {"torus": torus(), "blob": blob()} | shapes()
+    methods = {
+        "cvtimg": lambda mesh, n: ours(mesh, n, options.effort), "pyacvd": pyacvd, "pymeshlab": pymeshlab, "mmgs": mmgs
+    }  # fmt: skip
+    for make in methods.values():
+        make(surfaces["torus"], 100)  # imports and compiles
+    for name, mesh in surfaces.items():
         places = samples(mesh, SAMPLES // 10 if options.quick else SAMPLES)
-        ours(mesh, 100, "fast"), pyacvd(mesh, 100)  # imports and compiles
-        for n in COUNTS[:1] if options.quick else COUNTS:
-            for method, make in (
-                ("cvtimg", lambda mesh=mesh, n=n: ours(mesh, n, options.effort)),
-                ("pyacvd", lambda mesh=mesh, n=n: pyacvd(mesh, n)),
-            ):
-                rows.append(measure(name, method, n, make, places))
-    header = ("surface", "n", "method", "points", "seconds", "E n / area", "least angle", "obtuse", "closed", "Euler")
+        counts = COUNTS if name in ("torus", "blob") else (2_000,)
+        for n in counts[:1] if options.quick else counts:
+            for method, make in methods.items():
+                rows.append(measure(name, method, n, lambda make=make, mesh=mesh, n=n: make(mesh, n), mesh, places))
+    header = ("surface", "n", "method", "points", "seconds", "E n / area", "least angle", "quality", "obtuse", "closed",
+              "Euler", "Hausdorff e-3", "area", "border", "corners e-3")  # fmt: skip
     table = [
         (row["surface"], str(row["n"]), row["method"], str(row["points"]), f"{row['seconds']:.2f}",
-         f"{row['energy_n']:.5f}", f"{row['least_angle']:.1f}", str(row["n_obtuse"]), str(row["closed"]),
-         str(row["euler"]))
+         f"{row['energy_n']:.5f}", f"{row['least_angle']:.1f}", f"{row['mean_quality']:.4f}", str(row["n_obtuse"]),
+         str(row["closed"]), str(row["euler"]), f"{1e3 * row['hausdorff']:.2f}", f"{row['area']:.4f}",
+         f"{row['border']:.4f}", f"{1e3 * row['corners']:.2f}")
         for row in rows
     ]  # fmt: skip
     print_table(f"Points on surfaces ({machine()})", header, table)
