@@ -89,8 +89,9 @@ class Work(Generic[T]):
                 self._report(self.result.set_exception, error)
             else:
                 self._report(self.result.set_result, value)
-            with self._lock:
-                self._runs = False
+            finally:
+                with self._lock:  # whatever ended it: another thread may have its number next
+                    self._runs = False
 
     def _done(self, share: float) -> None:
         self.share = share

@@ -563,6 +563,7 @@ def test_a_search_ends_where_it_tells_before_libraries_are_interrupted(monkeypat
         await asyncio.sleep(0.05)
         work.end()
         work._thread.join(5)
+        assert not work._runs  # so that no other thread of its number is interrupted
 
     asyncio.run(run())
     assert ended_at == ["tell"]
