@@ -18,7 +18,7 @@ install: $(VENV)/installed
 
 $(VENV)/builds: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet "meson-python>=0.17" "Cython>=3.1" meson ninja
+	$(BIN)/pip install --quiet "pip>=23.1" "meson-python>=0.17" "Cython>=3.1" meson ninja
 	touch $@
 
 ifdef WHEEL
