@@ -71,7 +71,8 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         Image.open(SAMPLES / "land.png").convert("L").resize((144, 72)).save(name)
     stack = np.zeros((9, 20, 20), np.uint8)
     stack[2:7, 5:15, 5:15] = 2
-    tifffile.imwrite("stack.tif", stack, photometric="minisblack")
+    sizes = {"axes": "ZYX", "spacing": 2, "unit": "um"}
+    tifffile.imwrite("stack.tif", stack, imagej=True, resolution=(1 / 0.3, 1 / 0.3), metadata=sizes)
     films = [Image.fromarray(np.roll(pixels, 7 * step, 1)) for step in range(12)]
     for name in ("film.gif", "film.webp"):
         films[0].save(name, save_all=True, append_images=films[1:], lossless=True)
