@@ -157,6 +157,14 @@ def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -
     return Sobol(n_dims, rng=generator).random_base2((n_samples - 1).bit_length()).astype(np.float32)
 
 
+def nearest_distances(points: _Floats, periodic: bool) -> _Floats:
+    """(n,) distance from each of (n, d) points, n >= 2, to the nearest other one, in the unit cube or on the torus."""
+    from scipy.spatial import cKDTree
+
+    inside = points % 1.0 if periodic else points
+    return np.asarray(cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1])
+
+
 def nearest_points(samples: NDArray[np.float32], points: _Floats, periodic: bool) -> NDArray[np.int32]:
     """(m,) index of the nearest of (n, d) points to each sample in the unit cube, or on the torus."""
     if not periodic:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
 from cvtimg.designs import _designs
-from cvtimg.designs.cells import MOST_EXACT_DIMS, check_unit_points, exact_cells, sampled_cells
+from cvtimg.designs.cells import MOST_EXACT_DIMS, check_unit_points, exact_cells, nearest_distances, sampled_cells
 from cvtimg.placement.cells import regularity
 
 _Floats = NDArray[np.float64]
@@ -180,7 +180,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     (0.3536, 0.0417, 0.4375)
     """
     array = check_unit_points("points", points)
-    nearest = _nearest_distances(array, periodic)
+    nearest = _checked_distances(array, periodic)
     discrepancy, is_exact = star_discrepancy(array, rng=rng)
     exact = array.shape[1] <= MOST_EXACT_DIMS
     cells = exact_cells(array, periodic) if exact else sampled_cells(array, _N_SAMPLES, periodic, rng)
@@ -193,12 +193,9 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     )
 
 
-def _nearest_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
-    from scipy.spatial import cKDTree
-
+def _checked_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
     check_shape("points", points.shape, len(points) >= 2, "at least two")
-    inside = points % 1.0 if periodic else points
-    distances = cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1]
+    distances = nearest_distances(points, periodic)
     first = int(np.argmin(distances))
     twice = f"differ from each other: number {first}, {points[first].tolist()}, is there twice"
     check_that("points", distances[first] > 0, twice)

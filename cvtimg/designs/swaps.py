@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.designs import _designs
+from cvtimg.designs.cells import nearest_distances
 from cvtimg.designs.latin import free_slices
 
 _Floats = NDArray[np.float64]
@@ -91,7 +92,8 @@ class _Swaps:
         # Axes with fewer free places than others have NaN, which comes last.
         self._order = np.ascontiguousarray(movable[np.argsort(self._places[movable], axis=0)].T, np.int32)
         self._criterion, self._periodic = CRITERIA[criterion], periodic
-        self.least_distance = _least_distance(self._places[: self._n_all], periodic)
+        several = np.concatenate([points, existing])
+        self.least_distance = float(nearest_distances(several, periodic).min()) if len(several) > 1 else 1.0
         # Powers of distances stay in range if the least one is 1, and products if squares are 1 on average.
         scales = {"maximin": max(self.least_distance, 1e-9) ** -2, "projection": 6.0}
         self._scale = scales.get(criterion, 1.0)
@@ -121,12 +123,3 @@ def _free_places(points: _Floats, existing: _Floats) -> _Floats:
     for axis, places in enumerate(free):
         found[: len(places), axis] = places
     return found
-
-
-def _least_distance(points: _Floats, periodic: bool) -> float:
-    from scipy.spatial import cKDTree
-
-    if len(points) == 1:
-        return 1.0
-    tree = cKDTree((points + 0.5) % 1.0, boxsize=1.0) if periodic else cKDTree(points)
-    return float(tree.query(tree.data, 2)[0][:, 1].min())

@@ -12,19 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
     check_at_least,
-    check_count,
     check_in_range,
     check_picture_density,
-    check_positive,
     check_returned,
     check_shape,
     check_that,
 )
-from cvtimg._shared.records import ReadOnly
-from cvtimg.files.whole import StrPath
 from cvtimg.sphere.densities import GlobePicture, Points, check_globe, from_degrees, to_radians
-from cvtimg.sphere.formats import CulledContent, GridContent, write_grid, write_parts
-from cvtimg.sphere.result import SphereGrid
+from cvtimg.sphere.formats import CulledContent, GridContent
+from cvtimg.sphere.result import SavedGrid, SphereGrid
 
 #: Lines are followed in steps of this part of the smallest cell.
 _STEP = 0.2
@@ -69,8 +65,12 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PartialGrid(ReadOnly):
+class PartialGrid(SavedGrid):
     """Some cells of a grid of the sphere, in the order that they had.
+
+    Files have edges and vertices of kept cells; beyond the boundary there is no cell: 0 in meshes of MPAS, which have
+    boundaryCell, boundaryEdge and boundaryVertex (1 at the boundary) and, with layers, bdyMaskCell, bdyMaskEdge and
+    bdyMaskVertex. Their parent_id begins with the file_id of the whole grid.
 
     Attributes
     ----------
@@ -95,27 +95,6 @@ class PartialGrid(ReadOnly):
     def areas(self) -> NDArray[np.float64]:
         """Areas (K,) of the kept cells on the unit sphere."""
         return self.whole.areas[self.kept]
-
-    def save(
-        self,
-        path: StrPath,
-        *,
-        radius: float = 1.0,
-        attributes: Mapping[str, str] | None = None,
-        overwrite: bool = False,
-    ) -> None:
-        """Write the kept cells to a file, as `SphereGrid.save` writes all.
-
-        Edges and vertices of kept cells are kept; beyond the boundary there is no cell: 0 in files of MPAS, which have
-        boundaryCell, boundaryEdge and boundaryVertex (1 at the boundary) and, with layers, bdyMaskCell, bdyMaskEdge and
-        bdyMaskVertex. Their parent_id begins with the file_id of the whole grid.
-        """
-        write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
-
-    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
-        """Divide the kept cells among processes, as `SphereGrid.save_parts` divides all."""
-        check_count("n_parts", n_parts, int(self.kept.sum()), "the number of cells")
-        write_parts(path, self._content(), n_parts, overwrite=overwrite)
 
     def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> CulledContent:
         grid = self.whole

@@ -98,8 +98,67 @@ def measure_grid(points: Points, triangles: NDArray[np.int32]) -> GridMeasures:
     )
 
 
+class SavedGrid(ReadOnly):
+    """Cells of the sphere that are written to files."""
+
+    __slots__ = ()
+
+    def save(
+        self,
+        path: StrPath,
+        *,
+        radius: float = 1.0,
+        attributes: Mapping[str, str] | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Write the cells to a file; the end of its name picks the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
+            cells, for METIS), nod2d.out and elem2d.out (FESOM), .vtu and .geojson (cells as polygons) or .csv (a row
+            per point).
+        radius : float
+            Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
+            of the earth in meters: 6371229 in MPAS and WRF, 6371220 in CESM and E3SM.
+        attributes : mapping of str to str, optional
+            Global attributes of .nc files, such as history, or parent_id in meshes of MPAS.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        ValueError
+            If the name ends otherwise, or `radius` is not > 0.
+        OSError
+            If the file cannot be written.
+        """
+        write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
+
+    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
+        """Divide cells among processes by METIS; write the part of each, from 0: MPAS reads graph.info.part.N.
+
+        Raises
+        ------
+        ValueError
+            If `n_parts` is not in 1..N.
+        ImportError
+            If pymetis is not installed.
+        OSError
+            If the file cannot be written.
+        """
+        content = self._content()
+        check_count("n_parts", n_parts, len(content.points), "the number of cells")
+        write_parts(path, content, n_parts, overwrite=overwrite)
+
+    def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
+        """Return what files hold."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereGrid(ReadOnly):
+class SphereGrid(SavedGrid):
     """Points on the unit sphere that are generators of a centroidal Voronoi tessellation.
 
     Attributes
@@ -152,54 +211,6 @@ class SphereGrid(ReadOnly):
     def measures(self) -> GridMeasures:
         """Measure how good the grid is."""
         return measure_grid(self.points, self.triangles)
-
-    def save(
-        self,
-        path: StrPath,
-        *,
-        radius: float = 1.0,
-        attributes: Mapping[str, str] | None = None,
-        overwrite: bool = False,
-    ) -> None:
-        """Write the grid to a file; the end of its name picks the format.
-
-        Parameters
-        ----------
-        path : str or path-like
-            .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
-            cells, for METIS), nod2d.out and elem2d.out (FESOM), .vtu and .geojson (cells as polygons) or .csv (a row
-            per point).
-        radius : float
-            Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
-            of the earth in meters: 6371229 in MPAS and WRF, 6371220 in CESM and E3SM.
-        attributes : mapping of str to str, optional
-            Global attributes of .nc files, such as history, or parent_id in meshes of MPAS.
-        overwrite : bool
-            Replace an existing file.
-
-        Raises
-        ------
-        ValueError
-            If the name ends otherwise, or `radius` is not > 0.
-        OSError
-            If the file cannot be written.
-        """
-        write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
-
-    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
-        """Divide cells among processes by METIS; write the part of each, from 0: MPAS reads graph.info.part.N.
-
-        Raises
-        ------
-        ValueError
-            If `n_parts` is not in 1..N.
-        ImportError
-            If pymetis is not installed.
-        OSError
-            If the file cannot be written.
-        """
-        check_count("n_parts", n_parts, len(self.points), "the number of cells")
-        write_parts(path, self._content(), n_parts, overwrite=overwrite)
 
     def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
         return GridContent(self.points, self.triangles, self.density, radius, self._flags(), attributes or {})
