@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from cvtimg.pictures import Frames
 
 EXAMPLES = """\
@@ -34,14 +36,12 @@ def frames(given: Given) -> int:
     """
     if not (given.output or given.sheet or given.out_dir):
         raise WrongUsageError("one of -o, --sheet and --out-dir must be given")
-    if given.out_dir and given.out_dir.exists() and not given.out_dir.is_dir():
-        raise WrongUsageError(f"--out-dir: {given.out_dir} is not a folder")
+    check_out_dir(given)
     plan = plan_one(given.inputs, {"-o": given.output, "--sheet": given.sheet, "--data": given.data})
     return run_plan(plan, _frames, COLUMNS, given)
 
 
 def _frames(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg.pictures import write_image
     from cvtimg.pictures.sheets import write_sheet
 
     film = _read(in_order(task.sources), given)
@@ -54,11 +54,7 @@ def _frames(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         gaps = {} if given.cell else given.only("margin", "spacing")
         data, columns = task.outputs.get("--data"), given.sheet_columns
         write_sheet(task.outputs["--sheet"], film, data=data, columns=columns, **gaps, overwrite=given.overwrite)
-    if out_dir := given.out_dir:
-        out_dir.mkdir(parents=True, exist_ok=True)
-        digits = len(str(len(film.images) - 1))
-        for index, image in enumerate(film.images):
-            write_image(out_dir / f"frame-{index:0{digits}}.png", image, overwrite=given.overwrite)
+    write_to_out_dir(given, enumerate(film.images), len(film.images))
     stopwatch.lap("write")
     height, width = film.images[0].shape[:2]
     return {
@@ -69,6 +65,24 @@ def _frames(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "durations": list(film.durations),
         **({} if task.outputs else {"output": str(given.out_dir)}),
     }
+
+
+def check_out_dir(given: Given) -> None:
+    """Refuse an --out-dir that is a file."""
+    if given.out_dir and given.out_dir.exists() and not given.out_dir.is_dir():
+        raise WrongUsageError(f"--out-dir: {given.out_dir} is not a folder")
+
+
+def write_to_out_dir(given: Given, images: Iterable[tuple[int, NDArray[Any]]], n_frames: int) -> None:
+    """Write some of so many frames, with their numbers, into the folder of --out-dir, if it is given."""
+    from cvtimg.pictures import write_image
+    from cvtimg.pictures.frames import frame_name
+
+    if given.out_dir is None:
+        return
+    given.out_dir.mkdir(parents=True, exist_ok=True)
+    for number, image in images:
+        write_image(given.out_dir / frame_name(number, n_frames), image, overwrite=given.overwrite)
 
 
 def in_order(sources: Sequence[Path]) -> list[Path]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
+from cvtimg.batch import Row, Stopwatch, Task, plan_one
 from cvtimg.cli.basis_command import as_given
+from cvtimg.cli.frames_command import check_out_dir, write_to_out_dir
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
@@ -21,8 +22,7 @@ def keyframes(given: Given) -> int:
 
     Frames count from 0. Each key frame is the frame nearest to the mean of those that it represents.
     """
-    if given.out_dir and given.out_dir.exists() and not given.out_dir.is_dir():
-        raise WrongUsageError(f"--out-dir: {given.out_dir} is not a folder")
+    check_out_dir(given)
     plan = plan_one(given.inputs, {"--sheet": given.sheet})
     return run_plan(plan, _key_frames, COLUMNS, given)
 
@@ -39,11 +39,7 @@ def _key_frames(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("reduce")
     chosen = [int(index) for index in found.indices]
     images = [np.asarray(film.read(index, index + 1))[0] for index in chosen]
-    digits = len(str(film.n_snapshots - 1))
-    if out_dir := given.out_dir:
-        out_dir.mkdir(parents=True, exist_ok=True)
-        for index, image in zip(chosen, images, strict=True):
-            write_image(out_dir / f"frame-{index:0{digits}}.png", image, overwrite=given.overwrite)
+    write_to_out_dir(given, zip(chosen, images, strict=True), film.n_snapshots)
     if "--sheet" in task.outputs:
         panels = [
             Panel(image, (f"frame {index}, represents {mass}",))

@@ -25,7 +25,7 @@ from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
 from cvtimg.pictures import image_info, read_frames
-from cvtimg.pictures.frames import ANIMATED
+from cvtimg.pictures.frames import ANIMATED, frame_name
 from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.showing import natural_limits, shown
 
@@ -88,7 +88,7 @@ class Picture:
         images = self.frames.images
         if not 0 <= number < len(images):
             raise UnfitRequestError(f"there is no frame {number}")
-        file = f"frame-{number:0{len(str(len(images) - 1))}}.png"
+        file = frame_name(number, len(images))
 
         def made() -> Picture:
             path = self._written / file

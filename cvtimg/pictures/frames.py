@@ -190,6 +190,11 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
     return Frames(tuple(alike(images)), tuple(durations), int(plays))
 
 
+def frame_name(number: int, n_frames: int) -> str:
+    """Return the name of the file of a frame, counted from 0; names are in the order of frames."""
+    return f"frame-{number:0{len(str(n_frames - 1))}}.png"
+
+
 def alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
     """Convert all images to the same channels; alpha is dropped if every pixel is opaque."""
     if all(image.ndim == 2 for image in images):

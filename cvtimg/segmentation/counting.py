@@ -28,7 +28,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
-from cvtimg.segmentation.touching import BACKGROUNDS, split_at_saddles, with_own_borders
+from cvtimg.segmentation.touching import BACKGROUNDS, numbers_of, split_at_saddles, with_own_borders
 
 #: Blur before anything else, in pixels: by the noise, of this share of the contrast, and within these limits.
 _BLUR_OF_NOISE, _BLURS = 4.0, (0.7, 3.0)
@@ -182,9 +182,7 @@ def _counted(
     sizes[0] = 0
     if least is None:
         least = float(_LEAST * np.average(sizes, weights=sizes)) if sizes.any() else 0.0
-    kept = (sizes >= max(least, 1)).astype(np.int32)
-    kept[0] = 0
-    return (np.cumsum(kept, dtype=np.int32) * kept)[objects], Counting(step < 0, blur, radius, least)
+    return numbers_of(sizes >= max(least, 1))[objects], Counting(step < 0, blur, radius, least)
 
 
 def _radius(bright: _Inside, size: tuple[float, ...]) -> float:

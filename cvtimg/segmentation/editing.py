@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
+from cvtimg.segmentation.touching import numbered
 
 #: Kinds of edits, and the least number of points of each; those with a brush have a radius first.
 _LEAST = {"merge": 2, "split": 1, "paint": 1, "add": 1, "erase": 1}
@@ -113,10 +114,7 @@ def edit_labels(
                 edit.kind, next(iter(_labels_at(edited, edit.points)), 0)
             )
             brush(edited, edit.points, edit.radius, target)
-    used = np.unique(edited)
-    new = np.zeros(used[-1] + 1, np.int32)
-    new[used[used > 0]] = np.arange(1, np.count_nonzero(used) + 1)
-    return new[edited]
+    return numbered(edited)
 
 
 def brush(image: NDArray[Any], points: Sequence[tuple[int, int]], radius: float, value: Any) -> None:

@@ -207,6 +207,9 @@ def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[n
 
 def numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
-    present = np.bincount(objects.ravel()) > 0
-    present[0] = False
-    return (np.cumsum(present) * present).astype(np.int32)[objects]
+    return numbers_of(np.bincount(objects.ravel()) > 0)[objects]
+
+
+def numbers_of(kept: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return the new number of each label, from 1 for those that are kept, and 0 for others and for 0."""
+    return np.append(np.int32(0), np.cumsum(kept[1:], dtype=np.int32) * kept[1:])
