@@ -190,6 +190,7 @@ NEED_EXTRAS = [
 ]
 
 
+@pytest.mark.slow
 def test_a_command_names_the_extra_that_it_needs() -> None:
     write_image("a.png", RGB)
     mask = np.zeros((20, 20), np.uint8)
@@ -211,6 +212,7 @@ def test_a_command_names_the_extra_that_it_needs() -> None:
         assert done[line][1].count("\n") == 1, done[line]
 
 
+@pytest.mark.slow
 def test_pages_with_lzw_need_no_extra() -> None:
     page = Image.fromarray(RGB)
     page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])

@@ -217,6 +217,7 @@ def test_a_drawing_of_nothing_has_no_dots() -> None:
     assert not stipple(np.zeros((4, 5, 4), np.uint8), 5).ink
 
 
+@pytest.mark.slow
 def test_dots_are_as_wide_as_the_pen_and_as_many_as_the_ink_takes() -> None:
     for dots in ("equal", "equal-mass"):
         result = stipple(RAMP, dot_diameter=2.5, dots=dots)

@@ -121,6 +121,7 @@ def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.Capt
     assert all(Path(f"out/{number}").read_text() == f"content {number}" for number in range(7))
 
 
+@pytest.mark.slow
 def test_threads_times_jobs_are_no_more_than_the_cores(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     jobs = n_threads() + 1
     run(Plan(inputs(jobs * 2), out_dir=Path("out")), works.threads, report(), Running(jobs))

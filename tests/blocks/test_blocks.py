@@ -389,6 +389,7 @@ def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
     assert path.read_bytes() == b"other"
 
 
+@pytest.mark.slow
 def test_equal_rows_give_the_same_from_any_file_in_any_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zarr, pyarrow = pytest.importorskip("zarr"), pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")

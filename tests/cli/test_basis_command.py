@@ -33,6 +33,7 @@ def test_the_basis_is_that_of_the_function(kind: str, capsys: pytest.CaptureFixt
     assert (row["snapshots"], row["kind"], row["n"], row["energy"]) == (15, kind, 2, expected.energy)
 
 
+@pytest.mark.slow
 def test_sheets_and_plots_are_drawn(here: Path) -> None:
     names = ["--sheet", "sheet.png", "--plot", "plot.svg"]
     assert main(["basis", "film.png", "-n", "auto", "-o", "a.npz", *names, "--quiet"]) == 0

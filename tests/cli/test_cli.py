@@ -257,6 +257,7 @@ def test_a_name_that_is_no_text_is_no_obstacle(here: Path, options: list[str]) -
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX shell")
+@pytest.mark.slow
 def test_without_stdout_the_work_is_done_all_the_same(here: Path) -> None:
     command = '"$0" -m cvtimg quantize pictures -k 4 --out-dir out >&- 2>&-'
     subprocess.run(["sh", "-c", command, sys.executable], cwd=here, check=True, timeout=60)

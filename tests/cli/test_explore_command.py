@@ -27,6 +27,7 @@ def program() -> Iterator[subprocess.Popen[str]]:
         started.kill()
 
 
+@pytest.mark.slow
 def test_the_address_is_printed_on_one_line_and_lets_in(program: subprocess.Popen[str]) -> None:
     assert program.stdout is not None
     line = program.stdout.readline()

@@ -222,6 +222,7 @@ def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pyte
     assert cli.main(["quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet"]) == 1
 
 
+@pytest.mark.slow
 def test_a_kill_in_place_leaves_each_file_whole(here: Path) -> None:
     Path("a.png").unlink()
     sources = [Path(f"{number}.png") for number in range(9)]

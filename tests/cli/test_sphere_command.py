@@ -67,6 +67,7 @@ def test_widths_in_km_say_how_many_points(capsys: pytest.CaptureFixture[str]) ->
     assert row_of(capsys, "--cell-width", "1500", "-n", "99", "-o", "c.csv")["n"] == 99
 
 
+@pytest.mark.slow
 def test_land_and_regions_are_cut_out(capsys: pytest.CaptureFixture[str]) -> None:
     south = row_of(capsys, "-n", "300", "--land", "north.png", "-o", "a.nc", "--plot", "a.png")
     open_ = row_of(capsys, "-n", "300", "--land", "north.png", "--strait", "0,0,0,60", "-o", "b.nc")
@@ -122,6 +123,7 @@ def test_points_lie_on_the_coast_of_a_map(capsys: pytest.CaptureFixture[str]) ->
     assert (heights < 0.01).sum() > 20
 
 
+@pytest.mark.slow
 def test_plots_are_maps_or_globes(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     row_of(capsys, "-n", "200", "-o", "a.csv", "--plot", "map.png", "--over", "north.png")
     row_of(capsys, "-n", "200", "-o", "b.csv", "--plot", "globe.png", "--view", "10", "50", "--histograms", "h.svg")

@@ -84,7 +84,7 @@ def test_changes_are_those_of_the_criterion(criterion: str, periodic: bool) -> N
         points = swapped
 
 
-@pytest.mark.parametrize("existing", [0, 6])
+@pytest.mark.parametrize("existing", [pytest.param(0, marks=pytest.mark.slow), 6])
 @pytest.mark.parametrize("criterion", list(CRITERIA))
 def test_designs_for_a_criterion_are_latin_and_better_by_it_than_others(criterion: str, existing: int) -> None:
     old = np.random.default_rng(3).random((existing, 3))

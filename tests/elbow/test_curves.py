@@ -104,6 +104,7 @@ def test_an_exact_number_of_colors_is_found(n_colors: int) -> None:
     assert energy_curve(flat_picture(n_colors, 0, n_colors)).elbow() == n_colors
 
 
+@pytest.mark.slow
 def test_the_default_rule_finds_the_colors_under_noise() -> None:
     cases = [(n_colors, sigma, seed) for seed, n_colors in enumerate((2, 3, 5, 8, 12)) for sigma in (2, 8)]
     found = [auto_count(flat_picture(*case))[0] == case[0] for case in cases]

@@ -48,6 +48,8 @@ BASE: dict[str, dict[str, Any]] = {
     "design": {"n": 12},
     "sphere": {"n": 42, "cell_width": 3000},
 }
+#: The tabs that the quick suite tries.
+QUICK = {"colors", "design", "palette", "stipple"}
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
     ("colors", "psnr"): 27.5,
@@ -132,7 +134,7 @@ def cases() -> Iterator[Any]:
                 elif not number:
                     packed.append(settings)
         for number, pack in enumerate(packed):
-            marks = [pytest.mark.slow] if number else []
+            marks = [pytest.mark.slow] if number or tab.name not in QUICK else []
             yield pytest.param(tab.name, pack, id=f"{tab.name}-{number}", marks=marks)
 
 
@@ -217,13 +219,12 @@ def given(verb: str, words: list[str]) -> dict[str, Any]:
     return {name: value for name, value in params.items() if name not in ("settings", "inputs")}
 
 
-@pytest.mark.parametrize(
-    "tab", [pytest.param(tab, marks=[pytest.mark.slow] if tab in ("mesh", "mosaic", "restore") else []) for tab in TABS]
-)
+@pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])
 def test_each_kind_of_file_is_the_same(tab: str, store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), {})
 
 
+@pytest.mark.slow
 def test_drawings_of_objects_are_the_same(store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, "segments", opened(store, scene), {"k": 2, "pieces": "objects"})
 
@@ -296,7 +297,7 @@ def test_several_versions_give_the_same_file(settings: dict[str, Any], store: St
 
 
 @pytest.mark.parametrize("kind", ["gray", "rgba", "transparent", "indexed", "16-bit", "-dash"])
-@pytest.mark.parametrize("tab", ["colors", "segments"])
+@pytest.mark.parametrize("tab", ["colors", pytest.param("segments", marks=pytest.mark.slow)])
 def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, store: Store, scene: NDArray[Any]) -> None:
     if kind == "16-bit":
         deep = scene[..., 0].astype(np.uint16) * 257 + 3

@@ -29,7 +29,7 @@ from cvtimg._shared.progress import tell
 
 pytest.importorskip("starlette")
 
-from starlette.testclient import TestClient
+from starlette.testclient import TestClient, WebSocketTestSession
 from starlette.websockets import WebSocketDisconnect
 
 from cvtimg.explore import TABS, serve, store
@@ -88,14 +88,20 @@ class Reply(NamedTuple):
         return self.colors[self.indices][..., :3]
 
 
+def answer(socket: WebSocketTestSession) -> dict[str, Any]:
+    """Return the next message that does not only tell how far a search is, as under load any may."""
+    message: dict[str, Any] = socket.receive()
+    while "share" in json.loads(message.get("text") or "{}"):
+        message = socket.receive()
+    return message
+
+
 def request(page: TestClient, picture: str, tab: str = "colors", lane: str = "exact", **more: Any) -> Reply:
     """Request for a result by a socket of its own."""
     settings = more.pop("settings", {})
     with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
-        message = socket.receive()
-        while "share" in json.loads(message.get("text") or "{}"):
-            message = socket.receive()
+        message = answer(socket)
     if message.get("text"):
         return Reply(7, json.loads(message["text"]), b"")
     number, length = struct.unpack_from("<II", message["bytes"])
@@ -420,12 +426,12 @@ def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]
     picture = opened(page, png(photograph))["id"]
     with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 3, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": 4}})
-        first = socket.receive_bytes()
-        second = json.loads(socket.receive_text())
+        first = answer(socket)["bytes"]
+        second = json.loads(answer(socket)["text"])
     key = json.loads(first[8 : 8 + struct.unpack_from("<I", first, 4)[0]])["result"]
-    answer = page.get(f"/file/{key}/o.png")
-    assert second["bytes"] == len(answer.content)
-    assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
+    file = page.get(f"/file/{key}/o.png")
+    assert second["bytes"] == len(file.content)
+    assert file.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
     assert page.get(f"/file/{key}/o.exe").status_code == 404
     assert page.get("/file/other/o.png").status_code == 404
 
@@ -470,7 +476,7 @@ def test_several_pages_are_answered_each_by_itself(page: TestClient, photograph:
     ):
         for socket, picture, k in ((one, first, 3), (other, second, 5)):
             socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": k}})
-        replies = [socket.receive_bytes() for socket in (one, other)]
+        replies = [answer(socket)["bytes"] for socket in (one, other)]
     found = [json.loads(reply[8 : 8 + struct.unpack_from("<I", reply, 4)[0]])["facts"]["k"] for reply in replies]
     assert found == [3, 5]
 
@@ -485,11 +491,12 @@ def test_of_many_requests_the_last_is_answered_and_others_are_left_out(
             asked = {"seq": number, "lane": "draft", "picture": picture, "tab": "colors", "settings": {"k": 2 + number}}
             socket.send_json(asked)
         while not answered or answered[-1] != 59:
-            answered.append(struct.unpack_from("<I", socket.receive_bytes())[0])
+            answered.append(struct.unpack_from("<I", answer(socket)["bytes"])[0])
     assert answered == sorted(answered)
     assert len(answered) < 60
 
 
+@pytest.mark.slow
 def test_a_search_that_is_canceled_ends(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     picture = opened(page, png(np.zeros((4, 5))))["id"]
     begun, ended = Event(), Event()
@@ -510,7 +517,7 @@ def test_a_search_that_is_canceled_ends(page: TestClient, monkeypatch: pytest.Mo
             socket.send_json({"seq": 1, "lane": "exact", "picture": picture, "tab": "colors", "settings": {}})
             assert begun.wait(20)
             socket.send_json({"seq": 2, **over})
-            assert json.loads(socket.receive_text()) == {"seq": 1, "lane": "exact", "error": ""}
+            assert json.loads(answer(socket)["text"]) == {"seq": 1, "lane": "exact", "error": ""}
             assert ended.wait(20)
 
 

@@ -75,6 +75,7 @@ def test_dearer_bits_give_smaller_files(n_colors: int, price: float) -> None:
     assert sizes[0] > sizes[1] > sizes[2]
 
 
+@pytest.mark.slow
 def test_gifs_by_the_prices_of_lzw_are_a_quarter_smaller_at_the_same_looks() -> None:
     # With a book that is emptied at another moment than that of the encoder, they are only a tenth smaller.
     cat = cvtimg.read_image("sample_images/chelsea.png")[:, :400]

@@ -89,6 +89,7 @@ def test_any_damage_ends_in_a_result_or_in_one_line(
 
 
 @pytest.mark.parametrize(("name", "jobs"), [("a.png", "1"), ("a.npy", "2")])
+@pytest.mark.slow
 def test_max_pixels_guards_and_can_be_raised(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, jobs: str
 ) -> None:

@@ -109,6 +109,7 @@ def test_generators_end_at_their_centroids_and_energy_never_rises(region: Any) -
     assert placement.masses.sum() == pytest.approx(placement.region.measure, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_optimum_of_an_interval_is_even() -> None:
     placement = place_generators(Box(0, 1), 5, effort="best")
     np.testing.assert_allclose(np.sort(placement.points[:, 0]), np.arange(5) / 5 + 0.1, atol=1e-3)

@@ -59,6 +59,7 @@ def test_a_globe_shows_the_right_part_of_a_map(grid: SphereGrid) -> None:
         assert tuple(upper[west + 2 * width // 3]) == right
 
 
+@pytest.mark.slow
 def test_a_map_shows_every_cell(grid: SphereGrid) -> None:
     cells = grid.cells()
     rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
@@ -73,6 +74,7 @@ def test_values_that_are_all_equal_are_drawn(grid: SphereGrid) -> None:
     assert n_outlines(draw_globe(list(grid.cells()), np.ones(162), ".svg")) > 50
 
 
+@pytest.mark.slow
 def test_surfaces_are_drawn_from_the_back_to_the_front() -> None:
     found = surface_points(torus(), 300)
     qualities = measure_triangles(found.points, found.triangles).qualities

@@ -90,6 +90,7 @@ def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_
     assert (tmp_path / "eyes.gif").stat().st_size < 0.5 * (tmp_path / "plain.gif").stat().st_size
 
 
+@pytest.mark.slow
 def test_the_quality_of_frames_and_pages_is_the_mean(tmp_path: Path) -> None:
     frames = film(2)
     result = quantize_frames(frames, quality=60, **FAST)
@@ -113,6 +114,7 @@ def test_gray_and_frames_and_masks() -> None:
     np.testing.assert_array_equal(inside.image[~mask], COFFEE[~mask])
 
 
+@pytest.mark.slow
 def test_the_best_that_fits(tmp_path: Path) -> None:
     source = tmp_path / "a.png"
     cvtimg.write_image(source, PART)

@@ -34,7 +34,8 @@ def exposures(clean: NDArray[np.float64], sigma: float, seed: int = 0) -> list[N
     return [one + sigma * rng.standard_normal(clean.shape) for one in (rays, dusty, hot, passed)]
 
 
-@pytest.mark.parametrize("options", [{}, pytest.param({"detail": True}, marks=pytest.mark.slow)], ids=str)
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{}, {"detail": True}], ids=str)
 def test_what_is_added_in_one_exposure_is_left_out(options: dict[str, Any]) -> None:
     clean = read_image(SAMPLES / "europe_night.png")[20:260, 100:400] / 255
     versions = exposures(clean, 0.08)
@@ -65,6 +66,7 @@ def test_spikes_are_left_out_of_flat_segments_where_holes_leave_no_majority() ->
     np.testing.assert_array_equal(plain.left_out, 0)
 
 
+@pytest.mark.slow
 def test_what_is_painted_over_in_one_of_three_versions_is_left_out() -> None:
     clean = read_image(SAMPLES / "drawing.png") / 255
     versions, _ = damage.damaged_versions(clean, 3, Damage(noise=0.15, occlusions=4), seed=2)

@@ -52,6 +52,7 @@ def test_bands_of_unequal_noise_are_each_denoised(clean: NDArray[np.float64]) ->
         assert psnr(found[:, :, band], clean[:, :, band]) > psnr(image[:, :, band], clean[:, :, band]) + 1.5
 
 
+@pytest.mark.slow
 def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clean: NDArray[np.float64]) -> None:
     image = noisy(clean, 0.1)
     assert image.min() < 0
@@ -63,6 +64,7 @@ def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clea
         assert psnr((other - offset) / scale, found) > 48  # groups differ by rounding
 
 
+@pytest.mark.slow
 def test_parts_painted_over_in_one_of_three_versions_come_back(clean: NDArray[np.float64]) -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.05, occlusions=3), seed=3)
     best = restored([noisy(clean, 0.05, seed) for seed in range(3)])
@@ -95,6 +97,7 @@ def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: in
     assert psnr(restored([image]), bands) > psnr(image, bands) + 6
 
 
+@pytest.mark.slow
 def test_versions_count_by_their_noise(clean: NDArray[np.float64]) -> None:
     images = [noisy(clean, 0.03, 1), noisy(clean, 0.2, 2)]
     both = restored(images)
@@ -102,6 +105,7 @@ def test_versions_count_by_their_noise(clean: NDArray[np.float64]) -> None:
     assert psnr(both, clean) > psnr(restored(images[:1]), clean) - 0.1
 
 
+@pytest.mark.slow
 def test_clipping_is_undone_for_integers(clean: NDArray[np.float64]) -> None:
     dark = clean * 0.3
     image = as_bytes(noisy(dark, 0.1))
@@ -146,6 +150,7 @@ def test_blocks_in_which_patches_are_grouped_leave_no_seams(
     assert steps[borders].max() < 1.6 * np.median(steps)
 
 
+@pytest.mark.slow
 def test_the_automatic_effort_is_less_for_larger_images(
     clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
 ) -> None:

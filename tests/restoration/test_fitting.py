@@ -44,7 +44,8 @@ def turned_series(photograph: NDArray[Any]) -> list[NDArray[np.uint8]]:
     return [noisy(photograph), noisy(turned(photograph, 4, (5, -7))), noisy(turned(photograph, -3, (-6, 5)))]
 
 
-@pytest.mark.parametrize("align", [False, pytest.param("translation", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("align", [False, "translation"])
 def test_turned_frames_are_left_out_with_a_warning(
     turned_series: list[NDArray[np.uint8]], photograph: NDArray[Any], align: Any
 ) -> None:

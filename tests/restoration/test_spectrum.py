@@ -95,6 +95,7 @@ def test_noise_that_pixels_do_not_share_is_filtered_as_white(
     np.testing.assert_allclose(shared.image, white.image, atol=0.002)  # but for rounding
 
 
+@pytest.mark.slow
 def test_shared_noise_is_removed_and_told(photograph: NDArray[Any]) -> None:
     clean = photograph[40:136, 64:192]
     noisy = np.clip(np.rint(clean + blurred_noise(clean.shape, 15, 0.8)), 0, 255).astype(np.uint8)

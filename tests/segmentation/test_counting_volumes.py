@@ -54,6 +54,7 @@ def test_the_unit_of_the_spacing_does_not_matter_and_the_last_axis_may_be_bands(
     np.testing.assert_array_equal(count_objects(np.stack([volume] * 2, axis=3), spacing=(3, 1, 1)).labels, plain)
 
 
+@pytest.mark.slow
 def test_tiles_give_the_objects_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     volume, _ = balls(4.0)
     volume = np.tile(volume, (1, 3, 3))

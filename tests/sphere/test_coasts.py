@@ -34,6 +34,7 @@ def straddling(grid: CoastalGrid) -> int:
     return int((land.any(axis=1) & sea.any(axis=1)).sum())
 
 
+@pytest.mark.slow
 def test_no_triangle_has_corners_on_both_sides(grid: CoastalGrid) -> None:
     assert straddling(grid) == 0
     assert grid.on_coast.sum() > 150

@@ -261,6 +261,7 @@ def icosahedral(n_bisections: int) -> NDArray[np.float64]:
     return points
 
 
+@pytest.mark.slow
 def test_weights_reproduce_a_solid_rotation_the_better_the_finer_the_grid() -> None:
     from cvtimg.sphere.formats.geometry import connect, measure, tangential_weights
 

@@ -318,6 +318,7 @@ def test_measures_agree_with_a_hand_case() -> None:
     assert measure_surface(np.eye(3), [[0, 1, 2]]).least_angle == pytest.approx(60)
 
 
+@pytest.mark.slow
 def test_cells_wider_than_the_surface_is_thick_keep_its_shape() -> None:
     # The density of the lecture: 256 points, of which three or four go around the tube at its ends.
     found = surface_points(torus(), 256, density=lambda p: np.exp(-5 * np.abs(p[:, 1])))

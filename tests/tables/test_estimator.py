@@ -271,6 +271,7 @@ def test_cvtimg_does_not_import_scikit_learn_before_it_is_used() -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_without_scikit_learn_the_error_says_what_to_install() -> None:
     done = run("import sys; sys.modules['sklearn'] = None; import cvtimg; cvtimg.tessellate; cvtimg.CVT")
     assert done.stderr.endswith(

@@ -102,6 +102,7 @@ def test_an_image_is_left_as_it_is(photograph: NDArray[Any]) -> None:
     assert not mask[:20].any()
 
 
+@pytest.mark.slow
 def test_masked_pixels_have_no_label_and_no_influence(photograph: NDArray[Any]) -> None:
     rows, columns = np.mgrid[:256, :256]
     mask = (rows - 128) ** 2 + (columns - 128) ** 2 < 100**2
@@ -151,6 +152,7 @@ def test_wrong_arguments_are_named() -> None:
 
 @settings(max_examples=25)
 @given(st.integers(1, 24), st.integers(1, 24), st.sampled_from([(), (2,), (3,), (5,)]), st.integers(0, 2**31))
+@pytest.mark.slow
 def test_every_cut_of_any_image_is_connected_and_nested(
     height: int, width: int, bands: tuple[int, ...], seed: int
 ) -> None:

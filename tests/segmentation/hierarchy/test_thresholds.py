@@ -11,6 +11,7 @@ from cvtimg import segment_hierarchy
 from cvtimg.segmentation.hierarchy.building import default_threshold
 
 
+@pytest.mark.slow
 def test_a_darkened_photograph_has_nearly_the_same_default_cut(photograph: NDArray[Any]) -> None:
     expected = segment_hierarchy(photograph)
     dark = segment_hierarchy(np.rint(photograph * 0.2).astype(np.uint8))
