@@ -202,6 +202,10 @@ class Channel:
             raise UnfitRequestError("there is no such tab")
         settings = parse_settings(tab.controls, asked.get("settings"))
         opened = None if tab.sheet else _opened(self._store, asked)
+        if opened and opened.has_channels and not tab.for_frames:
+            raise UnfitRequestError(
+                "each channel is a page of its own; the command line takes one of them, by --channel"
+            )
         size = opened.size if opened else tab.sheet or (1, 1)
         window = Window.of(view, size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
@@ -261,15 +265,15 @@ def _frame(asked: dict[str, Any]) -> int:
 
 
 def _opened(store: Store, asked: dict[str, Any]) -> Picture:
-    """Return the picture of a request: of an animation the frame."""
+    """Return the picture of a request: of several the frame or page."""
     return store.files.picture(str(asked.get("picture"))).frame(_frame(asked))
 
 
 def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:
     """Return what the page shows for each file of a result."""
     recipe, outputs = tab.recipe(request), tab.outputs(request)
-    animation = None if tab.for_frames or request.opened is None else request.opened.animation
-    if animation:
+    animation = None if tab.for_frames or request.opened is None else request.opened.whole_file
+    if animation and not animation.header.has_pages:
         before = shlex.join(["cvtimg", "frames", safe_name(animation.name), "--out-dir", animation.folder])
         recipe = replace(recipe, before="\n".join(filter(None, [before, recipe.before])))
     return [

@@ -10,6 +10,7 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,11 @@ from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.pictures import image_info, read_frames
+from cvtimg.explore.outcomes import quoted, safe_name
+from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
 from cvtimg.pictures.frames import ANIMATED, frame_name
 from cvtimg.pictures.known import not_missing
+from cvtimg.pictures.pages import one_page
 from cvtimg.pictures.showing import natural_limits, shown
 
 __all__ = ["MOST_PIXELS", "Picture", "most_pixels"]
@@ -53,22 +56,31 @@ def most_pixels() -> int:
 
 
 class Picture:
-    """A picture that is open on the page: its key in requests, its name in commands, its file and its array."""
+    """A picture that is open on the page: its key in requests, its name in commands, its file and its array.
 
-    def __init__(self, key: str, name: str, path: Path) -> None:
+    An animation, or a file of pages, has `frames`, and shows the first of them. A page, counted from 1, is a picture of
+    the same file, a frame one of its own file.
+    """
+
+    def __init__(self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0) -> None:
         self.key, self.name, self.path = key, name, path
-        self.header = header = image_info(path)
-        if header.frames > 1 and header.format not in ANIMATED:
-            said = f"{name} is a file of {header.frames} images; the page shows single images and animations"
-            raise UnfitRequestError(f"{said}. Use the command line for all of them, or save one")
+        self.whole_file, self.page = whole, page  # of which it is a frame or a page
+        header = replace(whole.header, frames=1) if whole and page else image_info(path)
+        self.header: ImageInfo = header
         n_pixels, most = header.width * header.height * header.frames, most_pixels()
         if n_pixels > most:
-            inside = " in all frames" if header.frames > 1 else ""
+            inside = f" in all {self.noun.lower()}s" if header.frames > 1 else ""
             said = f"{name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory allows"
             raise UnfitRequestError(f"{said}. Use the command line, which has --max-pixels, or a smaller image")
-        self.frames = read_frames(path) if header.frames > 1 else None
-        self.animation: Picture | None = None  # of which this is a frame
-        self.array = self.frames.images[0] if self.frames else read_image(path)
+        self.frames: Frames | Pages | None = None
+        if header.has_pages:
+            self.frames = read_pages(path).joined()
+        elif header.frames > 1 and header.format in ANIMATED:
+            self.frames = read_frames(path)
+        if whole and page and isinstance(whole.frames, Pages):
+            self.array = one_page(whole.frames, page)
+        else:
+            self.array = self.frames.images[0] if self.frames else read_image(path)
         self.n_bytes = path.stat().st_size
         self._lock = threading.Lock()
         self._kept: OrderedDict[Any, Any] = OrderedDict()
@@ -77,25 +89,46 @@ class Picture:
         self._closed = False
 
     @property
+    def noun(self) -> str:
+        """What its images are called."""
+        return "Page" if self.header.has_pages or self.page else "Frame"
+
+    @property
+    def has_channels(self) -> bool:
+        """Whether channels lie on pages of their own, which few commands read together."""
+        pages = self.whole_file.frames if self.whole_file else self.frames
+        return isinstance(pages, Pages) and pages.is_joined
+
+    @property
+    def words(self) -> list[str]:
+        """The words by which commands read it."""
+        return [safe_name(self.name), *(["--page", str(self.page)] if self.page else [])]
+
+    @property
+    def python(self) -> str:
+        """The expression by which Python reads it."""
+        return f"cvtimg.read_image({quoted(self.name)}{f', page={self.page}' if self.page else ''})"
+
+    @property
     def folder(self) -> str:
         """Name of the folder to which commands write the frames of an animation."""
         return f"{self.stem}-frames"
 
     def frame(self, number: int) -> Picture:
-        """Return a frame of an animation, as `cvtimg frames` writes it; of other pictures the picture itself."""
+        """Return a frame, as `cvtimg frames` writes it, or a page; of other pictures the picture itself."""
         if self.frames is None:
             return self
         images = self.frames.images
         if not 0 <= number < len(images):
-            raise UnfitRequestError(f"there is no frame {number}")
-        file = frame_name(number, len(images))
+            raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
+        key, file = f"{self.key}/{number}", frame_name(number, len(images))
 
         def made() -> Picture:
+            if isinstance(self.frames, Pages):
+                return Picture(key, self.name, self.path, whole=self, page=number + 1)
             path = self._written / file
             write_image(path, images[number], overwrite=True)
-            frame = Picture(f"{self.key}/{number}", f"{self.folder}/{file}", path)
-            frame.animation = self
-            return frame
+            return Picture(key, f"{self.folder}/{file}", path, whole=self)
 
         found: Picture = self.kept(("frame", number), made)
         return found
@@ -113,8 +146,8 @@ class Picture:
 
     @property
     def stem(self) -> str:
-        """Name of the file without folder and suffix."""
-        return Path(self.name).stem
+        """Name of the file without folder and suffix, with the number of the page."""
+        return Path(self.name).stem + (f"-page-{self.page}" if self.page else "")
 
     @cached_property
     def has_alpha(self) -> bool:
@@ -239,6 +272,7 @@ class Picture:
             "width": width,
             "height": height,
             "frames": len(self.frames.images) if self.frames else 1,
+            "noun": self.noun,
             "distinct": self.n_distinct,
             "exact": self.array.dtype == np.uint8,
         }

@@ -100,7 +100,7 @@ def read_image(
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
     if is_ngff(source):
         with selecting(chosen), named(source):
-            return one_page(read_pages(source), chosen.page)
+            return one_page(read_pages(source), None)
     with selecting(chosen), reading(source) as file:
         if chosen.page is None and not chosen.in_stack:
             return decode(file, keep_profile=keep_profile)

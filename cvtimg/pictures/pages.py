@@ -208,9 +208,17 @@ def read_pages(path: Source) -> Pages:
     """
     if is_ngff(path):
         with named(path):
-            return _of_ngff(NgffImage.open(path))
+            return _chosen(_of_ngff(NgffImage.open(path)))
     with reading(path) as file:
-        return _decode(file)
+        return _chosen(_decode(file))
+
+
+def _chosen(pages: Pages) -> Pages:
+    """Return the page that is chosen, if one of several is."""
+    page = selected().page
+    if page is None or len(pages.images) == 1:
+        return pages
+    return replace(pages, images=(one_page(pages, page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 
 
 def _of_ngff(image: NgffImage) -> Pages:

@@ -1,4 +1,4 @@
-"""Animations in few colors, with one palette for all frames or one for each."""
+"""Animations and files of pages in few colors, with one palette for all frames or one for each."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.files.whole import StrPath
 from cvtimg.looks.similarity import visual_quality
 from cvtimg.pictures.frames import Frames, write_frames
+from cvtimg.pictures.pages import Pages, write_pages
 from cvtimg.quantization.driver import QuantizeOptions, for_eyes, quantized
 from cvtimg.quantization.looks import Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
@@ -29,7 +30,7 @@ MOST_INDEXED = 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantizedFrames(Fidelity):
-    """An animation in few colors.
+    """An animation, or the pages of a file, in few colors.
 
     Attributes
     ----------
@@ -41,6 +42,8 @@ class QuantizedFrames(Fidelity):
         Number of distinct colors of all frames; if each frame has its own palette, of the frame with the most.
     quality : float or None
         The mean `cvtimg.visual_quality` of the frames, where it was asked for.
+    pages : Pages or None
+        What the frames were, if they are pages of a file.
     """
 
     results: tuple[Quantized, ...]
@@ -48,6 +51,7 @@ class QuantizedFrames(Fidelity):
     plays: int
     n_distinct: int
     quality: float | None = None
+    pages: Pages | None = None
 
     def __repr__(self) -> str:
         """Tell the number of frames and colors in one line."""
@@ -55,9 +59,32 @@ class QuantizedFrames(Fidelity):
         return f"QuantizedFrames({len(self.results)} frames, up to {n_colors} of {self.n_distinct} colors)"
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the animation, as `cvtimg.pictures.write_frames` does."""
+        """Write the animation, as `cvtimg.pictures.write_frames` does, or the pages, as `write_pages` does."""
+        if self.pages is not None:
+            pages, palette = self.stored(self.pages)
+            write_pages(path, pages, palette=palette, overwrite=overwrite)
+            return
         frames, palettes = self.content
         write_frames(path, frames, palettes=palettes, overwrite=overwrite)
+
+    def stored(self, pages: Pages, *, keeps_nodata: bool = False) -> tuple[Pages, NDArray[np.uint8] | None]:
+        """Return pages as they are written: indices and their palette, or colors."""
+        # Pixels that are left out become transparent, but in types without transparency, and where they are nodata.
+        first = self.palette
+        left_out = any(one.inside is not None for one in self.results)
+        eight_bit = first.dtype == np.uint8 and first.shape[1] in (1, 3)
+        shared = all(np.array_equal(one.palette, first) for one in self.results)
+        indexed = shared and eight_bit and first.shape[1] == 3 and len(first) <= MOST_INDEXED
+        if indexed and not left_out and not pages.is_joined:
+            return replace(pages, images=tuple(one.indices for one in self.results), has_alpha=False), first
+        if not left_out or keeps_nodata or not eight_bit or pages.is_joined:
+            return replace(pages, images=tuple(one.image for one in self.results)), None
+        images = []
+        for one in self.results:
+            inside = np.ones(one.indices.shape, np.bool_) if one.inside is None else one.inside
+            colors = np.broadcast_to(one.palette, (len(one.palette), 3))[one.indices]
+            images.append(np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2))
+        return replace(pages, images=tuple(images), has_alpha=True), None
 
     @property
     def energy(self) -> float:
@@ -88,7 +115,7 @@ class QuantizedFrames(Fidelity):
 
 
 def quantize_frames(
-    frames: Frames,
+    frames: Frames | Pages,
     n_colors: int | None = None,
     *,
     psnr: float | None = None,
@@ -108,12 +135,14 @@ def quantize_frames(
 ) -> QuantizedFrames:
     """Find the palette that represents all frames of an animation with the least error, or one for each frame.
 
+    Pages of a file, as of a TIFF, count as frames; the result is saved as pages again.
+
     A palette for all frames is that of an image with the frames side by side: the densities of their colors add.
 
     Parameters
     ----------
-    frames : Frames
-        From `read_frames`.
+    frames : Frames or Pages
+        From `read_frames` or `read_pages`.
     n_colors : int
         Size of a palette, in 1..65536; a .gif holds up to 256. With `psnr`, optional and the maximum size, by default
         256. Not allowed with `palette`.
@@ -122,7 +151,7 @@ def quantize_frames(
     per_frame : bool
         Find a palette for each frame. This lowers the error, but colors that stand still may change between frames.
     alpha : bool, optional
-        Whether the last channel is alpha; by default if there are four channels.
+        Whether the last channel is alpha; by default if there are four channels, or if the pages say so.
     masks : sequence of (H, W) array or None, optional
         For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
         value, and become transparent in indexed files.
@@ -144,7 +173,7 @@ def quantize_frames(
     See Also
     --------
     quantize : A single image.
-    cvtimg.pictures.read_frames : Where frames come from.
+    cvtimg.pictures.read_frames, cvtimg.pictures.read_pages : Where frames come from.
 
     Examples
     --------
@@ -173,13 +202,14 @@ class Film:
     """The frames of an animation: the `Source` of `quantize_frames`."""
 
     def __init__(
-        self, frames: Frames, per_frame: bool, alpha: bool | None, masks: Sequence[ArrayLike | None] | None
+        self, frames: Frames | Pages, per_frame: bool, alpha: bool | None, masks: Sequence[ArrayLike | None] | None
     ) -> None:
         n_frames = len(frames.images)
         masks = [None] * n_frames if masks is None else list(masks)
         if len(masks) != n_frames:
             raise ValueError(f"masks must be {n_frames}, one for each frame, not {len(masks)}")
-        has_alpha = frames.images[0].shape[2:] == (4,) if alpha is None else alpha
+        usual = frames.has_alpha if isinstance(frames, Pages) else frames.images[0].shape[2:] == (4,)
+        has_alpha = usual if alpha is None else alpha
         self._frames, self._samples = (
             frames,
             [
@@ -214,4 +244,6 @@ class Film:
             )
             results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
         n_distinct = max(samples.n_colors for samples in self.counted)
+        if isinstance(frames, Pages):
+            return QuantizedFrames(tuple(results), (0.0,) * len(results), 1, n_distinct, pages=frames)
         return QuantizedFrames(tuple(results), frames.durations, frames.plays, n_distinct)

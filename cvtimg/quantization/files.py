@@ -25,9 +25,9 @@ from cvtimg.pictures.files import ImageInfo, Metadata, image_info, read_image, r
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.opening import pixels_limited
-from cvtimg.pictures.frames import ANIMATED, Frames, read_frames, write_frames
+from cvtimg.pictures.frames import ANIMATED, read_frames, write_frames
 from cvtimg.pictures.known import known_in_all, known_pixels
-from cvtimg.pictures.pages import PAGE_SUFFIXES, Pages, read_pages, write_pages
+from cvtimg.pictures.pages import PAGE_SUFFIXES, read_pages, write_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
 from cvtimg.quantization.animations import MOST_INDEXED, Film, QuantizedFrames
 from cvtimg.quantization.driver import QuantizeOptions, for_eyes, quantized
@@ -40,8 +40,8 @@ __all__ = ["QuantizedFile", "UnfitOptionError", "quantize_file"]
 
 #: Options that need a single image, and those that need all of it in memory.
 _OF_ONE_IMAGE = ("weights", "n_colors='auto'", "optimize")
-_OF_PICTURES = ("psnr", "max_bytes", *_OF_ONE_IMAGE, "depth")
-_IN_MEMORY = (*_OF_PICTURES, "ramp", "quality", "goal='eyes'", "dither", "keep_metadata")
+_OF_PICTURES = ("max_bytes", *_OF_ONE_IMAGE, "depth")
+_IN_MEMORY = ("psnr", *_OF_PICTURES, "ramp", "quality", "goal='eyes'", "dither", "keep_metadata")
 
 
 class UnfitOptionError(ValueError):
@@ -471,35 +471,14 @@ def _pages(job: _Job, header: ImageInfo) -> QuantizedFile:
     pages = read_pages(job.source).joined()
     known = known_in_all(pages.images, header, job.mask, job.nodata, "page")
     job.lap("read")
-    frames = Frames(pages.images, (0.0,) * len(pages.images), 1)
     masks = None if all(one.all() for one in known) else known
-    film, how = Film(frames, job.per_frame, pages.has_alpha, masks), job.at_depth(pages.images[0].dtype)
+    film, how = Film(pages, job.per_frame, None, masks), job.at_depth(pages.images[0].dtype)
+    if how.psnr is not None and how.n_colors is None:
+        how = replace(how, n_colors=MOST_INDEXED)
     result = for_eyes(film, how) if how.goal == "eyes" else quantized(film, how)
     job.lap("cluster")
-    stored, palette = _stored_pages(pages, result, keeps_nodata=job.nodata is None and header.nodata is not None)
+    stored, palette = result.stored(pages, keeps_nodata=job.nodata is None and header.nodata is not None)
     write_pages(job.target, stored, palette=palette, overwrite=job.overwrite)
     job.write_palette(result.palette, result.results)
     job.lap("write")
     return _of_several("pages", result, pages.images[0].shape, known)
-
-
-def _stored_pages(
-    pages: Pages, result: QuantizedFrames, *, keeps_nodata: bool
-) -> tuple[Pages, NDArray[np.uint8] | None]:
-    """Return pages as they are written: indices and their palette, or colors."""
-    # Pixels that are left out become transparent, but in types without transparency, and where they are nodata.
-    first = result.results[0].palette
-    left_out = any(one.inside is not None for one in result.results)
-    eight_bit = first.dtype == np.uint8 and first.shape[1] in (1, 3)
-    shared = all(np.array_equal(one.palette, first) for one in result.results)
-    indexed = shared and eight_bit and first.shape[1] == 3 and len(first) <= 256
-    if indexed and not left_out and not pages.is_joined:
-        return replace(pages, images=tuple(one.indices for one in result.results), has_alpha=False), first
-    if not left_out or keeps_nodata or not eight_bit or pages.is_joined:
-        return replace(pages, images=tuple(one.image for one in result.results)), None
-    images = []
-    for one in result.results:
-        inside = np.ones(one.indices.shape, np.bool_) if one.inside is None else one.inside
-        colors = np.broadcast_to(one.palette, (len(one.palette), 3))[one.indices]
-        images.append(np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2))
-    return replace(pages, images=tuple(images), has_alpha=True), None

@@ -34,6 +34,9 @@ def test_commands_read_one_page(capsys: pytest.CaptureFixture[str]) -> None:
     np.testing.assert_array_equal(np.load("labels.npy"), segment(PAGES[2], 3, mask=PAGES[2] > 1000).labels)
     assert cli.main(["mosaic", "a.tif", "-n", "5", "--page", "1", "-o", "tiles.png"]) == 0
     assert image_info("tiles.png").width == 32
+    tifffile.imwrite("z.tif", PAGES, imagej=True, metadata={"axes": "ZYX"})
+    assert cli.main(["restore", "z.tif", "-k", "4", "--page", "2", "-o", "restored.png"]) == 0
+    assert image_info("restored.png").frames == 1
     capsys.readouterr()
     assert cli.main(["quantize", "a.tif", "-k", "4", "--page", "4", "-o", "none.png"]) == 1
     assert capsys.readouterr().err == "cvtimg: a.tif: has 3 pages, and no page 4\n"

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 from visits import without_history
@@ -248,13 +249,19 @@ ANIMATED: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("axes", ["", "QYXS", "ZYXS"])
 @pytest.mark.parametrize(("tab", "settings"), ANIMATED)
-def test_animations_and_their_frames_give_the_same_file(
-    tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]
+def test_frames_and_pages_give_the_same_file(
+    axes: str, tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]
 ) -> None:
-    frames = [Image.fromarray(np.roll(scene, 9 * shift, axis=1)) for shift in range(3)]
-    frames[0].save("walk.png", save_all=True, append_images=frames[1:], duration=80)
-    frame = store.open_file(Path("walk.png")).frame(1)
+    images = [np.roll(scene, 9 * shift, axis=1) for shift in range(3)]
+    if axes:
+        kind = {"imagej": True, "metadata": {"axes": axes}} if axes == "ZYXS" else {"photometric": "rgb"}
+        tifffile.imwrite("walk.tif", np.stack(images), **kind)
+    else:
+        frames = list(map(Image.fromarray, images))
+        frames[0].save("walk.png", save_all=True, append_images=frames[1:], duration=80)
+    frame = store.open_file(Path("walk.tif" if axes else "walk.png")).frame(1)
     assert (frame.array == np.roll(scene, 9, axis=1)).all()
     request = replace(request_for(store, tab, frame, settings), is_whole=TABS[tab].for_frames)
     shown, outcome = _recipes(TABS[tab], request), TABS[tab].exact(request)
@@ -322,8 +329,6 @@ def test_samples_that_png_cannot_hold_are_saved_as_numpy_arrays(store: Store, sc
 
 
 def test_a_value_that_means_missing_is_left_out(store: Store, scene: NDArray[Any]) -> None:
-    import tifffile
-
     pixels = scene[..., 0].copy()
     pixels[:20, :30] = 0
     tifffile.imwrite("map.tif", pixels, extratags=[(42113, "s", 0, "0", True)])

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -301,17 +302,25 @@ def test_names_of_files_that_are_sent_lead_nowhere(name: str, page: TestClient, 
     assert path.parent == Path(server.store._folder.name)
 
 
-def test_animations_are_opened_and_files_of_pages_refused_with_what_to_do(page: TestClient) -> None:
+def test_animations_and_files_of_pages_are_opened(page: TestClient) -> None:
     frames = [Image.new("L", (4, 4), level) for level in (0, 90)]
-    for form, name in (("GIF", "film.gif"), ("TIFF", "pages.tif")):
+    for form, name, noun in (("GIF", "film.gif", "Frame"), ("TIFF", "pages.tif", "Page")):
         buffer = io.BytesIO()
         frames[0].save(buffer, form, save_all=True, append_images=frames[1:])
-        answer = page.post("/picture", params={"name": name}, content=buffer.getvalue())
-        if form == "GIF":
-            assert answer.json()["frames"] == 2
-        else:
-            assert answer.status_code == 422
-            assert "file of 2 images" in answer.text
+        answer = page.post("/picture", params={"name": name}, content=buffer.getvalue()).json()
+        assert (answer["frames"], answer["noun"]) == (2, noun)
+
+
+def test_channels_on_pages_of_their_own_are_for_colors_alone(page: TestClient) -> None:
+    buffer = io.BytesIO()
+    values = np.arange(2 * 3 * 8 * 9, dtype=np.uint8).reshape(2, 3, 8, 9)
+    tifffile.imwrite(buffer, values, imagej=True, metadata={"axes": "ZCYX"})
+    picture = page.post("/picture", params={"name": "cells.tif"}, content=buffer.getvalue()).json()
+    assert picture["frames"] == 2
+    reply = request(page, picture["id"], settings={"k": 4})
+    assert reply.about["facts"]["k"] == 4
+    assert "cvtimg quantize cells.tif -k 4 -o cells-quantized.tif" in str(reply.about["recipes"])
+    assert "--channel" in request(page, picture["id"], tab="stipple").about["error"]
 
 
 def test_the_oldest_picture_goes_and_its_file_with_it(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize, quantize_frames, read_image, read_palette
-from cvtimg.pictures import Frames, read_frames, read_pages, write_frames, write_image
+from cvtimg.pictures import Frames, read_frames, read_pages, write_frames, write_image, write_pages
 from cvtimg.quantization import UnfitOptionError, quantize_file, quantize_to_size
 
 RNG = np.random.default_rng(5)
@@ -58,7 +58,7 @@ def test_each_file_goes_its_way() -> None:
     ("source", "given", "option"),
     [
         ("film.png", {"n_colors": 4, "optimize": True}, "optimize"),
-        ("pages.tif", {"psnr": 30}, "psnr"),
+        ("pages.tif", {"n_colors": 4, "depth": "16"}, "depth"),
         ("a.tif", {"n_colors": 4, "tiles": True, "dither": "blue-noise"}, "dither"),
     ],
 )
@@ -77,6 +77,11 @@ def test_frames_reach_a_quality_and_a_size() -> None:
     frames = Frames(tuple(STACK // 16 * 16), (40,) * 3, 0)
     result = quantize_frames(frames, psnr=28)
     n_colors = len(result.palette)
+    write_pages("pages.tif", frames.images)
+    quantize_frames(read_pages("pages.tif"), psnr=28).save("a.tif")
+    quantize_file("pages.tif", "b.tif", psnr=28)
+    assert Path("a.tif").read_bytes() == Path("b.tif").read_bytes()
+    assert all(map(np.array_equal, read_pages("a.tif").images, (one.image for one in result.results)))
     assert result.psnr >= 28 > quantize_frames(frames, n_colors - 1).psnr
 
     def size(found: Any) -> int:

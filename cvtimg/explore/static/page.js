@@ -131,9 +131,10 @@ function setTool() {
 }
 
 function setFrame(number) {
-	const {frames} = state.picture;
+	const {frames, noun} = state.picture;
 	state.frame = number;
 	$("film").hidden = frames < 2;
+	$("filmname").textContent = noun;
 	Object.assign($("frame"), {max: frames - 1, value: number, ariaValueText: `${number + 1} of ${frames}`});
 	$("framename").textContent = `${number + 1} / ${frames}`;
 }

@@ -50,12 +50,12 @@ class Request:
     settings: Settings  # Values of all controls of the tab
     files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
-    is_whole: bool = False  # Whether all frames are wanted if the picture is one of an animation
+    is_whole: bool = False  # Whether all frames are wanted if the picture is one of several
 
     @property
     def source(self) -> Picture:
-        """What the command reads: the picture, or the animation of which it is a frame."""
-        return (self.picture.animation if self.is_whole else None) or self.picture
+        """What the command reads: the picture, or the file of which it is a frame."""
+        return (self.picture.whole_file if self.is_whole else None) or self.picture
 
     @property
     def picture(self) -> Picture:
@@ -81,7 +81,7 @@ class Tab:
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
-    for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation
+    for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
     def recipe(self, request: Request) -> Recipe:
@@ -106,7 +106,7 @@ class Tab:
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
-        inputs = [] if self.sheet else [safe_name(request.source.name)]
+        inputs = [] if self.sheet else request.source.words
         maps = [
             word for one in self._brushed(request) for word in (one.flag, safe_name(one.pattern.format(request.stem)))
         ]
@@ -170,7 +170,7 @@ def brushes(label: str) -> Switch:
 
 def reading(picture: Picture) -> str:
     """Write in Python that the picture is read."""
-    return f"import cvtimg\n\nimage = cvtimg.read_image({quoted(picture.name)})"
+    return f"import cvtimg\n\nimage = {picture.python}"
 
 
 def _save_map(result: Any, path: Path, image: NDArray[np.uint8]) -> None:

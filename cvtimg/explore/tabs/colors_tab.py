@@ -32,7 +32,7 @@ from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
-from cvtimg.pictures import encode_image
+from cvtimg.pictures import Frames, encode_image
 from cvtimg.quantization import Quantized, QuantizedFrames, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
@@ -46,6 +46,8 @@ _PALETTES = {
 }
 #: Pixels of drafts, by the method of dithering; those that are not named are ordered.
 _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
+#: The format of pages, with its label.
+_PAGES = {"Pages, TIFF": ".tif"}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
 _KILO = 1000
 _SIZE = """
@@ -131,8 +133,9 @@ class ColorsTab(Tab):
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the picture, as PNG where that holds its samples, and its palette in several formats."""
         if request.source.frames:
-            ends = [".gif", ".png", ".webp"]
-            images = [Output(f"Animation, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in ends]
+            is_film = isinstance(request.source.frames, Frames)
+            ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
+            images = [Output(label, "-o", "{}-quantized" + end, saved, SAVED) for label, end in ends.items()]
             if request.settings["per_frame"]:
                 return images
             return [*images, *(_palette_output(end, label, _COUNTED_FRAMES) for end, label in _PALETTES.items())]
@@ -155,8 +158,10 @@ class ColorsTab(Tab):
         if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
             words += ["--dither-strength", f"{settings['strength']:g}"]
         if request.source.frames:
-            read = f"import cvtimg\n\nframes = cvtimg.pictures.read_frames({quoted(request.source.name)})"
-            return Recipe(self.words(request, *words), f"{read}\nresult = {call.text('frames')}")
+            is_film, name = isinstance(request.source.frames, Frames), quoted(request.source.name)
+            read = f"read_frames({name})" if is_film else f"read_pages({name}).joined()"
+            lines = f"import cvtimg\n\nframes = cvtimg.pictures.{read}\nresult = {call.text('frames')}"
+            return Recipe(self.words(request, *words), lines, always="" if is_film else "{}-quantized.tif")
         start = reading(picture) + known.format(picture.header.nodata) + self.map_lines(request)
         return Recipe(self.words(request, *words), f"{start}\n{size}result = {call.text()}")
 
@@ -309,7 +314,9 @@ def _fitting(request: Request) -> Request:
     if not request.source.frames:
         return replace(request, settings={**settings, "per_frame": False})
     if settings["aim"] in ("auto", "max_bytes"):
-        raise UnfitRequestError("Animations: choose by number of colors, quality or a given palette")
+        raise UnfitRequestError(f"{request.source.noun}s: choose by number of colors, quality or a given palette")
+    if request.source.header.has_pages and request.picture.known is not None:
+        raise UnfitRequestError("Pages with missing values are left to the command line")
     return replace(request, settings={**settings, "brushes": False})
 
 

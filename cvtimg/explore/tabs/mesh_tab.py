@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.progress import part
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call
-from cvtimg.explore.controls import Choice, Control, Number, Settings, controls_of
+from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
@@ -72,9 +72,8 @@ class MeshTab(Tab):
             return Recipe(self.words(request), f"{lines}\nresult = {call.text(image)}")
         name, settings = f"{request.picture.stem}-labels.png", request.settings
         least = ["--min-size", str(settings["least"])] if settings["least"] else []
-        divide = ["cvtimg", "segment", safe_name(request.picture.name), "-k", str(settings["k"]), *least]
-        words = self.words(request)
-        words[2] = safe_name(name)
+        divide = ["cvtimg", "segment", *request.picture.words, "-k", str(settings["k"]), *least]
+        words = ["cvtimg", self.verb, safe_name(name), *words_of(self.controls, settings)]
         lines = f"{reading(request.picture)}\nlabels = {_segments(settings).text()}.labels"
         return Recipe(
             words, f"{lines}\nresult = {call.text('labels')}", shlex.join([*divide, "-o", safe_name(name)]), False
@@ -108,6 +107,8 @@ class MeshTab(Tab):
 
 
 def _stored_labels(picture: Picture) -> NDArray[np.int32]:
+    if picture.page:
+        raise UnfitRequestError("all pages of a mask are meshed together, as a volume, by the command line")
     return picture.kept("labels", lambda: read_labels(picture.path))
 
 

@@ -27,7 +27,7 @@ from cvtimg.explore.controls import (
 )
 from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import Request, Tab, reading
 from cvtimg.explore.tabs.colors_tab import rgb
 from cvtimg.palettes import color_order
@@ -121,7 +121,7 @@ class PaletteTab(Tab):
         settings, picture = request.settings, request.picture
         start = reading(picture)
         if not _is_found(settings):
-            words = ["cvtimg", "quantize", safe_name(picture.name), "--palette", _given(request)[0]]
+            words = ["cvtimg", "quantize", *picture.words, "--palette", _given(request)[0]]
             words += words_of(self.controls, settings)
             return Recipe(words, f"{start}\nresult = {self._call(request).text()}", always="{}-quantized.png")
         main = ["--main"] if settings["start"] == "main" else []

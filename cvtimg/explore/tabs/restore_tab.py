@@ -14,6 +14,7 @@ from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Restoration
 from cvtimg.segmentation import Averaging
@@ -83,9 +84,15 @@ class RestoreTab(Tab):
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
         versions = _versions(request)
-        names = ", ".join(quoted(picture.name) for picture in versions)
-        lines = f"import cvtimg\n\nimages = [cvtimg.read_image(name) for name in [{names}]]"
-        words = ["cvtimg", self.verb, *(safe_name(picture.name) for picture in versions)]
+        names = ", ".join(quoted(name) for name in dict.fromkeys(picture.name for picture in versions))
+        files = dict.fromkeys(safe_name(picture.name) for picture in versions)
+        page = versions[0].words[1:] if len(versions) == 1 else []
+        if any(picture.page for picture in versions) and not page:
+            read = f"[page for name in [{names}] for page in cvtimg.pictures.read_pages(name).images]"
+        else:
+            read = f"[{versions[0].python}]" if page else f"[cvtimg.read_image(name) for name in [{names}]]"
+        lines = f"import cvtimg\n\nimages = {read}"
+        words = ["cvtimg", self.verb, *files, *page]
         words += ["--detail"] if request.settings["way"] == "detail" else []
         words += words_of(self.controls, request.settings)
         lines += f"\nresult = {self._call(request.settings).text('images')}"
@@ -118,12 +125,26 @@ class RestoreTab(Tab):
 def _versions(request: Request) -> list[Picture]:
     chosen = [request.files.picture(key) for key in request.settings["versions"]]
     shown = request.picture  # of an animation the frame
-    versions = [shown if shown.animation is one else one.frame(0) for one in chosen] or [shown]
+    versions = [each for one in chosen or [shown] for each in _of_file(one, shown)]
+    if len(versions) > 1 and any(one.page and not _are_versions(one.whole_file) for one in versions):
+        raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1:
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
         raise UnfitRequestError(f"Versions must be of one size: {listed}")
     return versions
+
+
+def _of_file(one: Picture, shown: Picture) -> list[Picture]:
+    """Return the versions that a file has: the frame that is shown, or all pages where nothing says what they are."""
+    whole = one.whole_file or one
+    if _are_versions(whole):
+        return [whole.frame(number) for number in range(whole.header.frames)]
+    return [shown if shown.whole_file is whole else one.frame(0)]
+
+
+def _are_versions(whole: Picture | None) -> bool:
+    return whole is not None and isinstance(whole.frames, Pages) and whole.frames.axes == "Q"
 
 
 def _layer(request: Request, result: Restoration, n_versions: int) -> Layer:
