@@ -9,7 +9,8 @@ pngquant's 256 colors. Programs that are not installed are left out.
 With --time, whole processes are timed at 768 x 512 and at 12 megapixels instead, and with --sheet parts of the pictures
 three times as large are written: as they are, in pngquant's 256 colors, and by cvtimg at the same score.
 
-    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--gif] [--time] [--sheet FILE]
+    python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--rivals pngquant] [--gif]
+                               [--time] [--sheet FILE]
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -127,8 +129,8 @@ def by_pillow(pixels: Pixels, n_colors: int) -> bytes:
     return saved(image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG), "png", optimize=True)
 
 
-def rivals() -> dict[str, Callable[[Pixels, int], bytes]]:
-    """Return the programs that are installed."""
+def rivals(names: Sequence[str] | None) -> dict[str, Callable[[Pixels, int], bytes]]:
+    """Return the programs that are installed, or those of these names."""
     found: dict[str, Callable[[Pixels, int], bytes]] = {
         "pngquant": as_png,
         "--speed 1": lambda pixels, n_colors: as_png(pixels, n_colors, "--speed", "1"),
@@ -138,7 +140,7 @@ def rivals() -> dict[str, Callable[[Pixels, int], bytes]]:
         found["imagequant"] = by_imagequant
     if ImageMagick().is_available:
         found["ImageMagick"] = by_imagemagick
-    return found
+    return {name: program for name, program in found.items() if names is None or name in names}
 
 
 def pixels_of(file: bytes) -> Pixels:
@@ -166,7 +168,7 @@ def shown(picture: Picture) -> list[Pixels]:
     return rows
 
 
-def pngs_of(pixels: Pixels) -> dict[str, list[bytes]]:
+def pngs_of(pixels: Pixels, names: Sequence[str] | None) -> dict[str, list[bytes]]:
     """Return the PNG files of each program, those of cvtimg for eyes first."""
     eyes, error = [], [quantize(pixels, n_colors) for n_colors in COLORS]
     for quality in QUALITIES:
@@ -179,7 +181,7 @@ def pngs_of(pixels: Pixels) -> dict[str, list[bytes]]:
     def stored(results: list[object]) -> list[bytes]:
         return [encode_image(".png", one.content[0], palette=one.content[1]) for one in results]  # type: ignore
 
-    files = {name: [program(pixels, n) for n in COLORS] for name, program in rivals().items()}
+    files = {name: [program(pixels, n) for n in COLORS] for name, program in rivals(names).items()}
     smaller = {f"{name} + oxipng": [oxipng.optimize_from_memory(one) for one in some] for name, some in files.items()}
     return {"eyes": stored(eyes), **files, **smaller, "error": stored(error)}
 
@@ -277,6 +279,7 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--pictures", type=int, help="pictures of each set")
     options.add_argument("--size", type=int, nargs=2, default=(512, 384), help="width and height of what is taken")
+    options.add_argument("--rivals", nargs="+", metavar="NAME", help="only these programs, one of which is pngquant")
     options.add_argument("--gif", action="store_true", help="GIF files")
     options.add_argument("--time", action="store_true", help="time and memory instead")
     options.add_argument("--sheet", metavar="FILE", help="image file to write instead")
@@ -295,11 +298,12 @@ def main() -> None:
         return
     program = subprocess.run(["pngquant", "--version"], capture_output=True, text=True, check=True).stdout.split()[0]
     versions = {"pngquant": program, "pyoxipng": version("pyoxipng")}
+    files_of = gifs_of if given.gif else partial(pngs_of, names=given.rivals)
     name_of_results, rows = "looks_gif" if given.gif else "looks", []
     for name, pictures in picture_sets(given.data, 2 if given.quick else given.pictures).items():
         for picture in pictures:
             progress(f"{name}: {picture.name}")
-            rows.append(measure(picture, given.size, gifs_of if given.gif else pngs_of))
+            rows.append(measure(picture, given.size, files_of))
             write_results(name_of_results, {"size": given.size, **versions}, rows)  # a run takes long
     names = [name for name in rows[0] if name != "picture"]
     table = [[str(row["picture"]), *(f"{row[one]:.3f}" for one in names)] for row in rows]

@@ -1,47 +1,174 @@
-"""Measure all numbers of the README anew, one after the other, on this machine.
+"""Measure the numbers of the README anew, and no others, and print them claim by claim.
 
     python benchmarks/readme.py [--quick] [--data DIR] [--only palettes,meshes]
 
 Seconds are worth something on an idle machine only, so the load is printed before each part; every part begins with the
-name of the processor. All of them take about an hour.
+name of the processor. On two idle cores, all parts take about half an hour. With --only '', the claims are those of the
+last runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import statistics
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from common import DATA, machine
+import numpy as np
+from common import DATA, OUT, machine
+from quantization import MEASURE
 
-#: For each claim of the README the script and its arguments that repeat it.
-PARTS: dict[str, list[str]] = {
-    "files": ["looks.py", "--pictures", "6"],
-    "palettes": ["quantization.py"],
-    "processes": ["whole_process.py"],
-    "regions": ["hierarchy.py", "--parts", "regions"],
-    "restoration": ["restoration.py", "--photographs", "{data}/kodak"],
-    "meshes": ["meshes.py", "--only", "ocean"],
+Rows = list[dict[str, Any]]
+#: What the README says, and the figure that was measured.
+Claims = Iterator[tuple[str, str]]
+
+
+class Part(NamedTuple):
+    """A script with its arguments, the results that it writes, and the claims that these repeat."""
+
+    words: str
+    results: str
+    claims: Callable[[Rows], Claims]
+
+
+def mean(rows: Rows, key: str, **of: object) -> float:
+    """Return the mean of a value over the rows that have these others."""
+    return statistics.fmean(row[key] for row in rows if all(row[name] == value for name, value in of.items()))
+
+
+def span(values: list[float], form: str = ".0f") -> str:
+    """Write the least and the greatest of some values."""
+    return f"{min(values):{form}} to {max(values):{form}}"
+
+
+def files(rows: Rows) -> Claims:
+    """Compare bytes at equal looks."""
+    ratios = {name: np.array([row[name] for row in rows]) for name in ("pngquant", "pngquant + oxipng")}
+    means = {name: f"{np.exp(np.log(some).mean()):.2f}" for name, some in ratios.items()}
+    yield "Smaller files: times as large as pngquant's, range", span(list(ratios["pngquant"]), ".2f")
+    yield f"Smaller files: on average over {len(rows)} images", means["pngquant"]
+    yield "Smaller files: if oxipng recompresses pngquant's", means["pngquant + oxipng"]
+
+
+def palettes(rows: Rows) -> Claims:
+    """Compare squared errors and times, and fill the table."""
+    ks = sorted({row["k"] for row in rows})
+    ours = {(row["picture"], row["k"]): row for row in rows if row["rival"] == MEASURE}
+    names = list(dict.fromkeys(row["rival"] for row in rows))
+    pngquant = next((name for name in names if name.startswith("pngquant")), None)
+    if pngquant:
+        less = [
+            100 * (1 - mean(rows, "error", rival=MEASURE, k=k) / mean(rows, "error", rival=pngquant, k=k)) for k in ks
+        ]
+        yield f"Better palettes: % less squared error than pngquant at {span(ks)} colors", span(less)
+    for name in names:
+        own = [row for row in rows if row["rival"] == name]
+        cells = []
+        for k in ks:
+            some = [row for row in own if row["k"] == k]
+            error = statistics.fmean(row["error"] for row in some)
+            base = statistics.fmean(ours[row["picture"], k]["error"] for row in some)
+            cells.append(f"{error:.1f}" if len(some) == len(ours) / len(ks) else f"x {error / base:.3f} ({len(some)})")
+        last = [row["seconds"] / ours[row["picture"], ks[-1]]["seconds"] for row in own if row["k"] == ks[-1]]
+        yield f"Table: {name}", " | ".join([*cells, f"{statistics.median(last):.2g}" if last else "-"])
+
+
+def bytes_of_files(rows: Rows) -> Claims:
+    """Compare bytes without dithering."""
+    less = []
+    for k in sorted({row["k"] for row in rows}):
+        ours, theirs = (mean(rows, "n_bytes", program=name, k=k, dithered=False) for name in ("cvtimg", "pngquant"))
+        less.append(100 * (1 - ours / theirs))
+    yield "Better palettes: % smaller than pngquant's without dithering", span(less)
+
+
+def processes(rows: Rows) -> Claims:
+    """Compare whole processes."""
+    error = {(row["picture"], row["program"]): row["error"] for row in rows}
+    for program in ("pngquant", "pngquant --speed 11"):
+        for size, large in (("0.4", False), ("12", True)):
+            own = [row for row in rows if row["program"] == program and row["picture"].startswith("12mp") == large]
+            if own:
+                ratio = statistics.fmean(
+                    error[row["picture"], program] / error[row["picture"], "cvtimg quantize"] for row in own
+                )
+                times = statistics.fmean(row["cpu_ratio"] for row in own)
+                yield f"{program}, {size} megapixels: processor time, error as multiples", f"{times:.2f}, {ratio:.2f}"
+
+
+def regions(rows: Rows) -> Claims:
+    """List Rand indices, each program with the one threshold that is best for all images."""
+    for row in rows:
+        default = f"; default {row['default'].split()[0]}" if row["default"] else ""
+        yield f"Regions: Rand index, {row['rival']}", row["ods"].split()[0] + default
+
+
+def restoration(rows: Rows) -> Claims:
+    """Compare with BM3D."""
+    names = sorted({row["rival"] for row in rows})
+    for name in names:
+        yield (
+            f"Restoration: mean PSNR of {len({row['case'] for row in rows})} photographs, {name}",
+            f"{mean(rows, 'psnr', rival=name):.2f} dB",
+        )
+
+
+def meshes(rows: Rows) -> Claims:
+    """Compare with Gmsh, which makes a few vertices more."""
+    for fast, ours, theirs in zip(rows[::3], rows[1::3], rows[2::3], strict=True):
+        share = [f"{one['seconds'] / theirs['seconds']:.2f}" for one in (fast, ours)]
+        yield f"Fast meshes: share of Gmsh's time, {ours['vertices']:,} vertices; effort fast", ", ".join(share[::-1])
+        yield "Fast meshes: mean quality, cvtimg and Gmsh", f"{ours['mean q']}, {theirs['mean q']}"
+
+
+#: For each claim of the README the script and its arguments that repeat it; those whose seconds count come first.
+PARTS = {
+    "palettes": Part("quantization.py --data {data}/cq100", "quantization", palettes),
+    "processes": Part("whole_process.py --rounds 3", "whole_process", processes),
+    "meshes": Part("meshes.py --only ocean", "meshes", meshes),
+    "bytes": Part("dithering.py --pictures 4 --rivals cvtimg pngquant", "dithering", bytes_of_files),
+    "regions": Part("hierarchy.py --parts regions", "hierarchy", regions),
+    "files": Part("looks.py --pictures 6 --rivals pngquant", "looks", files),
+    "restoration": Part(
+        "restoration.py --photographs {data}/kodak --damages 1 --rivals BM3D", "photographs", restoration
+    ),
 }
 
 
+def run(part: Part, data: Path, quick: bool) -> bool:
+    """Run a part, and tell whether it failed."""
+    script, *words = part.words.format(data=data).split()
+    print(f"\n## {script} {' '.join(words)} (load {os.getloadavg()[0]:.1f})\n", flush=True)
+    command = [sys.executable, str(Path(__file__).with_name(script)), "--data", str(data), *words, *["--quick"] * quick]
+    start = time.perf_counter()
+    failed = subprocess.run(command).returncode != 0
+    print(f"\n{time.perf_counter() - start:.0f} s", flush=True)
+    return failed
+
+
 def main() -> None:
-    """Run the parts."""
+    """Run the parts, and print the claims."""
     read = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     read.add_argument("--quick", action="store_true", help="less of each")
     read.add_argument("--data", type=Path, default=DATA, metavar="DIR", help="folder of the images")
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
     given = read.parse_args()
     print(f"# {machine()}", flush=True)
-    failed = []
-    for part in given.only.split(","):
-        script, *words = (word.format(data=given.data) for word in PARTS[part])
-        print(f"\n## {part}: {' '.join([script, *words])} (load {os.getloadavg()[0]:.1f})\n", flush=True)
-        options = ["--data", str(given.data), *["--quick"] * given.quick]
-        done = subprocess.run([sys.executable, Path(__file__).with_name(script), *words, *options])
-        failed += [part] * (done.returncode != 0)
+    failed = [name for name in given.only.split(",") if name and run(PARTS[name], given.data, given.quick)]
+    print("\n# Claims of the README\n")
+    for part in PARTS.values():
+        path = OUT / f"{part.results}.json"
+        if path.exists():
+            whole = json.loads(path.read_text())
+            print(f"{part.results}, {whole['date']}")
+            for claim, figure in part.claims(whole["rows"]):
+                print(f"  {claim}: {figure}")
     sys.exit(f"failed: {', '.join(failed)}" if failed else 0)
 
 

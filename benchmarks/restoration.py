@@ -4,7 +4,7 @@ Prints the quality (PSNR in dB where white is 1, and for flat pictures the share
 and the seconds. cvtimg runs with its defaults. The parameter of each rival is the best of several, chosen by the truth,
 which nobody who restores a picture has; its seconds are those of all of them.
 
-    python benchmarks/restoration.py [--quick] [--photographs FOLDER]
+    python benchmarks/restoration.py [--quick] [--photographs FOLDER] [--damages 6] [--rivals BM3D]
 
 With --photographs, the pictures of a folder are scaled to 384 x 256 pixels of 8 bits and restored from three versions
 with 30 % holes each, and from a single complete one, at several noises. BM3D is a rival where its package, which is
@@ -146,23 +146,23 @@ def photograph(path: Path) -> Floats:
         return np.asarray(image.convert("RGB").resize(size, Image.Resampling.LANCZOS)) / 255
 
 
-def photographs(folder: Path, quick: bool) -> list[dict[str, Any]]:
-    """Restore the photographs of a folder, from three versions and from one, beside denoisers."""
+def photographs(paths: list[Path], n_damages: int, words: list[str] | None) -> list[dict[str, Any]]:
+    """Restore photographs, from three versions and from one, beside denoisers."""
     rows = []
-    paths = sorted(folder.glob("*.png"))[: 3 if quick else None]
-    for n_versions, holes, noise in DAMAGES:
+    denoisers = [one for one in DENOISERS if words is None or any(word in one.name for word in words)]
+    for n_versions, holes, noise in DAMAGES[:n_damages]:
         found = []
         for path in paths:
             clean = photograph(path)
             case = Case(path.stem, clean, Damage(noise=noise, holes=holes), 32, detail=True)
             given = as_bytes(damaged(case, 1, n_versions))
-            found += [_row(path.stem, *one.quality(clean, given), one.name) for one in DENOISERS]
+            found += [_row(path.stem, *one.quality(clean, given), one.name) for one in denoisers]
             levels = [np.rint(255 * version).astype(np.uint8) for version in given.versions]
             for effort in EFFORTS:
                 call = partial(restore, levels, masks=given.known, detail=True, effort=effort)
                 result, seconds = timed(call, time.process_time)
                 found.append(_row(path.stem, psnr(result.image / 255, clean), seconds, f"cvtimg, {effort}"))
-        names = [*(f"cvtimg, {effort}" for effort in EFFORTS), *(one.name for one in DENOISERS)]
+        names = [*(f"cvtimg, {effort}" for effort in EFFORTS), *(one.name for one in denoisers)]
         table = [
             [path.stem, *(f"{row['psnr']:.2f}" for name in names for row in found if _is(row, path.stem, name))]
             for path in paths
@@ -203,11 +203,16 @@ def main() -> None:
     """Measure, print, write."""
     arguments = parser(__doc__)
     arguments.add_argument("--photographs", type=Path, metavar="FOLDER")
+    arguments.add_argument("--damages", type=int, default=len(DAMAGES), metavar="N", help="only the first N damages")
+    arguments.add_argument(
+        "--rivals", nargs="+", metavar="WORD", help="only denoisers whose name has one of these words"
+    )
     given = arguments.parse_args()
     pin_threads(given.threads)
     print(machine())
     if given.photographs:
-        found = photographs(given.photographs, given.quick)
+        paths = sorted(given.photographs.glob("*.png"))[: 3 if given.quick else None]
+        found = photographs(paths, given.damages, given.rivals)
         write_results("photographs", {"quick": given.quick}, found)
         return
     rows = []
