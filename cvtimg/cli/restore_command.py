@@ -156,12 +156,9 @@ def _noise_like(result: Restoration) -> dict[str, Any]:
     if shared is None:
         return {"noise_like": "white"}
     middle = len(shared) // 2
-    variance, near = (np.einsum("cc->c", shared[middle, middle + apart]) for apart in (0, 1))
-    return {
-        "noise_like": "shared",
-        "noise_bands": np.sqrt(variance).tolist(),
-        "noise_neighbors": float(near.sum() / variance.sum()),
-    }
+    variance = np.einsum("cc->c", shared[middle, middle])
+    levels = np.sqrt(variance).tolist()
+    return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors}
 
 
 def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:

@@ -362,6 +362,8 @@ def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
         return Switch(**{**about, **changed})
     if isinstance(kind, record.Choice):
         return Choice(**{**about, "choices": {name: kind.labels.get(name, name) for name in kind.names}, **changed})
+    if isinstance(kind, record.Text) and kind.labels:
+        return Choice(**{**about, "choices": kind.labels, **changed})
     low, high = (kind.low, kind.high) if isinstance(kind, (record.Whole, record.Real)) else (-math.inf, math.inf)
     about |= {
         "low": low if page.least is None else page.least,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 import threading
@@ -25,7 +24,7 @@ from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.explore.outcomes import quoted, safe_name
+from cvtimg.explore.outcomes import own_prefix, quoted, safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
 from cvtimg.pictures.frames import ANIMATED, frame_name
 from cvtimg.pictures.known import not_missing
@@ -43,8 +42,6 @@ N_CURVE = 64
 SMALL = 1 << 18
 #: Samples of windows that are kept.
 _KEPT = 4
-#: Temporary folders begin so, and go on with the number of the process.
-FOLDERS = "cvtimg-explore-"
 
 
 def most_pixels() -> int:
@@ -135,7 +132,7 @@ class Picture:
 
     @cached_property
     def _written(self) -> Path:
-        folder = tempfile.mkdtemp(prefix=f"{FOLDERS}{os.getpid()}-")
+        folder = tempfile.mkdtemp(prefix=own_prefix())
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)  # with the picture, or at the end
         return Path(folder)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import tempfile
 import threading
@@ -14,7 +15,15 @@ from typing import Any
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.options.settings import settings_of
 
-__all__ = ["Outcome", "Output", "Recipe", "written_as"]
+__all__ = ["FOLDERS", "Outcome", "Output", "Recipe", "own_prefix", "written_as"]
+
+#: Temporary files and folders begin so, and go on with the number of the process.
+FOLDERS = "cvtimg-explore-"
+
+
+def own_prefix() -> str:
+    """Return what temporary files and folders of this process begin with; a later server removes what is left."""
+    return f"{FOLDERS}{os.getpid()}-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +106,7 @@ class Outcome:
 
 def written_as(name: str, write: Callable[[Path], None]) -> bytes:
     """Return the bytes that `write` writes to a file of this name."""
-    with tempfile.TemporaryDirectory(prefix="cvtimg-explore-") as folder:
+    with tempfile.TemporaryDirectory(prefix=own_prefix()) as folder:
         path = Path(folder, name)
         write(path)
         return path.read_bytes()

@@ -16,6 +16,7 @@ from threading import current_thread, main_thread
 
 from cvtimg._shared.messages import one_line
 from cvtimg.explore.guard import Credentials
+from cvtimg.explore.outcomes import own_prefix
 
 __all__ = ["serve"]
 
@@ -98,7 +99,7 @@ def _door(own: Credentials) -> Iterator[None]:
     It lies in the home folder under a name without a dot, since confined browsers read no other files.
     """
     home = Path.home()
-    number, name = tempfile.mkstemp(".html", "cvtimg-explore-", home if os.access(home, os.W_OK) else None)
+    number, name = tempfile.mkstemp(".html", own_prefix(), home if os.access(home, os.W_OK) else None)
     os.close(number)
     door, address = Path(name), own.entrance(once=True)
     try:

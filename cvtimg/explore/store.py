@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from cvtimg import read_palette
 from cvtimg._shared.messages import one_line
 from cvtimg.explore.controls import UnfitRequestError
-from cvtimg.explore.opened import FOLDERS, Picture
-from cvtimg.explore.outcomes import Outcome
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
 from cvtimg.explore.tabs.base import OpenFiles
 from cvtimg.palettes.known import known_palettes
 
@@ -47,7 +47,7 @@ class Store:
 
     def __init__(self) -> None:
         _remove_left()
-        self._folder = tempfile.TemporaryDirectory(prefix=f"{FOLDERS}{os.getpid()}-")
+        self._folder = tempfile.TemporaryDirectory(prefix=own_prefix())
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
@@ -142,14 +142,17 @@ class Store:
 
 
 def _remove_left() -> None:
-    """Remove folders of servers of this user that were killed."""
+    """Remove folders, and doors in the home folder, of servers of this user that were killed."""
     if os.name == "nt":  # where processes are not found by their numbers
         return
-    for folder in Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*"):
-        number = folder.name.removeprefix(FOLDERS).partition("-")[0]
+    found = [*Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*")]
+    with suppress(RuntimeError):  # there is no home folder
+        found += Path.home().glob(f"{FOLDERS}*-*.html")
+    for left in found:
+        number = left.name.removeprefix(FOLDERS).partition("-")[0]
         with suppress(OSError):
-            if number.isdigit() and folder.is_dir() and folder.lstat().st_uid == os.getuid() and not _runs(int(number)):
-                shutil.rmtree(folder)
+            if number.isdigit() and left.lstat().st_uid == os.getuid() and not _runs(int(number)):
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 def _runs(number: int) -> bool:

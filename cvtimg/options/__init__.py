@@ -6,6 +6,7 @@ of each verb under its name in capitals. ``--help`` imports this package, so not
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -53,6 +54,7 @@ def panel_of(name: str) -> str:
     return next((panel for panel, names in PANELS.items() if name in names.split()), "What to get")
 
 
+@cache  # the page asks for them at each move of a control
 def options_of(verb: str) -> tuple[Option, ...]:
     """Return the options of a verb, in the order of ``--help``."""
     options: tuple[Option, ...] = getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())

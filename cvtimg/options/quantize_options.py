@@ -15,6 +15,17 @@ from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 DEFAULT_COLORS, MAIN_COLORS = 16, 6
 #: Short names of ways to dither, which other programs have, too.
 _SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg", "bayer": "bayer-8"}
+#: Bits per channel that the page offers.
+_MACHINES = {
+    "any": "shows any color",
+    "2": "6 bits: Master System, EGA",
+    "3,3,2": "8 bits: MSX2",
+    "3": "9 bits: Mega Drive, PC Engine",
+    "4": "12 bits: Amiga, Game Gear",
+    "5": "15 bits: SNES, Game Boy Color",
+    "5,6,5": "16 bits: small displays",
+    "6": "18 bits: VGA",
+}
 _AIMS = ("number", "psnr", "max_bytes")
 
 
@@ -98,11 +109,11 @@ QUANTIZE = (
     _LOCK,
     passed(
         "color_bits",
-        Text(common.color_bits),
+        Text(common.color_bits, _MACHINES),
         "Use only colors of hardware with this many bits per channel, such as 5, or 5,6,5 for red, green and blue.",
         metavar="N|R,G,B",
         excludes=("palette",),
-    ),
+    ).on_page("Hardware", default="any"),
     file("weight_map", "Gray image of the same size: the weight of each pixel."),
     replace(common.MASK, keyword="mask"),
     replace(common.NODATA, keyword="nodata"),

@@ -96,9 +96,10 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A text, or what `parse` makes of it."""
+    """A text, or what `parse` makes of it; the page offers those in `labels`, by their labels."""
 
     parse: Callable[[Any], Any] = str
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

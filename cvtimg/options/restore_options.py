@@ -67,13 +67,21 @@ RESTORE = (
         Real(above=0),
         "Standard deviation of the noise, in levels of 8 bits; by default it is estimated.",
         metavar="S",
+    ).on_page(
+        "Noise",
+        "Standard deviation, in levels of 8 bits.",
+        slider=(0.5, 60),
+        step=0.5,
+        least=0.1,
+        most=1000,
+        default="auto",
     ),
     passed(
         "noise_like",
-        Choice(get_args(NoiseName)),
+        Choice(get_args(NoiseName), {"auto": "shared by neighbors, if found", "white": "white"}),
         "With --detail: noise that neighboring pixels share is recognized, or all noise is taken for white.",
         default="auto",
-    ),
+    ).on_page("Kind of noise"),
     passed(
         "hidden",
         Choice(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ __all__ = ["read_settings", "settings_of"]
 _COMMAND = "command"
 
 
+@cache
 def _by_word(verb: str) -> dict[str, Option]:
     options = (option for option in options_of(verb) if option.name != "settings")
     return {way: option for option in options for word in option.words for way in word.split("/")}

@@ -87,6 +87,15 @@ class Restoration(ReadOnly):
     energies: tuple[float, ...]
     converged: bool
 
+    @property
+    def noise_neighbors(self) -> float:
+        """Correlation of the noise of pixels next to each other in a row; 0 where noise is white."""
+        if self.noise_shared is None:
+            return 0.0
+        middle = len(self.noise_shared) // 2
+        here, near = (np.einsum("cc->", self.noise_shared[middle, middle + apart]) for apart in (0, 1))
+        return float(near / here)
+
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the restored image, as `write_image` does."""
         write_image(path, self.image, overwrite=overwrite)

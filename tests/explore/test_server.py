@@ -400,6 +400,16 @@ def test_a_draft_is_near_the_result(page: TestClient, server: Server, photograph
     assert abs(draft.about["facts"]["psnr"] - exact.about["facts"]["psnr"]) < 0.3
 
 
+def test_a_draft_of_a_restoration_shows_its_middle(page: TestClient) -> None:
+    noisy = np.random.default_rng(4).normal(120, 9, (140, 150, 3)).astype(np.uint8)
+    picture = opened(page, png(noisy))["id"]
+    settings = {"way": "flat", "k": 2, "effort": "fast"}
+    draft = np.frombuffer(request(page, picture, "restore", "draft", settings=settings).content, np.uint8)
+    changed = (draft.reshape(140, 150, 4)[..., :3] != noisy).any(axis=2)
+    assert changed[6:134, 11:139].mean() > 0.9
+    assert changed.sum() == changed[6:134, 11:139].sum()
+
+
 def test_locked_colors_are_in_drafts_too(page: TestClient, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
     draft = request(page, picture, lane="draft", settings={"k": 5, "locked": ["#00ff7f"]})
@@ -642,8 +652,10 @@ def test_all_tabs_are_described(page: TestClient) -> None:
 @pytest.mark.skipif(os.name == "nt", reason="processes are not found by their numbers")
 def test_what_a_killed_server_left_goes_at_the_next_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
+    (tmp_path / f"cvtimg-explore-{ended.pid}-door.html").write_text("a token")
     gone = tmp_path / f"cvtimg-explore-{ended.pid}-abc"
     others = [tmp_path / f"cvtimg-explore-{os.getpid()}-abc", tmp_path / "cvtimg-explore-x-abc"]
     for folder in (gone, *others):

@@ -311,7 +311,7 @@ function facts(bytes) {
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
 	const saved = 1 - bytes / state.picture?.bytes;
-	if (bytes && (sheet() || !recipes.list[0].key.startsWith("o."))) parts.push(size(bytes));
+	if (bytes && (f.noun || f.labels || !recipes.list[0].key.startsWith("o."))) parts.push(size(bytes)); // not of this image
 	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }

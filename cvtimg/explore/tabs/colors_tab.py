@@ -32,6 +32,7 @@ from cvtimg.explore.layers import Indexed
 from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
+from cvtimg.options.common import color_bits
 from cvtimg.pictures import Frames, encode_image
 from cvtimg.quantization import Quantized, QuantizedFrames, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
@@ -113,6 +114,7 @@ class ColorsTab(Tab):
             when={"aim": list(_SEARCHED)},
             about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
+        ("color_bits", {"when": {"aim": list(_SEARCHED)}, "keyword": ""}),
         ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
         replace(brushes("Mask, weights"), only="images"),
@@ -187,6 +189,7 @@ class ColorsTab(Tab):
             return Call(function, (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
         if settings["locked"]:
             keywords["locked"] = to_depth(rgb(settings["locked"]), dtype)
+        keywords |= _bits(settings)
         if settings["effort"] != "balanced":
             keywords["effort"] = settings["effort"]
         if settings["aim"] == "psnr":
@@ -243,7 +246,7 @@ class ColorsTab(Tab):
                 number = curve.elbow() if settings["aim"] == "auto" else curve.elbow("psnr", settings["psnr"])
             except (TargetMissedError, ValueError):  # more colors than the curve has; or a space without PSNR
                 return None
-        if curve is not None and not settings["locked"] and number <= N_CURVE:
+        if curve is not None and not settings["locked"] and not _bits(settings) and number <= N_CURVE:
             found = from_places(
                 curve.generators[min(number, curve.n_max) - 1], settings["space"], picture.array.dtype, False
             )
@@ -251,7 +254,8 @@ class ColorsTab(Tab):
             return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
         locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
         samples = picture.small_samples
-        return find_palette(samples, number, space=settings["space"], locked=locked, effort="fast").colors
+        how = {"space": settings["space"], "locked": locked, "effort": "fast", **_bits(settings)}
+        return find_palette(samples, number, **how).colors
 
     def exact(self, request: Request) -> Outcome:
         """Quantize the picture."""
@@ -297,6 +301,11 @@ def _suffix(picture: Picture) -> str:
 def _file_size(result: Quantized, suffix: str) -> int:
     pixels, palette = result.content
     return len(encode_image(suffix, pixels, palette=palette))
+
+
+def _bits(settings: Settings) -> dict[str, Any]:
+    """Return the bits per channel that the colors may have, as an argument."""
+    return {} if settings["color_bits"] == "any" else {"color_bits": color_bits(settings["color_bits"])}
 
 
 def _usual_strength(settings: Settings) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from cvtimg import write_image
 from cvtimg.explore.calls import Call
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
-from cvtimg.explore.layers import Layer, Pixels
+from cvtimg.explore.layers import Pixels
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
@@ -22,6 +22,8 @@ from cvtimg.segmentation import Averaging
 _FLAT = {"when": {"way": ["flat"]}}
 #: Formats of results of 8 bits, the first of others, too; AVIF loses a little.
 _SUFFIXES = [suffix for suffix in (".png", ".webp", ".avif") if suffix in image_suffixes()]
+#: Height and width of the part that a draft restores.
+_DRAFT = 128
 _RESTORED = "{}-restored.png"
 
 
@@ -52,6 +54,8 @@ class RestoreTab(Tab):
         ("align", {"keyword": ""}),
         ("motion", {"when": {"align": [True]}}),
         ("channels", _FLAT),
+        "noise",
+        ("noise_like", {"when": {"way": ["auto", "detail"]}}),
         "hidden",
         ("renormalize", _FLAT),
         Switch(name="has_nodata", label="Missing value"),
@@ -110,15 +114,28 @@ class RestoreTab(Tab):
             keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
         return Call("restore", (settings["k"],) if settings["way"] == "flat" else (), keywords)
 
+    def draft(self, request: Request) -> Outcome | None:
+        """Restore the middle of what is in sight with little effort: all of it takes long."""
+        (left, top, right, bottom, step), settings = request.window, request.settings
+        if settings["seen"] != "result" or min(right - left, bottom - top) <= _DRAFT:
+            return None
+        across, down = ((length - _DRAFT) // 2 // step for length in (right - left, bottom - top))
+        rows, columns = (slice(start, start + _DRAFT) for start in (top + down * step, left + across * step))
+        versions = [one.array[rows, columns] for one in _versions(request)]
+        result: Restoration = self._call({**settings, "effort": "fast"}).run(versions)
+        seen = request.picture.seen(request.window).pixels
+        pixels = np.full((*seen.shape[:2], 4), 255, np.uint8)
+        pixels[..., : seen.shape[2]] = seen
+        part = _layer(request, result, len(versions)).pixels[::step, ::step]
+        pixels[down : down + len(part), across : across + part.shape[1]] = part
+        facts = {"k": len(result.colors), "noun": _noun(result)}
+        return Outcome(None, Pixels(pixels), facts, drawn=request.window)
+
     def exact(self, request: Request) -> Outcome:
         """Restore the picture."""
         versions = _versions(request)
         result: Restoration = self._call(request.settings).run([picture.array for picture in versions])
-        noise = ", ".join(f"{value:.3g}" for value in result.noise)
-        weights = ", ".join(f"{value:.2f}" for value in result.weights)
-        noun = "kinds of patches" if result.detail else "segments"
-        facts: dict[str, Any] = {"k": len(result.colors), "noun": noun}
-        facts["about"] = f"noise {noise}; weights {weights}; {(result.coverage == 0).mean():.1%} known in no version"
+        facts: dict[str, Any] = {"k": len(result.colors), "noun": _noun(result), "about": _found(result)}
         return Outcome(result, _layer(request, result, len(versions)), facts, self.outputs(request), versions[0].stem)
 
 
@@ -135,6 +152,26 @@ def _versions(request: Request) -> list[Picture]:
     return versions
 
 
+def _noun(result: Restoration) -> str:
+    return "kinds of patches" if result.detail else "segments"
+
+
+def _found(result: Restoration) -> str:
+    """Say what was found in the versions."""
+    noise = ", ".join(f"{value:.3g}" for value in result.noise)
+    near = result.noise_neighbors
+    kind = f", shared by neighbors (correlation {near:.2f})" if result.noise_shared is not None else ", white"
+    said = [f"Noise of {noise} levels{kind if result.detail else ''}"]
+    if len(result.weights) > 1:
+        said += ["weights " + ", ".join(f"{value:.2f}" for value in result.weights)]
+    moved = [
+        f"{model} {abs(complex(*shift)):.1f} px" for model, shift in zip(result.models, result.shifts, strict=True)
+    ]
+    said += ["moved by " + ", ".join(moved[1:])] if result.shifts.any() else []
+    unknown = (result.coverage == 0).mean()
+    return "; ".join([*said, *([f"{unknown:.1%} known in no version"] if unknown else [])]) + "."
+
+
 def _of_file(one: Picture, shown: Picture) -> list[Picture]:
     """Return the versions that a file has: the frame that is shown, or all pages where nothing says what they are."""
     whole = one.whole_file or one
@@ -147,7 +184,7 @@ def _are_versions(whole: Picture | None) -> bool:
     return whole is not None and isinstance(whole.frames, Pages) and whole.frames.axes == "Q"
 
 
-def _layer(request: Request, result: Restoration, n_versions: int) -> Layer:
+def _layer(request: Request, result: Restoration, n_versions: int) -> Pixels:
     if request.settings["seen"] == "result":
         bands = result.image.reshape(*result.labels.shape, -1)
         rows = bands.reshape(-1, bands.shape[2])
