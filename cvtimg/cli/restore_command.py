@@ -244,8 +244,9 @@ def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, given:
     from cvtimg import write_image
     from cvtimg.pictures import Metadata, write_pages
     from cvtimg.pictures.formats.encoding import as_stored
+    from cvtimg.pictures.pages import PAGE_SUFFIXES
 
-    if len(images) > 1:
+    if len(images) > 1 or (stack.is_joined and path.suffix.lower() in PAGE_SUFFIXES):
         write_pages(path, replace(stack, images=tuple(images), has_alpha=False), overwrite=given.overwrite)
         return []
     stored, notes = as_stored(images[0], path.suffix)

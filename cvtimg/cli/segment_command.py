@@ -69,8 +69,9 @@ def segment(given: Given) -> int:
     given.averaging = _averaging(given)
     given.style = Style.of(given)
     plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
-    columns = (*COLUMNS[:2], "elbow", *COLUMNS[2:]) if given.number == "auto" and not given.hierarchy else COLUMNS
-    return run_plan(plan, _segment, COUNTED if counts else columns, given)
+    more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
+    columns = COUNTED if counts else COLUMNS
+    return run_plan(plan, _segment, (*columns[:2], *more, *columns[2:]), given)
 
 
 def _settings(given: Given) -> list[str]:

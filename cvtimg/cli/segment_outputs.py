@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -96,7 +97,8 @@ class Subject:
 
         image = self.image if self.style.subpixel else None
         contours = find_contours(self.labels, image, tolerance=self.style.simplify)
-        drawing = replace(contour_drawing(contours, self.labels, self.image), place=self.place)
+        drawing = contour_drawing(contours, self.labels, self.image)
+        drawing = replace(drawing, place=self.place, channels=self.header.channels)
         if place := self.header.geo_transform:
             return replace(drawing, transform=[place[:3], place[3:]], epsg=self.header.epsg)
         if size := self.header.pixel_size:
@@ -248,7 +250,9 @@ def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> No
     in_volume = subjects[0].in_volume
     tables = _tables_of_volumes(subjects) if in_volume else [subject.table for subject in subjects]
     rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    write_table(path, rows, overwrite=overwrite)
+    name = os.fsencode(subjects[0].source.name).decode(errors="replace")  # it need not be valid text
+    image = np.full(len(rows["label"]), name)
+    write_table(path, {"image": image} | rows, overwrite=overwrite)
 
 
 def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[Any]]]:

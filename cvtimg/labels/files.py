@@ -122,7 +122,7 @@ def label_colors(n_labels: int) -> NDArray[np.uint8]:
 
 
 def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:
-    """Write columns of numbers, such as those of `region_table`, as .csv with a line of names, or as .parquet.
+    """Write columns of numbers or text, such as those of `region_table`, as .csv with a line of names, or as .parquet.
 
     Raises
     ------
@@ -143,8 +143,8 @@ def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: 
     if Path(path).suffix.lower() == ".parquet":
         _write_parquet(path, table, overwrite)
         return
-    rows = zip(*(map(shortest, column.tolist()) for column in table.values()), strict=True)
-    write_csv(path, table, rows, overwrite=overwrite)
+    columns = (column.tolist() if column.dtype.kind == "U" else map(shortest, column.tolist()) for column in table.values())
+    write_csv(path, table, zip(*columns, strict=True), overwrite=overwrite)
 
 
 def _write_parquet(path: StrPath, table: Mapping[str, NDArray[Any]], overwrite: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -35,6 +36,7 @@ from cvtimg.pictures.formats.opening import (
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import (
+    TIFF_MAGICS,
     Layout,
     colormap_of,
     finished,
@@ -279,8 +281,10 @@ def _decode(file: BinaryIO) -> Pages:
     images = [pages.images[number] for number in numbers.tolist()]
     if chosen.channel is not None and "C" not in (chosen.axes or known.axes):
         n_bands = images[0].shape[2] if images[0].ndim == 3 else 1
-        band = place_of(chosen.channel, n_bands, _BANDS.get(n_bands, ()), "channel")
+        names = stack.channels if len(stack.channels) == n_bands else _BANDS.get(n_bands, ())
+        band = place_of(chosen.channel, n_bands, names, "channel")
         images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
+        stack = replace(stack, channels=stack.channels[band : band + 1])
     if chosen.pixel_size is not None:
         kind = pages.kind or "imagej"
         pages = replace(pages, kind=kind, scale=chosen.pixel_size.scale(kind))
@@ -307,17 +311,22 @@ def _decode_all(file: BinaryIO) -> Pages:
         letters = axes.upper().replace("Y", "").replace("X", "")
         shape = values.shape[:-2]
         return Pages(tuple(values.reshape(-1, *values.shape[-2:])), letters or "Q", shape or (1,))
+    import tifffile
+
     size = _count(file)
     if size == 1:
         file.seek(0)
         image = decode(file)
-        return Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
-    import tifffile
-
+        one = Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
+        if magic.startswith(TIFF_MAGICS):
+            file.seek(0)
+            with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
+                return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), channels=stack_of(tiff, 1).channels)
+        return one
     with tifffile.TiffFile(file) as tiff:
         tags = tiff_tags(tiff)
         layout = Layout.of(tags)
-        kind = "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
+        kind = _kind_of(tiff)
         scale, stack = scale_of(tiff), stack_of(tiff, size)
         numbers = main_pages(file)
         check_size(size * tiff.pages.first.imagelength * tiff.pages.first.imagewidth)
@@ -336,6 +345,10 @@ def _decode_all(file: BinaryIO) -> Pages:
         stack = Stack("Q", (len(whole),))
     alpha = layout.alpha and images[0].ndim == 3
     return Pages(whole, stack.axes, stack.shape, kind, scale, alpha, stack.channels)
+
+
+def _kind_of(tiff: tifffile.TiffFile) -> str:
+    return "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
 
 
 def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:

@@ -130,7 +130,9 @@ def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest
     assert (labels.axes, labels.shape, str(labels.pixel_size)) == ("TZ", (2, 9), "0.5 x 0.5 x 1.5 um")
     assert np.stack(labels.images).max() == 3
     with Path("t.csv").open(newline="") as file:
-        table = [{name: float(value) for name, value in line.items()} for line in csv.DictReader(file)]
+        lines = list(csv.DictReader(file))
+    assert {line.pop("image") for line in lines} == {"tz.tif"}
+    table = [{name: float(value) for name, value in line.items()} for line in lines]
     assert [(one["t"], one["label"]) for one in table] == [(t, k) for t in (1, 2) for k in (1, 2, 3)]
     whole = 4 / 3 * np.pi * (9 / 2) ** 3
     assert max(one["volume_um3"] for one in table) == pytest.approx(whole, rel=0.15)

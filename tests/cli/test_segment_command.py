@@ -89,7 +89,8 @@ def test_every_output_agrees_with_the_labels(run: Run) -> None:
     table = region_table(labels, RGB)
     with Path("t.csv").open(newline="") as file:
         names, *rows = csv.reader(file)
-    assert names == list(table)
+    assert names == ["image", *table]
+    assert {row.pop(0) for row in rows} == {"rgb.png"}
     np.testing.assert_allclose(np.array(rows, float).T, list(table.values()))
     means = np.rint([RGB[labels == label].mean(axis=0) for label in (1, 2, 3)])
     np.testing.assert_array_equal(read_image("m.png"), means[labels - 1])
@@ -332,7 +333,7 @@ def test_outputs_are_in_the_units_of_the_image(run: Run, micrograph: NDArray[np.
     outputs = ["-o", "l.tif", "--table", "t.csv", "--contours", "c.geojson", "--mean", "m.tif"]
     assert run("stack.tif", "-k", 2, "--channel", "DAPI", "--z", 2, *outputs).status == 0
     lines = Path("t.csv").read_text().splitlines()
-    rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
+    rows = [{name: float(value) for name, value in row.items() if name != "image"} for row in csv.DictReader(lines)]
     for row in rows:
         assert row["area_um2"] == row["area"] / 4
         for name in ("x", "y", "perimeter"):

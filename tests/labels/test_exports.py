@@ -85,6 +85,7 @@ def test_tifffile_reads_axes_and_sizes_of_labels_and_masks(stack: str) -> None:
                 assert tiff.pages.first.aspage().get_resolution() == pytest.approx((1 / 0.325,) * 2)
 
 
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("stack", ["ome"], indirect=True)
 def test_ome_types_reads_the_sizes_of_labels(stack: str) -> None:
     ome_types = pytest.importorskip("ome_types")
@@ -92,6 +93,23 @@ def test_ome_types_reads_the_sizes_of_labels(stack: str) -> None:
     assert {name: getattr(pixels, f"physical_size_{name[-1].lower()}") for name in SIZES} == SIZES
     assert pixels.physical_size_x_unit.value == "\u00b5m"
     assert (pixels.size_t, pixels.size_z, pixels.size_c) == (2, 3, 1)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_bioio_reads_the_axes_and_sizes_of_labels(stack: str) -> None:
+    plugin = pytest.importorskip("bioio_ome_tiff" if stack == "ome" else "bioio_tifffile")
+    image = pytest.importorskip("bioio").BioImage("l.tif", reader=plugin.Reader)
+    assert (image.dims.order, image.shape) == ("TCZYX", (2, 1, 3, 40, 60))
+    assert tuple(image.physical_pixel_sizes) == pytest.approx((1.5, 0.325, 0.325))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_pycocotools_gets_the_pixels_of_each_label(stack: str) -> None:
+    data = pytest.importorskip("pycocotools.coco").COCO("c.json")
+    for one in data.loadAnns(data.getAnnIds()):
+        page = data.loadImgs(one["image_id"])[0]["page"]
+        number = [one["id"] for one in data.loadAnns(data.getAnnIds(imgIds=one["image_id"]))].index(one["id"]) + 1
+        np.testing.assert_array_equal(data.annToMask(one) > 0, list(labels().values())[page - 1] == number)
 
 
 def test_masks_of_an_image_are_gray_levels_in_16_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,6 +59,18 @@ def test_pages_are_chosen_by_names_and_places(micrograph: Path, chosen: Selectio
                 read_image(micrograph)
 
 
+@pytest.mark.parametrize("n_pages", [1, 3])
+def test_the_only_channel_of_a_file_has_its_name(tmp_path: Path, n_pages: int) -> None:
+    path, planes = tmp_path / "a.tif", STACK[:n_pages, 0].squeeze()
+    metadata = {"axes": "ZYX"[-planes.ndim :], "Channel": {"Name": "DAPI"}, "PhysicalSizeX": 0.5}
+    tifffile.imwrite(path, planes, ome=True, metadata=metadata, photometric="minisblack")
+    for chosen in (Selection(), Selection(channel="DAPI")):
+        with selecting(chosen):
+            assert image_info(path).channels == read_pages(path).channels == ("DAPI",)
+            assert image_info(path).pixel_size == read_pages(path).pixel_size == PixelSize(0.5, 0.5)
+            np.testing.assert_array_equal(np.stack(read_pages(path).images).squeeze(), planes)
+
+
 def test_channels_become_bands(micrograph: Path) -> None:
     joined = read_pages(micrograph).joined()
     assert (joined.axes, joined.shape, joined.channels) == ("Z", (4,), ("DAPI", "GFP"))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from cvtimg import quantize, read_image, write_image
-from cvtimg.pictures import image_info, read_metadata
+from cvtimg.pictures import PixelSize, image_info, read_metadata
 from cvtimg.pictures.files import Metadata, encode_image
 
 RNG = np.random.default_rng(9)
@@ -227,6 +227,8 @@ def test_the_size_of_a_pixel_of_an_ome_file_is_kept_but_not_its_description(tmp_
     metadata = read_metadata(tmp_path / "a.ome.tif")
     assert metadata.dpi == pytest.approx((2 * 25400, 4 * 25400))
     assert metadata.exif is None or b"OME" not in metadata.exif
+    write_image(tmp_path / "b.tif", GREY, metadata=metadata)
+    assert image_info(tmp_path / "b.tif").pixel_size == PixelSize(0.5, 0.25, "um")
 
 
 def test_a_resolution_that_jpeg_cannot_hold_is_left_out(tmp_path: Path) -> None:

@@ -51,6 +51,8 @@ class Drawing:
         Unit of the coordinates after `transform`, such as "um"; "" for one that the map has, or pixels.
     place : mapping of str to int
         Place of the page in its stack, from 1, such as ``{"t": 1, "z": 3}``; empty for an image.
+    channels : sequence of str
+        Names of the bands of a mean; 1, 2, ... by default.
     """
 
     polygons: tuple[Polygon, ...]
@@ -61,6 +63,7 @@ class Drawing:
     epsg: int | None = None
     unit: str = ""
     place: Mapping[str, int] = field(default_factory=dict)
+    channels: Sequence[str] = ()
 
 
 def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overwrite: bool = False) -> None:

@@ -53,7 +53,9 @@ def _objects(drawing: Drawing) -> Iterator[dict[str, Any]]:
     for one in features_of(replace(drawing, transform=None)):
         label = one["properties"]["label"]
         known = drawing.properties[label]
-        means = {f"Mean {band}": value for band, value in enumerate(np.atleast_1d(known.get("mean", ())).tolist(), 1)}
+        values = np.atleast_1d(known.get("mean", ())).tolist()
+        names = drawing.channels if len(drawing.channels) == len(values) else range(1, len(values) + 1)
+        means = {f"Mean {name}": value for name, value in zip(names, values, strict=True)}
         area = {"Area px^2": known["area"]} if "area" in known else {}
         about = {"objectType": "detection", "name": str(label), "measurements": {**area, **means}}
         # Identifiers must be unique, and are the same whenever the same objects are written.

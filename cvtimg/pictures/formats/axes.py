@@ -42,9 +42,10 @@ class Stack:
     def _named(self, axes: str) -> Stack:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
         if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
-            have = f"{self.axes}YX, of {' x '.join(map(str, self.shape))} pages"
+            pages = " x ".join(map(str, self.shape)) or "1"
+            have = f"{self.axes}YX, of {pages} page{'s' * (pages != '1')}"
             raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
-        return Stack(letters, self.shape, self.channels if "C" in letters else ())
+        return Stack(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
 
 
 def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -> int:

@@ -67,7 +67,7 @@ class ImageInfo:
     shape : tuple of int
         Number of pages along each of the axes before YX.
     channels : tuple of str
-        Names of the channels along the axis C, where the file has them.
+        Names of the channels along the axis C, or of the bands, where the file has them.
     pixel_size : PixelSize or None
         Physical size of a pixel, where the file states it as ImageJ or OME do.
     """
@@ -113,8 +113,10 @@ def _chosen(header: ImageInfo) -> ImageInfo:
     """Describe what is chosen."""
     chosen = selected()
     if chosen.channel is not None and "C" not in (chosen.axes or header.axes):
-        band = header.bands[place_of(chosen.channel, len(header.bands), header.bands, "channel")]
-        header = replace(header, bands=(band,), has_alpha=False)
+        names = header.channels if len(header.channels) == len(header.bands) else header.bands
+        at = place_of(chosen.channel, len(names), names, "channel")
+        bands, channels = header.bands[at : at + 1], header.channels[at : at + 1]
+        header = replace(header, bands=bands, channels=channels, has_alpha=False)
     stack, numbers = Stack(header.axes[:-2], header.shape, header.channels).chosen(chosen)
     return replace(
         header,
@@ -168,9 +170,10 @@ def _measured(file: BinaryIO, n_pages: int) -> dict[str, Any]:
 
     found = _as_stack(n_pages)
     with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
+        stack = stack_of(tiff, n_pages)
         if n_pages > 1:
-            stack = stack_of(tiff, n_pages)
-            found |= {"axes": f"{stack.axes}YX", "shape": stack.shape, "channels": stack.channels}
+            found |= {"axes": f"{stack.axes}YX", "shape": stack.shape}
+        found["channels"] = stack.channels
         found["pixel_size"] = PixelSize.of(scale_of(tiff))
     return found
 

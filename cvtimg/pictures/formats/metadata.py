@@ -13,13 +13,12 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
+from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.png import chunk
 from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags_of, tiff_tags
 
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
-
-    from cvtimg.pictures.formats.pixel_size import PixelSize
 
 _EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: Tags of the main EXIF directory that describe the image, not its file: description, make and model, software, date,
@@ -55,7 +54,8 @@ class Metadata:
     nodata : float or None
         Value that marks missing pixels in a GeoTIFF; stored only in .tif files.
     scale : mapping of str
-        Pixels per unit, unit and spacing of an ImageJ file, as in `Pages`; stored only in .tif files of gray or RGB.
+        Pixels per unit, unit and spacing of an ImageJ or OME file, as ImageJ has them in `Pages`; stored only in .tif
+        files of gray or RGB.
         Others have the same size of a pixel by `dpi`.
     """
 
@@ -150,8 +150,8 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
 
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
-        scale = _scale_of_imagej(tags)
-        dpi = dpi_of(scale, str(tags.get(_DESCRIPTION, ""))) or dpi
+        scale = _scale_of(tags)
+        dpi = dpi_of(scale) or dpi
         return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata, scale)
 
 
@@ -175,13 +175,16 @@ def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
     return None
 
 
-def _scale_of_imagej(tags: Tags) -> dict[str, Any]:
-    """Return the pixels per unit of an ImageJ file with what names the unit; empty without either."""
+def _scale_of(tags: Tags) -> dict[str, Any]:
+    """Return the pixels per unit of an ImageJ or OME file with what names the unit; empty without either."""
     description = str(tags.get(_DESCRIPTION, ""))
-    if not description.startswith("ImageJ="):
-        return {}
     with suppress(UnicodeError):
         description = description.encode("latin-1").decode()  # Pillow reads bytes as Latin-1
+    if "<OME" in description:
+        size = PixelSize.of(ome_scale(description))
+        return size.scale() if size else {}
+    if not description.startswith("ImageJ="):
+        return {}
     pairs = (line.partition("=")[::2] for line in description.splitlines())
     scale: dict[str, Any] = {name: value for name, value in pairs if name in OF_IMAGEJ}
     with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
@@ -191,17 +194,10 @@ def _scale_of_imagej(tags: Tags) -> dict[str, Any]:
     return {}
 
 
-def dpi_of(scale: Mapping[str, Any], description: str = "") -> tuple[float, float] | None:
-    """Return the pixels per inch of an ImageJ or OME file whose unit is one of length."""
+def dpi_of(scale: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the pixels per inch of a file whose unit is one of length."""
     inches = _LENGTHS.get(str(scale.get("unit")))
     across, down = scale.get("resolution", (0.0, 0.0))
-    if "<OME" in description:
-        sizes = ome_scale(description)
-        inches = _LENGTHS.get(str(sizes.get("PhysicalSizeXUnit", "um")))
-        sides = sizes.get("PhysicalSizeX", 0.0), sizes.get("PhysicalSizeY", 0.0)
-        across, down = (1 / side if side > 0 else 0.0 for side in sides)
-        if sizes.get("PhysicalSizeYUnit", "um") != sizes.get("PhysicalSizeXUnit", "um"):
-            return None
     if inches is None or not (0 < across / inches < 1e6 and 0 < down / inches < 1e6):
         return None
     return across / inches, down / inches

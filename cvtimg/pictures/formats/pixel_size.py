@@ -63,7 +63,8 @@ class PixelSize:
         if "PhysicalSizeX" in scale:
             named = [f"PhysicalSize{axis}" for axis in "XYZ"]
             x, y, z = (_positive(scale.get(name, scale[named[0]] if name != named[2] else None)) for name in named)
-            units = {scale.get(f"{name}Unit", "\u00b5m") for name in named if name in scale}
+            said = [str(scale.get(f"{name}Unit", _MICROMETER)) for name in named if name in scale]
+            units = {_UNITS.get(unit, unit) for unit in said}
             unit = units.pop() if len(units) == 1 else ""
         else:
             across, down = (_positive(value) for value in scale.get("resolution", (None, None)))

@@ -188,30 +188,31 @@ def is_subordinate(page: Any) -> bool:
 
 
 def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Stack:
-    """Return how the pages of a file are arranged, and what its channels are called."""
+    """Return how the pages of a file are arranged, and what its channels are called; of one page, as of Q."""
     series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
     axes = series[0].axes.replace("S", "").removesuffix("YX")
-    if len(series) > 1 or not axes:
+    if len(series) > 1:
         return Stack("Q", (n_pages,))
     lengths = dict(zip(series[0].axes, series[0].shape, strict=True))
     shape = tuple(lengths[axis] for axis in axes)
-    if "C" not in axes:
-        return Stack(axes, shape)
     names = _ome_channels(tiff.ome_metadata or "") if tiff.is_ome else _imagej_channels(tiff, axes, shape)
-    return Stack(axes, shape, names if len(set(names)) == lengths["C"] else ())
+    n_channels = lengths.get("C", 1) * lengths.get("S", 1)
+    return Stack(axes or "Q", shape or (n_pages,), names if len(set(names)) == n_channels else ())
 
 
 def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...]) -> tuple[str, ...]:
     """Return the labels of the first page of each channel."""
     labels = (tiff.imagej_metadata or {}).get("Labels", ())
-    if len(labels) != math.prod(shape):
+    if "C" not in axes or len(labels) != math.prod(shape):
         return ()
     firsts = np.moveaxis(np.arange(len(labels)).reshape(shape), axes.index("C"), -1)
     return tuple(str(labels[number]) for number in firsts.reshape(-1, firsts.shape[-1])[0].tolist())
 
 
 def _ome_channels(description: str) -> tuple[str, ...]:
-    return tuple(element.get("Name", element.get("ID", "")) for element in _ome_elements(description, "Channel"))
+    channels = list(_ome_elements(description, "Channel"))
+    named = any(one.get("Name") for one in channels)
+    return tuple(one.get("Name") or one.get("ID", "") for one in channels) if named else ()
 
 
 def _ome_elements(description: str, name: str) -> Iterator[Element]:
