@@ -143,7 +143,7 @@ def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: 
     if Path(path).suffix.lower() == ".parquet":
         _write_parquet(path, table, overwrite)
         return
-    columns = (column.tolist() if column.dtype.kind == "U" else map(shortest, column.tolist()) for column in table.values())
+    columns = (map(str if own.dtype.kind == "U" else shortest, own.tolist()) for own in table.values())
     write_csv(path, table, zip(*columns, strict=True), overwrite=overwrite)
 
 

@@ -18,10 +18,10 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image, encoder, image_suffixes, lossless_suffixes
-from cvtimg.pictures.formats.header import ImageInfo, read_header, read_ngff
+from cvtimg.pictures.formats.header import ImageInfo, read_header, read_stored
 from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
-from cvtimg.pictures.formats.ngff import is_ngff
 from cvtimg.pictures.formats.opening import Source, named, reading, selected, selecting
+from cvtimg.pictures.formats.stored import is_stored
 from cvtimg.pictures.pages import decode_page, one_page, read_pages
 
 __all__ = [
@@ -98,7 +98,7 @@ def read_image(
         chosen = replace(chosen, page=check_at_least("page", page, 1, "the first"))
     if channel_axis is not None:
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
-    if is_ngff(source):
+    if is_stored(source):
         with selecting(chosen), named(source):
             return one_page(read_pages(source), None)
     with selecting(chosen), reading(source) as file:
@@ -168,9 +168,9 @@ def image_info(source: Source) -> ImageInfo:
     >>> info.width, info.height, info.bits
     (3, 2, 16)
     """
-    if is_ngff(source):
+    if is_stored(source):
         with named(source):
-            return read_ngff(source)
+            return read_stored(source)
     with reading(source) as file:
         return read_header(file)
 

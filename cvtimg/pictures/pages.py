@@ -20,11 +20,10 @@ from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_planes, named_planes
-from cvtimg.pictures.formats.axes import Stack, place_of
+from cvtimg.pictures.formats.axes import Stack, StoredStack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import dpi_of
-from cvtimg.pictures.formats.ngff import NgffImage, is_ngff
 from cvtimg.pictures.formats.opening import (
     Source,
     UnfitContentError,
@@ -35,6 +34,7 @@ from cvtimg.pictures.formats.opening import (
     selected,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
+from cvtimg.pictures.formats.stored import is_stored, open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -168,8 +168,8 @@ def count_pages(path: Source) -> int:
     ...     count_pages(f"{folder}/a.tif")
     3
     """
-    if is_ngff(path):
-        return math.prod(NgffImage.open(path).stack.shape)
+    if is_stored(path):
+        return math.prod(open_stored(path).stack.shape)
     if isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr":
         return 1
     with reading(path) as file:
@@ -182,8 +182,8 @@ def read_pages(path: Source) -> Pages:
     Parameters
     ----------
     path : str or path-like
-        A multi-page TIFF: plain, ImageJ or OME; an OME-Zarr image; or a FITS cube, whose planes are pages. Any other
-        image is read as one page.
+        A multi-page TIFF: plain, ImageJ or OME; an OME-Zarr image; a .czi or .nd2 file of one scene; or a FITS cube,
+        whose planes are pages. Any other image is read as one page.
 
     Returns
     -------
@@ -208,9 +208,9 @@ def read_pages(path: Source) -> Pages:
     ...     read_pages(f"{folder}/a.tif")
     <Pages Q (3,) of (4, 5) uint8>
     """
-    if is_ngff(path):
+    if is_stored(path):
         with named(path):
-            return _chosen(_of_ngff(NgffImage.open(path)))
+            return _chosen(_of_stored(open_stored(path)))
     with reading(path) as file:
         return _chosen(_decode(file))
 
@@ -223,8 +223,8 @@ def _chosen(pages: Pages) -> Pages:
     return replace(pages, images=(one_page(pages, page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 
 
-def _of_ngff(image: NgffImage) -> Pages:
-    """Read the pages of an image of OME-Zarr that are chosen."""
+def _of_stored(image: StoredStack) -> Pages:
+    """Read the pages that are chosen of a stack on disk."""
     chosen = selected()
     stack, images = image.pages(chosen)
     size = chosen.pixel_size or image.pixel_size
@@ -320,7 +320,10 @@ def _decode_all(file: BinaryIO) -> Pages:
         one = Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
         if magic.startswith(TIFF_MAGICS):
             file.seek(0)
-            with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
+            with (
+                suppress(Exception),
+                tifffile.TiffFile(file) as tiff,
+            ):  # Pillow reads damaged files that tifffile does not
                 return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), channels=stack_of(tiff, 1).channels)
         return one
     with tifffile.TiffFile(file) as tiff:

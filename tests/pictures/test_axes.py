@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,31 @@ def test_the_only_channel_of_a_file_has_its_name(tmp_path: Path, n_pages: int) -
             assert image_info(path).channels == read_pages(path).channels == ("DAPI",)
             assert image_info(path).pixel_size == read_pages(path).pixel_size == PixelSize(0.5, 0.5)
             np.testing.assert_array_equal(np.stack(read_pages(path).images).squeeze(), planes)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_file_of_zeiss_has_the_axes_channels_and_sizes_that_its_own_library_wrote(tmp_path: Path) -> None:
+    czi = pytest.importorskip("pylibCZIrw.czi")
+    pytest.importorskip("bioio_czi")
+    path = tmp_path / "a.czi"
+    with czi.create_czi(str(path)) as file:
+        for z, c in np.ndindex(4, 2):
+            file.write(data=STACK[z, c, :, :, None], plane={"Z": z, "C": c, "T": 0})
+        sizes = {"scale_x": 0.325e-6, "scale_y": 0.325e-6, "scale_z": 2e-6}
+        file.write_metadata(channel_names={0: "DAPI", 1: "GFP"}, **sizes)
+    info = image_info(path)
+    assert (info.axes, info.shape, info.channels, info.format) == ("CZYX", (2, 4), ("DAPI", "GFP"), "CZI")
+    assert str(info.pixel_size) == str(SIZE)
+    with selecting(Selection(channel="GFP", z=3)):
+        np.testing.assert_array_equal(read_image(path), STACK[2, 1])
+
+
+@pytest.mark.parametrize("suffix", [".czi", ".nd2"])
+def test_files_of_microscopes_name_what_reads_them(tmp_path: Path, suffix: str) -> None:
+    if find_spec(f"bioio_{suffix[1:]}"):
+        pytest.skip("it is installed")
+    with pytest.raises(OSError, match=rf"a{suffix}: needs bioio_.*pip install 'cvtimg\[microscopes\]'"):
+        image_info(tmp_path / f"a{suffix}")
 
 
 def test_channels_become_bands(micrograph: Path) -> None:

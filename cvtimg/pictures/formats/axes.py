@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.pictures.formats.opening import Selection, UnfitContentError
+from cvtimg.pictures.formats.arrays import as_samples
+from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size
+from cvtimg.pictures.formats.pixel_size import PixelSize
 
-__all__ = ["Stack", "place_of"]
+__all__ = ["Stack", "StoredStack", "place_of"]
 
 _NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
 
@@ -46,6 +49,30 @@ class Stack:
             have = f"{self.axes}YX, of {pages} page{'s' * (pages != '1')}"
             raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
         return Stack(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredStack:
+    """An array on disk whose axes have names, of which pages are read when they are needed."""
+
+    array: Any  # Zarr or Dask array
+    letters: str  # of its axes, in their order; the last ones are Y and X
+    channels: tuple[str, ...]
+    pixel_size: PixelSize | None
+    form: str  # Name of the format
+
+    @property
+    def stack(self) -> Stack:
+        """How its pages are arranged."""
+        return Stack(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
+
+    def pages(self, by: Selection) -> tuple[Stack, list[NDArray[Any]]]:
+        """Read the pages that are chosen, and return how they are arranged."""
+        stack, numbers = self.stack.chosen(by)
+        check_size(len(numbers) * math.prod(self.array.shape[-2:]))
+        places = np.transpose(np.unravel_index(numbers, self.array.shape[:-2])) if self.letters != "YX" else [()]
+        planes = (np.asarray(self.array[tuple(map(int, place))]) for place in places)
+        return stack, [np.ascontiguousarray(as_samples(plane)) for plane in planes]
 
 
 def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -> int:

@@ -15,9 +15,9 @@ from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes,
 from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
-from cvtimg.pictures.formats.ngff import NgffImage
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
+from cvtimg.pictures.formats.stored import open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -92,7 +92,7 @@ class ImageInfo:
     @property
     def has_pages(self) -> bool:
         """Whether the file has several pages; frames of an animation are none."""
-        return self.format in ("TIFF", "FITS", "NPY", "OME-Zarr") and self.frames > 1
+        return self.format in ("TIFF", "FITS", "NPY", "OME-Zarr", "CZI", "ND2") and self.frames > 1
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
@@ -100,10 +100,10 @@ def read_header(file: BinaryIO) -> ImageInfo:
     return _chosen(_read(file))
 
 
-def read_ngff(path: StrPath) -> ImageInfo:
-    """Describe an image of OME-Zarr."""
-    image = NgffImage.open(path)
-    header = replace(_of_array(image.array.shape[-2:], 1, np.dtype(image.array.dtype)), format="OME-Zarr")
+def read_stored(path: StrPath) -> ImageInfo:
+    """Describe a stack that `open_stored` opens."""
+    image = open_stored(path)
+    header = replace(_of_array(image.array.shape[-2:], 1, np.dtype(image.array.dtype)), format=image.form)
     stack = image.stack
     about: dict[str, Any] = {"shape": stack.shape, "channels": stack.channels, "frames": math.prod(stack.shape)}
     return _chosen(replace(header, axes=image.letters, pixel_size=image.pixel_size, **about))

@@ -1,4 +1,4 @@
-"""Images of OME-Zarr (NGFF 0.4 and 0.5): their axes, channels and sizes, and the pages that are chosen."""
+"""Images of OME-Zarr (NGFF 0.4 and 0.5): their axes, channels and sizes."""
 
 from __future__ import annotations
 
@@ -6,21 +6,18 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.arrays import as_samples
-from cvtimg.pictures.formats.axes import Stack
-from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size
+from cvtimg.pictures.formats.axes import StoredStack
+from cvtimg.pictures.formats.opening import UnfitContentError
 from cvtimg.pictures.formats.pixel_size import PixelSize
 
-__all__ = ["NgffImage", "is_ngff"]
+__all__ = ["is_ngff", "open_ngff"]
 
 
 def is_ngff(path: Any) -> TypeGuard[StrPath]:
@@ -40,47 +37,25 @@ def _multiscales(folder: Path) -> tuple[Mapping[str, Any], Mapping[str, Any]] | 
     return None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NgffImage:
-    """The finest level of an image of OME-Zarr, of which pages are read when they are needed."""
-
-    array: Any  # the Zarr array
-    letters: str  # of its axes, in their order
-    channels: tuple[str, ...]
-    pixel_size: PixelSize | None
-
-    @classmethod
-    def open(cls, path: StrPath) -> NgffImage:
-        """Open the image of a group."""
-        zarr = optional("zarr", "zarr")
-        found = _multiscales(Path(path))
-        assert found is not None  # as `is_ngff` has said
-        image, said = found
-        axes, level = image["axes"], image["datasets"][0]
-        letters = "".join(str(one["name"])[:1].upper() for one in axes)
-        if not letters.endswith("YX") or len({*letters}) < len(letters):
-            raise UnfitContentError(f"has the axes {letters}, which do not end in YX")
-        sizes = np.ones(len(axes))
-        for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
-            if step.get("type") == "scale":
-                sizes = sizes * np.asarray(step["scale"], np.float64)
-        units = {str(one.get("unit", "")) for one in axes if one["name"] in ("z", "y", "x")}
-        size = dict(zip(letters, sizes.tolist(), strict=True))
-        unit = units.pop() if len(units) == 1 else ""
-        pixel_size = PixelSize.named(size["X"], size["Y"], unit, size.get("Z"))
-        named = [str(one.get("label", "")) for one in said.get("omero", {}).get("channels", ())]
-        array = zarr.open_array(str(Path(path, level["path"])), mode="r")
-        names = tuple(named) if "C" in letters and len({*named}) == array.shape[letters.index("C")] else ()
-        return cls(array, letters, names, pixel_size)
-
-    @property
-    def stack(self) -> Stack:
-        """How its pages are arranged."""
-        return Stack(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
-
-    def pages(self, by: Selection) -> tuple[Stack, list[NDArray[Any]]]:
-        """Read the pages that are chosen, and return how they are arranged."""
-        stack, numbers = self.stack.chosen(by)
-        check_size(len(numbers) * int(np.prod(self.array.shape[-2:])))
-        places = np.transpose(np.unravel_index(numbers, self.array.shape[:-2])) if self.letters != "YX" else [()]
-        return stack, [np.ascontiguousarray(as_samples(self.array[tuple(map(int, place))])) for place in places]
+def open_ngff(path: StrPath) -> StoredStack:
+    """Open the finest level of the first image of a group."""
+    zarr = optional("zarr", "zarr")
+    found = _multiscales(Path(path))
+    assert found is not None  # as `is_ngff` has said
+    image, said = found
+    axes, level = image["axes"], image["datasets"][0]
+    letters = "".join(str(one["name"])[:1].upper() for one in axes)
+    if not letters.endswith("YX") or len({*letters}) < len(letters):
+        raise UnfitContentError(f"has the axes {letters}, which do not end in YX")
+    sizes = np.ones(len(axes))
+    for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
+        if step.get("type") == "scale":
+            sizes = sizes * np.asarray(step["scale"], np.float64)
+    units = {str(one.get("unit", "")) for one in axes if one["name"] in ("z", "y", "x")}
+    size = dict(zip(letters, sizes.tolist(), strict=True))
+    unit = units.pop() if len(units) == 1 else ""
+    pixel_size = PixelSize.named(size["X"], size["Y"], unit, size.get("Z"))
+    named = [str(one.get("label", "")) for one in said.get("omero", {}).get("channels", ())]
+    array = zarr.open_array(str(Path(path, level["path"])), mode="r")
+    names = tuple(named) if "C" in letters and len({*named}) == array.shape[letters.index("C")] else ()
+    return StoredStack(array, letters, names, pixel_size, "OME-Zarr")

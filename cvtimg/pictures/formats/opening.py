@@ -238,7 +238,7 @@ def _why_unread(source: Source, error: Exception) -> str:
         return "no such file"
     if isinstance(error, UnidentifiedImageError):
         return "is empty" if _is_empty(source) else "cannot be read: unknown image format"
-    if isinstance(error, UnfitContentError) or (isinstance(error, OSError) and error.errno is not None):
+    if isinstance(error, (UnfitContentError, ImportError)) or (isinstance(error, OSError) and error.errno is not None):
         return one_line(error)
     if isinstance(error, Image.DecompressionBombError):
         return f"has over {_most_pixels():.0f} pixels, the limit for safety; --max-pixels raises it"
