@@ -212,7 +212,7 @@ def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...])
 def _ome_channels(description: str) -> tuple[str, ...]:
     channels = list(_ome_elements(description, "Channel"))
     named = any(one.get("Name") for one in channels)
-    return tuple(one.get("Name") or one.get("ID", "") for one in channels) if named else ()
+    return tuple(str(one.get("Name") or one.get("ID", "")) for one in channels) if named else ()
 
 
 def _ome_elements(description: str, name: str) -> Iterator[Element]:
