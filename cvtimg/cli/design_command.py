@@ -13,7 +13,8 @@ EXAMPLES = """\
   cvtimg design -n 50 --bounds bounds.csv -o runs.csv --plot runs.png --measures
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 24 --bounds bounds.csv --shuffle 1
-  cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' -o runs.csv
+  cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' --batches 2 -o runs.csv
+  cvtimg design -n 20 --axis water,0.2,1,component --axis oil,0,0.5,component --axis soap,0,0.1,component
   cvtimg design -n 50 -d 5 --criterion maximin -o runs.csv
   cvtimg design -n 30 -d 2 --feasible 'x1 + x2 < 1'
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy
@@ -37,54 +38,42 @@ def design(given: Given) -> int:
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict, replace
-
-    import numpy as np
+    from dataclasses import asdict
 
     import cvtimg
     from cvtimg.designs.expressions import computed
-    from cvtimg.designs.factors import read_factors, read_runs, write_runs
+    from cvtimg.designs.factors import Factor, read_factors, read_runs
     from cvtimg.files.text_tables import csv_text
     from cvtimg.tables.files import read_table
 
-    factors = read_beside(given.bounds, read_factors) if given.bounds else given.axis or []
-    has_levels = any(factor.levels for factor in factors)
-    if has_levels and given.output is not None and given.output.suffix.lower() != ".csv":
-        raise ValueError("levels need a .csv file")
-    bounds = [[factor.low, factor.high] for factor in factors] or given.dimensions
+    factors = read_beside(given.bounds, read_factors) if given.bounds else given.axis
+    if given.dimensions is not None:
+        factors = [Factor(f"x{axis + 1}") for axis in range(given.dimensions)]
     old = None
-    if given.existing:
-        old = read_beside(
-            given.existing, lambda path: read_runs(path, factors) if has_levels else read_table(path).rows
-        )
+    if given.existing is not None:
+        is_array = given.existing.suffix.lower() == ".npy"
+        old = read_beside(given.existing, lambda path: read_table(path).rows if is_array else read_runs(path, factors))
     stopwatch.lap("read")
-    names = [factor.name for factor in factors] or [f"x{axis + 1}" for axis in range(given.dimensions)]
+    names = [factor.name for factor in factors if not factor.is_category]
     functions: dict[str, Any] = {
         option: computed(f"--{option}", text, names)
         for option, text in (("feasible", given.feasible), ("density", given.density))
         if text is not None
     }
-    if functions and given.latin:  # the default, which functions exclude
-        functions["latin"] = None
-    found = cvtimg.design(given.number, bounds, existing=old, **given.arguments | functions)
+    arguments = given.arguments | functions
+    if given.latin:  # the default, as far as it can be
+        arguments["latin"] = None
+    found = cvtimg.design(given.number, factors, existing=old, **arguments)
     stopwatch.lap("place")
     figures = asdict(found.measures()) if given.measures else {}
-    labels = [factor.header for factor in factors] or [f"x{axis + 1}" for axis in range(found.points.shape[1])]
-    order = np.arange(given.number)
     if given.shuffle is not None:
-        order = np.random.default_rng(given.shuffle).permutation(given.number)
-    points = found.points[order]
-    table = points.tolist()
-    if has_levels:
-        columns = (factor.values(column) for factor, column in zip(factors, points.T, strict=True))
-        table = [list(row) for row in zip(*columns, strict=True)]
-    if "-o" in task.outputs and has_levels:
-        write_runs(task.outputs["-o"], factors, points, overwrite=given.overwrite)
-    elif "-o" in task.outputs:
-        ordered = replace(found, points=points, unit_points=found.unit_points[order])
-        ordered.save(task.outputs["-o"], names=labels, overwrite=given.overwrite)
+        found = found.shuffled(given.shuffle)
+    header, table = found.table()
+    if "-o" in task.outputs:
+        found.save(task.outputs["-o"], overwrite=given.overwrite)
     elif given.prints:
-        print(csv_text(labels, table), end="")
+        print(csv_text(header, table), end="")
+    labels = [factor.header for factor in factors]
     if "--plot" in task.outputs:
         from cvtimg.plotting import draw_pairs, save_plot
 

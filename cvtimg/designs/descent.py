@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,7 +15,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.designs.cells import MOST_EXACT_DIMS, exact_cells, nearest_points, offsets, sobol_samples
-from cvtimg.designs.latin import latinize, latinize_beside
+from cvtimg.designs.latin import RegionSlices, latinize, latinize_beside
 from cvtimg.designs.measures import point_measures, star_discrepancy
 from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
@@ -94,9 +96,10 @@ def place_latin(
     cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName, rng: np.random.Generator
 ) -> _Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
-    work = EFFORTS[effort].swaps
+    work, latin = EFFORTS[effort].swaps, partial(_latin, existing=existing)
     ends = [
-        even_out(_alternate(cube, points, existing, effort), existing, cube.periodic, work, rng) for points in starts
+        even_out(_alternate(cube, points, existing, effort, latin), existing, cube.periodic, work, rng)
+        for points in starts
     ]
     if len(ends) == 1 or len(ends[0]) + len(existing) == 1:
         return ends[0]
@@ -114,15 +117,48 @@ def place_for(
     return anneal(start, existing, criterion, cube.periodic, EFFORTS[effort].swaps, rng)
 
 
-def _alternate(cube: Cube, points: _Floats, existing: _Floats, effort: EffortName) -> _Floats:
-    """Move points to their centers of mass and make them Latin again, in turns; return those of least energy."""
-    points = _latin(points, existing)
-    best, least = points, np.inf
+def place_latin_within(
+    cube: Cube,
+    start: _Floats,
+    existing: _Floats,
+    effort: EffortName,
+    allowed: Callable[[_Floats], NDArray[np.bool_]],
+    mended: Callable[[_Floats], _Floats],
+) -> tuple[_Floats, bool]:
+    """Make points of a region Latin as far as they are allowed to; return them, and whether no slice is empty.
+
+    Slices have equal shares of the region, because those of equal width would ask for many points where it is thin.
+    Centers of mass that are outside are `mended`.
+    """
+    slices = RegionSlices(cube.samples, len(start) + len(existing))
+
+    def latin(points: _Floats) -> _Floats:
+        return slices.latinize(mended(points), existing, allowed)
+
+    found = _alternate(cube, start, existing, effort, latin, slices.n_empty)
+    return found, slices.n_empty(np.concatenate([existing, found])) == 0
+
+
+def _alternate(
+    cube: Cube,
+    points: _Floats,
+    existing: _Floats,
+    effort: EffortName,
+    latin: Callable[[_Floats], _Floats],
+    fault: Callable[[_Floats], int] = lambda _: 0,
+) -> _Floats:
+    """Move points to their centers of mass and make them Latin again, in turns.
+
+    Returns those of least energy among those of least fault.
+    """
+    points = latin(points)
+    best, least = points, (sys.maxsize, np.inf)
     for _ in range(EFFORTS[effort].latin_rounds):
-        found = cube.moments(np.concatenate([existing, points]))
-        if found.energy < least:
-            best, least = points, found.energy
-        moved = _latin(found.centroids[len(existing) :], existing)
+        every = np.concatenate([existing, points])
+        found = cube.moments(every)
+        if (reached := (fault(every), found.energy)) < least:
+            best, least = points, reached
+        moved = latin(found.centroids[len(existing) :])
         if (moved == points).all():
             break
         points = moved

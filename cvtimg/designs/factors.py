@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg.files.remote import local_copy
-from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath
 
 #: Whole numbers in a range are levels; at most so many.
 _MOST_LEVELS = 10_000
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +28,12 @@ class Factor:
     low, high : float
         Its range, where it has no levels.
     levels : tuple of str
-        The values that it may have, such as numbers or categories. They share the axis from 0 to 1 evenly, so that
-        points that are Latin have each level equally often, but for one.
+        The values that it may have. Numbers share an axis from 0 to 1 in their order, so that points that are Latin
+        have each equally often, but for one. Others are categories, which have no order.
     unit : str
         For the header of a table.
+    is_component : bool
+        Whether it is a part of a mixture: components add up to 1.
 
     Examples
     --------
@@ -47,10 +47,11 @@ class Factor:
     high: float = 1.0
     levels: tuple[str, ...] = ()
     unit: str = ""
+    is_component: bool = False
 
     @classmethod
     def parse(cls, text: str) -> Factor:
-        """Read a factor from a text: ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``.
+        """Read a factor from a text, such as ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``.
 
         Raises
         ------
@@ -61,7 +62,7 @@ class Factor:
         if len(values) == 1 and "|" in values[0]:
             return _factor({"name": name, "levels": values[0]})
         if len(values) not in (2, 3) or not all(map(_is_number, values[:2])):
-            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, NAME,LOW,HIGH,integer or NAME,A|B|C")
+            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, that with ,integer or ,component, or NAME,A|B|C")
         return _factor(dict(zip(("name", "low", "high", "kind"), (name, *values), strict=False)))
 
     @property
@@ -69,13 +70,25 @@ class Factor:
         """The name, and the unit in brackets."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
+    @property
+    def is_category(self) -> bool:
+        """Whether there are levels, and not all are numbers."""
+        return not all(map(_is_number, self.levels))
+
+    def levels_at(self, places: ArrayLike) -> NDArray[np.intp]:
+        """Return the index of the level at places (n,) of the axis."""
+        index = np.asarray(places, np.float64) * len(self.levels)
+        return np.clip(index.astype(np.intp), 0, len(self.levels) - 1)
+
     def values(self, places: ArrayLike) -> list[Any]:
         """Return the values at places (n,) of the axis: levels as texts."""
-        column = np.asarray(places, np.float64)
         if not self.levels:
-            return column.tolist()
-        index = np.clip((column * len(self.levels)).astype(int), 0, len(self.levels) - 1)
-        return [self.levels[i] for i in index]
+            return np.asarray(places, np.float64).tolist()
+        return [self.levels[i] for i in self.levels_at(places)]
+
+    def numbers(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the numbers at places (n,) of an axis that is no category."""
+        return np.array(self.levels, np.float64)[self.levels_at(places)] if self.levels else places
 
     def places(self, values: Sequence[str]) -> NDArray[np.float64]:
         """Return where values (n,) are on the axis."""
@@ -95,54 +108,32 @@ def _is_number(text: str) -> bool:
 
 
 def read_factors(path: StrPath) -> list[Factor]:
-    """Read the factors of a design: a line for each, after a line of names of columns.
+    r"""Read the factors of a design: a line for each, after a line of names of columns.
 
-    Columns are name, low and high, and may be kind (continuous or integer), levels (values with | between them, instead
-    of low and high) and unit.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or a line is invalid.
-    """
-    return _each_line(path, _factor)
-
-
-def read_bounds(path: StrPath) -> tuple[list[str], NDArray[np.float64]]:
-    r"""Read the axes of a design: a line for each, after a first line ``name,low,high``.
+    Columns are name, low and high, and may be kind (continuous, integer or component), levels (values with | between
+    them, instead of low and high) and unit.
 
     Parameters
     ----------
     path : str or path-like
         A .csv file.
 
-    Returns
-    -------
-    list of str, (d, 2) float64 array
-        Names, and least and greatest values.
-
     Raises
     ------
     OSError
-        If the file cannot be read, has other columns or no axis, or a least value is not below the greatest.
+        If the file cannot be read, or a line is invalid.
 
     Examples
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from cvtimg.designs import read_bounds
+    >>> from cvtimg.designs import read_factors
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high\nspeed,0,30\nheat,20,90\n")
-    ...     names, bounds = read_bounds(f"{folder}/a.csv")
-    >>> names, bounds.tolist()
-    (['speed', 'heat'], [[0.0, 30.0], [20.0, 90.0]])
+    ...     _ = Path(f"{folder}/a.csv").write_text("name,low,high,unit\nspeed,0,30,m/s\nheat,20,90,C\n")
+    ...     factors = read_factors(f"{folder}/a.csv")
+    >>> [factor.header for factor in factors]
+    ['speed [m/s]', 'heat [C]']
     """
-    ranges = _each_line(path, _range)
-    return [name for name, _, _ in ranges], np.array([ends for _, *ends in ranges])
-
-
-def _each_line(path: StrPath, read: Callable[[Mapping[str, str]], _T]) -> list[_T]:
-    """Read each line of a file, given its fields by the names of their columns."""
     with local_copy(path) as file:
         text = file.read_text(encoding="utf-8-sig")
     lines = [
@@ -152,9 +143,19 @@ def _each_line(path: StrPath, read: Callable[[Mapping[str, str]], _T]) -> list[_
     if not lines:
         raise OSError(f"{path}: must have a line for each axis after the first")
     try:
-        return [read(fields) for fields in lines]
+        factors = [_factor(fields) for fields in lines]
+        check_names(factors)
+        return factors
     except ValueError as error:
         raise OSError(f"{path}: {error}") from error
+
+
+def check_names(factors: Sequence[Factor]) -> None:
+    """Refuse factors of the same name."""
+    names = [factor.name for factor in factors]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"there must be one axis named {twice[0]}, not {len(twice)}")
 
 
 def _range(fields: Mapping[str, str]) -> tuple[str, float, float]:
@@ -179,46 +180,33 @@ def _factor(fields: Mapping[str, str]) -> Factor:
     if not name:
         raise ValueError("must have a name in each line")
     kind = fields.get("kind") or "continuous"
-    if kind == "continuous":
-        return Factor(name, low, high, unit=unit)
+    if kind in ("continuous", "component"):
+        return Factor(name, low, high, unit=unit, is_component=kind == "component")
     if kind != "integer" or low % 1 or high % 1 or high - low >= _MOST_LEVELS:
-        raise ValueError(f"{name} of kind {kind} must be continuous, or integer between whole numbers")
+        raise ValueError(f"{name} of kind {kind} must be continuous, a component, or integer between whole numbers")
     return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
 
 
 def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
-    """Read runs from a table with a column for each factor, in their order, as places on their axes."""
-    with local_copy(path) as file:
-        rows = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if row][1:]
-    if any(len(row) != len(factors) for row in rows):
-        raise OSError(f"{path}: must have {len(factors)} columns, one for each factor")
-    try:
-        return np.stack([f.places([row[k].strip() for row in rows]) for k, f in enumerate(factors)], axis=1)
-    except ValueError as error:
-        raise OSError(f"{path}: {error}") from error
-
-
-def write_runs(path: StrPath, factors: Sequence[Factor], points: ArrayLike, *, overwrite: bool = False) -> None:
-    """Write the runs of an experiment as a .csv file: a column for each factor, a row for each of (N, D) points.
-
-    Points are in the units of factors with ranges, and in 0..1 along those with levels. The file is whole or not there.
+    """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order.
 
     Raises
     ------
     OSError
-        If the file cannot be written, or exists and `overwrite` is false.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from cvtimg.designs import Factor, write_runs
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     factors = [Factor("heat", 20, 90, unit="C"), Factor("alloy", levels=("A", "B"))]
-    ...     write_runs(f"{folder}/runs.csv", factors, [[20.5, 0.75]])
-    ...     Path(f"{folder}/runs.csv").read_text().split()
-    ['heat', '[C],alloy', '20.5,B']
+        If the file cannot be read, or its columns or values are not those of the factors.
     """
-    columns = [factor.values(column) for factor, column in zip(factors, np.asarray(points).T, strict=True)]
-    rows = [list(row) for row in zip(*columns, strict=True)]
-    write_csv(path, [factor.header for factor in factors], rows, overwrite=overwrite)
+    delimiter = "\t" if str(path).lower().endswith(".tsv") else ","
+    with local_copy(path) as file:
+        lines = csv.reader(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=delimiter)
+        rows = [[value.strip() for value in line] for line in lines if line]
+    header = rows.pop(0) if rows and not all(map(_is_number, rows[0])) else []
+    found = [next((name for name in (factor.header, factor.name) if name in header), None) for factor in factors]
+    by_name = None not in found
+    columns = [header.index(str(name)) for name in found] if by_name else range(len(factors))
+    if any(len(row) <= max(columns) if by_name else len(row) != len(columns) for row in rows):
+        raise OSError(f"{path}: must have {len(factors)} columns, one for each factor, or their names")
+    try:
+        places = [factor.places([row[k] for row in rows]) for k, factor in zip(columns, factors, strict=True)]
+    except ValueError as error:
+        raise OSError(f"{path}: {error}") from error
+    return np.stack(places, axis=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,6 +13,8 @@ from cvtimg.designs.cells import check_unit_points
 _Floats = NDArray[np.float64]
 #: Where in its slice a point lies.
 PLACES = ("center", "random")
+#: What a move costs to where no point may be: more than all others together.
+_FORBIDDEN = 1e6
 
 
 def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.Generator = 0) -> _Floats:
@@ -64,6 +68,39 @@ def free_slices(coordinates: _Floats, n_slices: int) -> _Floats:
     """Return the centers of slices of an axis that have none of the coordinates."""
     taken = np.minimum((coordinates * n_slices).astype(int), n_slices - 1)
     return np.asarray((np.setdiff1d(np.arange(n_slices), taken) + 0.5) / n_slices)
+
+
+class RegionSlices:
+    """Slices of each axis, n + L for n new and L existing points, that have equal shares of a region's samples."""
+
+    def __init__(self, samples: NDArray[np.float32], n_slices: int) -> None:
+        # At the quantiles k / 2 n are, in turns, edges and middles.
+        levels = np.quantile(samples, np.arange(2 * n_slices + 1) / (2 * n_slices), axis=0).T
+        self._edges, self._middles = levels[:, 2:-1:2], levels[:, 1::2]
+
+    def along(self, axis: int, points: _Floats) -> NDArray[np.intp]:
+        """Return the slice of each of (n, d) points along an axis."""
+        return np.searchsorted(self._edges[axis], points[:, axis])
+
+    def n_empty(self, points: _Floats) -> int:
+        """Count the slices of all axes in which no point is."""
+        n_axes, n_slices = self._middles.shape
+        return n_axes * n_slices - sum(len(np.unique(self.along(axis, points))) for axis in range(n_axes))
+
+    def latinize(self, points: _Floats, existing: _Floats, allowed: Callable[[_Floats], NDArray[np.bool_]]) -> _Floats:
+        """Move points along each axis in turn into slices that have none, as long as that leads to allowed places."""
+        from scipy.optimize import linear_sum_assignment
+
+        moved, (n_points, n_dims) = points.copy(), points.shape
+        for axis in range(n_dims):
+            free = np.setdiff1d(np.arange(self._middles.shape[1]), self.along(axis, existing))
+            there = np.repeat(moved[:, None], len(free), axis=1)
+            there[..., axis] = middles = self._middles[axis, free]
+            fits = allowed(there.reshape(-1, n_dims)).reshape(n_points, -1)
+            rows, columns = linear_sum_assignment(np.where(fits, (moved[:, axis, None] - middles) ** 2, _FORBIDDEN))
+            fit = fits[rows, columns]
+            moved[rows[fit], axis] = middles[columns[fit]]
+        return moved
 
 
 def latinize_beside(points: _Floats, existing: _Floats) -> _Floats:

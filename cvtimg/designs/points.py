@@ -1,14 +1,12 @@
-"""Designs: points that fill a box, or the part of it that is feasible, as evenly as a tessellation does.
-
-Names and bounds of the axes may be a text file.
-"""
+"""Designs: points that fill a box, or the part of it that is feasible, as evenly as a tessellation does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,16 +21,23 @@ from cvtimg._shared.checks import (
     check_shape,
     check_that,
     hints_at_keywords,
+    refuse,
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, sobol_samples
-from cvtimg.designs.descent import EFFORTS, Cube, place, place_for, place_latin
+from cvtimg.designs.descent import EFFORTS, Cube, place, place_for, place_latin, place_latin_within
+from cvtimg.designs.factors import Factor, check_names
+from cvtimg.designs.groups import split_evenly
 from cvtimg.designs.measures import PointMeasures, point_measures
+from cvtimg.designs.polytopes import Polytope
 from cvtimg.designs.swaps import CRITERIA
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
+
+if TYPE_CHECKING:
+    from scipy.optimize import LinearConstraint
 
 _Floats = NDArray[np.float64]
 CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
@@ -41,6 +46,8 @@ CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"
 SUFFIXES = (".csv", ".npy")
 _MAX_DIMS = 64
 _MAX_POINTS = 1 << 16
+#: So many points in a feasible region become Latin: all pairs of points and slices are tried.
+_MOST_WITHIN = 1024
 #: The least and the most samples in all.
 _FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
 #: Where fewer of the samples are feasible, they are spread over a smaller box.
@@ -56,7 +63,7 @@ class Design(ReadOnly):
     Attributes
     ----------
     points : (n, d) float64 array
-        In the units of the bounds; those that existed are not among them.
+        In the units of the bounds, and within 0..1 along factors with levels; those that existed are not among them.
     unit_points : (n, d) float64 array
         The same in the unit cube.
     bounds : (d, 2) float64 array
@@ -65,11 +72,15 @@ class Design(ReadOnly):
         Points that were there before, in the units of the bounds.
     energy : float
         Mean squared distance in the unit cube from where points may lie to the nearest point, old or new, weighted by
-        the density.
+        the density; without categories.
     latin : bool
         Whether each of the n + L slices along each axis has at most one of the new points and none beside an old one.
     periodic : bool
         Whether opposite walls meet.
+    factors : tuple of Factor
+        The axes.
+    batches : (n,) integer array or None
+        Number of the batch of each point, from 1, rising.
     """
 
     points: _Floats
@@ -79,11 +90,12 @@ class Design(ReadOnly):
     energy: float
     latin: bool
     periodic: bool
+    factors: tuple[Factor, ...]
+    batches: NDArray[np.intp] | None = None
 
     def _repr_html_(self) -> str:
         """Draw all points, old and new, in each pair of the first axes."""
-        low, high = self.bounds.T
-        return draw_dots(repr(self), np.concatenate([(self.existing - low) / (high - low), self.unit_points]))
+        return draw_dots(repr(self), self._all_points())
 
     def __repr__(self) -> str:
         n_points, n_dims = self.points.shape
@@ -91,43 +103,62 @@ class Design(ReadOnly):
         return f"Design({n_points} {kind}points in {n_dims} dimensions, energy {self.energy:.4g})"
 
     def measures(self) -> PointMeasures:
-        """Measure how evenly all points, old and new, fill the unit cube; see `point_measures`."""
-        low, high = self.bounds.T
-        old = (self.existing - low) / (high - low)
-        return point_measures(np.concatenate([old, self.unit_points]), periodic=self.periodic)
+        """Measure how evenly all points, old and new, fill the unit cube without categories; see `point_measures`."""
+        is_axis = [not factor.is_category for factor in self.factors]
+        return point_measures(self._all_points()[:, is_axis], periodic=self.periodic)
 
-    def save(self, path: StrPath, *, names: list[str] | None = None, overwrite: bool = False) -> None:
-        """Write the points to a .csv file, with a header, or a .npy file, whole or not at all.
+    def shuffled(self, rng: int | np.random.Generator) -> Design:
+        """Return the same points in random order, that of each batch by itself."""
+        order = np.random.default_rng(rng).permutation(len(self.points))
+        if self.batches is not None:
+            order = order[np.argsort(self.batches[order], kind="stable")]
+        return replace(self, points=self.points[order], unit_points=self.unit_points[order])
+
+    def table(self) -> tuple[list[str], list[list[Any]]]:
+        """Return the names of columns, with units, and the rows: numbers, and levels as texts, after the batch."""
+        header = [factor.header for factor in self.factors]
+        columns = [factor.values(column) for factor, column in zip(self.factors, self.points.T, strict=True)]
+        if self.batches is not None:
+            header, columns = ["batch", *header], [self.batches.tolist(), *columns]
+        return header, [list(row) for row in zip(*columns, strict=True)]
+
+    def save(self, path: StrPath, *, overwrite: bool = False) -> None:
+        """Write the table to a .csv file, or the points to a .npy file, whole or not at all.
 
         Raises
         ------
         ValueError
-            If the suffix is another, or there are not as many names as axes.
+            If the suffix is another, or a .npy file is to have levels or batches.
         OSError
             If the file cannot be written, or exists and `overwrite` is false.
         """
         suffix = check_choice("suffix", Path(path).suffix.lower(), SUFFIXES)
-        n_dims = self.points.shape[1]
-        header = names or [f"x{axis + 1}" for axis in range(n_dims)]
-        check_in_range("names", header, len(header) == n_dims, f"{n_dims}, one for each axis")
         if suffix == ".csv":
-            write_csv(path, header, self.points.tolist(), overwrite=overwrite)
+            write_csv(path, *self.table(), overwrite=overwrite)
             return
+        if self.batches is not None or any(factor.levels for factor in self.factors):
+            raise ValueError(f"{path} must end in .csv: .npy has no levels and no batches")
         with whole_file(path, overwrite=overwrite) as file:
             np.save(file, self.points)
+
+    def _all_points(self) -> _Floats:
+        low, high = self.bounds.T
+        return np.concatenate([(self.existing - low) / (high - low), self.unit_points])
 
 
 @hints_at_keywords
 def design(
     n_points: int,
-    bounds: int | ArrayLike,
+    bounds: int | ArrayLike | Sequence[Factor],
     *,
     periodic: bool = False,
     latin: bool | None = None,
     density: Callable[[_Floats], ArrayLike] | None = None,
     feasible: Callable[[_Floats], ArrayLike] | None = None,
+    constraints: LinearConstraint | None = None,
     existing: ArrayLike | None = None,
     criterion: CriterionName = "cvt",
+    batches: int | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Design:
@@ -137,23 +168,31 @@ def design(
     ----------
     n_points : int
         How many, at most 65536.
-    bounds : int or (d, 2) array
-        Number of dimensions of a unit cube, at most 64, or least and greatest value along each axis.
+    bounds : int, (d, 2) array or sequence of Factor
+        Number of dimensions of a unit cube, at most 64, or least and greatest value along each axis; or factors, which
+        may have levels, and may be components of a mixture, which add up to 1.
     periodic : bool
         Join opposite walls, so that points need not keep away from walls.
     latin : bool, optional
         Give each of n slices along each axis one point, and still be nearly a tessellation: projections on each axis
-        are then even as well. That is the default, except with `density` or `feasible`, with which it cannot be.
+        are then even as well. With `feasible`, slices have equal shares of the feasible region, and as many as can
+        have one point; at most 1024 points. That is the default, except with `density` or linear constraints, with
+        which it cannot be.
     density : callable, optional
         From (m, d) points in the units of the bounds to (m,) weights >= 0: points are denser where it is greater.
+        Functions are given the numbers that are levels, and no categories.
     feasible : callable, optional
         From (m, d) points to (m,) booleans: where points may lie.
+    constraints : scipy.optimize.LinearConstraint, optional
+        Limits of sums of the coordinates, also such as ``LinearConstraint([[1, 1, 1]], 1, 1)``; no levels.
     existing : (L, d) array, optional
-        Points that are there already, in the units of the bounds: new ones keep away from them.
+        Points that are there already, as in `Design.points`: new ones keep away from them.
     criterion : {"cvt", "maximin", "projection", "discrepancy"}
         What Latin points are placed for: even cells; the largest smallest distance between two points; distances in
         the projections on all sets of axes (maximum projection); or the least centered L2 discrepancy, that with
         wrap-around if `periodic`.
+    batches : int, optional
+        Divide the points into so many batches of equal size, each of which fills the box evenly, too.
     effort : {"fast", "balanced", "best"}
         "best" moves points in one to three dimensions to a minimum of the exact energy, the best of a few starts.
     rng : int or numpy.random.Generator
@@ -170,12 +209,13 @@ def design(
 
     See Also
     --------
-    cvtimg.designs.CVTDesign, cvtimg.latinize, cvtimg.point_measures
+    cvtimg.designs.CVTDesign, cvtimg.designs.split_evenly, cvtimg.latinize, cvtimg.point_measures
 
     Notes
     -----
     A plain tessellation (``latin=False``) has the least energy, but its projections on single axes have gaps, which
-    matters where only few of many inputs count.
+    matters where only few of many inputs count. Categories share out the points so that those of each are even by
+    themselves, as batches are.
 
     References
     ----------
@@ -193,74 +233,198 @@ def design(
     """
     check_count("n_points", n_points, _MAX_POINTS, "the most points")
     check_choice("effort", effort, EFFORTS)
-    low, high = _checked_bounds(bounds)
     check_choice("criterion", criterion, ("cvt", *CRITERIA))
-    everywhere = density is None and feasible is None
-    if not everywhere:
-        given = [name for name, value in (("latin=True", latin), ("periodic=True", periodic)) if value]
-        check_alone("density or feasible", given)
-    if criterion != "cvt":
-        others = {"latin=False": latin is False, "density": density, "feasible": feasible}
-        check_alone(f"criterion={criterion!r}", [name for name, value in others.items() if value])
-    old = _checked_existing(existing, low, high)
-    asked = EFFORTS[effort].samples * (n_points + len(old))
+    if batches is not None:
+        check_count("batches", batches, n_points, "the number of points")
+    factors = _checked_factors(bounds)
+    is_axis = np.array([not factor.is_category for factor in factors])
+    check_that("bounds", is_axis.any(), "have an axis that is no category")
+    region = _Region([factor for factor in factors if not factor.is_category], constraints, feasible, density)
+    given = _checked_existing(existing, factors)
+    old, n_all = given[:, is_axis], n_points + len(given)
+    _check_together(region, latin, periodic, criterion, n_all)
     random = np.random.default_rng(rng)
-    samples = sobol_samples(int(np.clip(asked, _FEW_SAMPLES, _MANY_SAMPLES)), len(low), random)
-    if feasible is not None:
-        samples = _feasible_samples(samples, low, high, feasible, random)
-    samples, weights = _weighted(samples, low, high, density)
+    samples, weights = region.samples(EFFORTS[effort].samples * n_all, random)
     enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"
-    check_that("feasible", len(samples) >= n_points + len(old), enough)
+    check_that("feasible", len(samples) >= n_all, enough)
     worth_it = periodic or effort == "best"
-    exact = everywhere and len(low) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
+    exact = region.is_box and len(region.axes) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
     cube = Cube(samples, weights, periodic, exact)
-    latin = everywhere if latin is None else latin
+    if latin is None:
+        latin = region.may_be_latin and (region.is_box or n_all <= _MOST_WITHIN)
     if criterion == "cvt":
-        found = place(cube, n_points, old, effort, random)
-        unit = place_latin(cube, found, old, effort, random) if latin else found[0]
+        starts = place(cube, n_points, old, effort, random)
+        mended = partial(region.mended, samples=samples)
+        unit = mended(starts[0])
+        if latin and region.is_box:
+            unit = place_latin(cube, starts, old, effort, random)
+        elif latin:
+            unit, latin = place_latin_within(cube, unit, old, effort, region.allows, mended)
     else:
         unit = place_for(criterion, cube, n_points, old, effort, random)
     energy = cube.moments(np.concatenate([old, unit])).energy
-    points, existing = (low + places * (high - low) for places in (unit, old))
-    return Design(points, unit, np.stack([low, high], axis=1), existing, energy, latin, periodic)
+    unit, numbers = _in_groups(factors, given, unit, batches, random)
+    ends = np.array([(factor.low, factor.high) for factor in factors])
+    points, runs = (ends[:, 0] + places * np.ptp(ends, axis=1) for places in (unit, given))
+    return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors), numbers)
 
 
-def _checked_bounds(bounds: int | ArrayLike) -> tuple[_Floats, _Floats]:
+def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]:
     if isinstance(bounds, (int, np.integer)):
         n_dims = check_count("bounds", int(bounds), _MAX_DIMS, "the most dimensions")
-        return np.zeros(n_dims), np.ones(n_dims)
-    array = np.asarray(bounds, dtype=np.float64)
-    fits = array.ndim == 2 and array.shape[1] == 2 and 1 <= len(array) <= _MAX_DIMS
-    check_shape("bounds", array.shape, fits, f"(d, 2), d in 1..{_MAX_DIMS}")
-    with np.errstate(over="ignore", invalid="ignore"):
-        apart = array[:, 1] - array[:, 0]
-    ordered = np.isfinite(array).all() and np.isfinite(apart).all() and (apart > 0).all()
-    check_in_range("bounds", array.tolist(), ordered, "finite, the first of each axis below the second")
-    return array[:, 0].copy(), array[:, 1].copy()
+        return [Factor(f"x{axis + 1}") for axis in range(n_dims)]
+    if isinstance(bounds, Sequence) and bounds and all(isinstance(one, Factor) for one in bounds):
+        factors = list(bounds)
+        check_names(factors)
+    else:
+        array = np.asarray(bounds, dtype=np.float64)
+        check_shape("bounds", array.shape, array.ndim == 2 and array.shape[1] == 2, f"(d, 2), d in 1..{_MAX_DIMS}")
+        factors = [Factor(f"x{axis}", low, high) for axis, (low, high) in enumerate(array.tolist(), 1)]
+    check_count("the number of axes", len(factors), _MAX_DIMS, "the most dimensions")
+    ends = [[factor.low, factor.high] for factor in factors]
+    ordered = all(-np.inf < low < high < np.inf and np.isfinite(high - low) for low, high in ends)
+    check_in_range("bounds", ends, ordered, "finite, the first of each axis below the second")
+    return factors
 
 
-def _checked_existing(existing: ArrayLike | None, low: _Floats, high: _Floats) -> _Floats:
-    if existing is None:
-        return np.empty((0, len(low)))
-    array = np.empty((0, len(low))) if np.size(existing) == 0 else np.asarray(existing)
-    fits = array.ndim == 2 and array.shape[1] == len(low)
-    check_shape("existing", array.shape, fits, f"(L, {len(low)}), a row for each point")
+def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Floats:
+    if existing is None or np.size(existing) == 0:
+        return np.empty((0, len(factors)))
+    array = np.asarray(existing)
+    fits = array.ndim == 2 and array.shape[1] == len(factors)
+    check_shape("existing", array.shape, fits, f"(L, {len(factors)}), a row for each point")
+    low, high = (np.array([getattr(factor, end) for factor in factors]) for end in ("low", "high"))
     unit: _Floats = (array - low) / (high - low)
-    check_that("existing", ((unit >= 0) & (unit <= 1)).all(), "be finite and lie within the bounds")
+    outside = ~((unit >= 0) & (unit <= 1))
+    if outside.any():
+        row, axis = np.argwhere(outside)[0]
+        of = factors[axis]
+        refuse(f"{of.name} of existing[{row}]", float(array[row, axis]), f"within its bounds, {of.low:g}..{of.high:g}")
     return unit
 
 
+def _check_together(region: _Region, latin: bool | None, periodic: bool, criterion: str, n_all: int) -> None:
+    """Refuse what excludes each other."""
+    limits = " or ".join(region.given)
+    if periodic and limits:
+        check_alone(limits, ["periodic=True"])
+    if latin and not region.may_be_latin:
+        check_alone(limits, ["latin=True"])
+    if latin and not region.is_box:
+        check_in_range("n_points", n_all, n_all <= _MOST_WITHIN, f"at most {_MOST_WITHIN} for latin=True with {limits}")
+    if criterion != "cvt":
+        check_alone(f"criterion={criterion!r}", region.given + ["latin=False"] * (latin is False))
+
+
+class _Region:
+    """The part of the unit cube where points may lie, and how densely."""
+
+    def __init__(self, axes: list[Factor], constraints: Any, feasible: Any, density: Any) -> None:
+        self.axes = axes
+        self._low, self._high = (np.array([getattr(axis, end) for axis in axes]) for end in ("low", "high"))
+        self._limits = self._linear(constraints)
+        self._feasible, self._density = feasible, density
+        limits = {"density": density, "feasible": feasible, "constraints": self._limits}
+        self.given = [name for name, limit in limits.items() if limit is not None]
+        self.is_box = not self.given
+        self.may_be_latin = density is None and (self._limits is None or not self._limits.is_equal.any())
+
+    def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
+        """Draw samples (m, d), of about so many, and their weights, if they differ."""
+        n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
+        if self._limits is not None:
+            samples = self._limits.samples(n, rng).astype(np.float32)
+            samples = samples if self._feasible is None else samples[self._is_feasible(samples)]
+        else:
+            samples = sobol_samples(n, len(self.axes), rng)
+            samples = samples if self._feasible is None else _feasible_samples(samples, self._is_feasible, rng)
+        if self._density is None or not len(samples):
+            return samples, None
+        weights = self._called("density", self._density, samples).astype(np.float64)
+        # Only their ratios count, and sums must be finite.
+        weights = np.ldexp(weights, -np.frexp(np.max(weights))[1])
+        check_density(weights, len(samples))
+        return samples[weights > 0], weights[weights > 0]
+
+    def allows(self, places: _Floats) -> NDArray[np.bool_]:
+        """Tell which of (m, d) places are in the region."""
+        is_allowed = np.ones(len(places), bool) if self._limits is None else self._limits.contains(places)
+        return is_allowed if self._feasible is None else is_allowed & self._is_feasible(places)
+
+    def mended(self, places: _Floats, *, samples: NDArray[np.float32]) -> _Floats:
+        """Move centers of mass (n, d) that are not in the region into it."""
+        if self._limits is not None:
+            places = self._limits.onto_planes(places)
+        outside = np.zeros(len(places), bool) if self._feasible is None else ~self._is_feasible(places)
+        if outside.any():
+            from scipy.spatial import cKDTree
+
+            places = places.copy()
+            places[outside] = samples[cKDTree(samples).query(places[outside])[1]]
+        return places
+
+    def _is_feasible(self, places: NDArray[Any]) -> NDArray[np.bool_]:
+        return self._called("feasible", self._feasible, places).astype(bool)
+
+    def _called(self, name: str, function: Any, places: NDArray[Any]) -> NDArray[Any]:
+        units = self._low + places * (self._high - self._low)
+        columns = [axis.numbers(column) for axis, column in zip(self.axes, units.T, strict=True)]
+        values = np.asarray(function(np.stack(columns, axis=1)))
+        check_returned(name, values, len(places))
+        return values
+
+    def _linear(self, constraints: Any) -> Polytope | None:
+        """Return linear constraints in the unit cube, with that of mixtures."""
+        parts = np.array([axis.is_component for axis in self.axes], np.float64)
+        rows, low, high = [parts[None]], np.ones(1), np.ones(1)
+        if not parts.any():
+            rows, low, high = [np.empty((0, len(parts)))], np.empty(0), np.empty(0)
+        if constraints is not None:
+            given = np.atleast_2d(np.asarray(constraints.A, np.float64))
+            check_shape("constraints.A", given.shape, given.shape[1] == len(parts), f"(k, {len(parts)})")
+            rows.append(given)
+            low, high = (
+                np.append(ends, np.broadcast_to(new, len(given)))
+                for ends, new in ((low, constraints.lb), (high, constraints.ub))
+            )
+        every = np.concatenate(rows)
+        if not len(every):
+            return None
+        has_levels = [bool(axis.levels) for axis in self.axes]
+        check_that("constraints", not every[:, has_levels].any(), "be on axes without levels")
+        start = every @ self._low
+        return Polytope(every * (self._high - self._low), low - start, high - start)
+
+
+def _in_groups(
+    factors: list[Factor], existing: _Floats, unit: _Floats, batches: int | None, rng: np.random.Generator
+) -> tuple[_Floats, NDArray[np.intp] | None]:
+    """Add the columns of categories to points (n, d) of the other axes; also return the batch of each, rising."""
+    is_axis = np.array([not factor.is_category for factor in factors])
+    every, n_old = np.empty((len(existing) + len(unit), len(factors))), len(existing)
+    every[:n_old], every[n_old:, is_axis] = existing, unit
+    along, groups = every[:, is_axis], list[NDArray[np.intp]]()
+    for axis in np.flatnonzero(~is_axis):
+        factor = factors[axis]
+        known, n_levels = factor.levels_at(existing[:, axis]), len(factor.levels)
+        groups.append(split_evenly(along, n_levels, known=known, others=groups, rng=rng))
+        every[:, axis] = (groups[-1] + 0.5) / n_levels
+    if batches is None:
+        return every[n_old:], None
+    numbers = split_evenly(along[n_old:], batches, others=[group[n_old:] for group in groups], rng=rng)
+    order = np.argsort(numbers, kind="stable")
+    return every[n_old:][order], numbers[order] + 1
+
+
 def _feasible_samples(
-    samples: NDArray[np.float32], low: _Floats, high: _Floats, feasible: Any, rng: np.random.Generator
+    samples: NDArray[np.float32], is_feasible: Callable[[Any], NDArray[np.bool_]], rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Leave samples that are feasible; where few are, spread all of them over the box around those, and again."""
     n_dims = samples.shape[1]
     start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples
     while True:
         places = (start + tried * size).astype(np.float32)
-        allowed = np.asarray(feasible(low + places * (high - low)))
-        check_returned("feasible", allowed, len(places))
-        found = places[allowed.astype(bool)]
+        found = places[is_feasible(places)]
         if len(found) == 0 and len(tried) < _MANY_SAMPLES:
             tried = sobol_samples(_MANY_SAMPLES, n_dims, rng)
             continue
@@ -273,18 +437,3 @@ def _feasible_samples(
         if smaller.prod() > size.prod() / 2:
             return found
         start, size, tried = corner, smaller, samples
-
-
-def _weighted(
-    samples: NDArray[np.float32], low: _Floats, high: _Floats, density: Any
-) -> tuple[NDArray[np.float32], _Floats | None]:
-    """Leave samples that have a density, with their weights."""
-    weights = None
-    if density is not None and len(samples):
-        weights = np.asarray(density(low + samples * (high - low)), dtype=np.float64)
-        check_returned("density", weights, len(samples))
-        # Only their ratios count, and sums must be finite.
-        weights = np.ldexp(weights, -np.frexp(np.max(weights))[1])
-        check_density(weights, len(samples))
-        samples, weights = samples[weights > 0], weights[weights > 0]
-    return samples, weights

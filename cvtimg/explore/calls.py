@@ -55,6 +55,8 @@ def literal(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, np.ndarray):
         return repr(value.tolist())
+    if isinstance(value, list) and value and is_dataclass(value[0]):
+        return f"[{', '.join(map(literal, value))}]"
     if is_dataclass(value):  # all that are passed have a public name in the package of their subject
         package = ".".join(type(value).__module__.split(".")[:2])
         return f"{package}.{value!r}".replace("'", '"')

@@ -91,15 +91,16 @@ DESIGN = (
     ),
     file(
         "bounds",
-        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
+        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer, component), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
     ),
     Option(
         "axis",
         Text(_factor),
-        "An axis in place of --bounds: a range, whole numbers, or levels with | between them; once for each.",
-        metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
+        "An axis in place of --bounds: a range, whole numbers, a component of a mixture (all add up to 1), or levels "
+        "with | between them; once for each.",
+        metavar="NAME,LOW,HIGH[,integer|,component]|NAME,A|B|C",
         many=True,
     ),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
@@ -107,7 +108,7 @@ DESIGN = (
     passed(
         "latin",
         Switch(),
-        "Give each of N slices along each axis exactly one point.",
+        "Give each of N slices along each axis exactly one point, as far as there are no other conditions.",
         "--latin/--no-latin",
         default=True,
     ).on_page("Latin", about="Each of N slices along each axis has one point."),
@@ -128,6 +129,12 @@ DESIGN = (
         "density", Text(), "Place points more densely where this is greater, such as 'exp(-x1)'.", metavar="EXPRESSION"
     ),
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
+    passed(
+        "batches",
+        Whole(1, 1 << 16),
+        "Divide the runs into so many batches of equal size, each even by itself: the first column.",
+        metavar="K",
+    ),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
     Option("shuffle", Whole(0, 2**32 - 1), "Put runs in random order, with this seed.", metavar="SEED"),

@@ -82,8 +82,22 @@ def test_levels_and_whole_numbers_are_balanced_and_units_are_in_the_header(here:
     assert sorted(row[2] for row in rows) == sorted("ABC" * 4)
     more = ["design", "-n", "12", "--bounds", "factors.csv", "--existing", "runs.csv", "-o", "more.csv"]
     assert main([*more, "--effort", "fast"]) == 0
-    assert {row[2] for row in table("more.csv")[1:]} == {"A", "B", "C"}
+    assert sorted(row[2] for row in table("more.csv")[1:]) == sorted("ABC" * 4)
     assert not {row[0] for row in rows} & {row[0] for row in table("more.csv")[1:]}
+
+
+def test_conditions_are_given_the_numbers_of_levels_and_results_may_stand_beside_runs(here: Path) -> None:
+    (here / "factors.csv").write_text(FACTORS)
+    options = ["design", "--bounds", "factors.csv", "--effort", "fast"]
+    assert main([*options, "-n", "8", "--feasible", "rounds < 3", "--batches", "2", "-o", "runs.csv"]) == 0
+    header, *rows = table("runs.csv")
+    assert header == ["batch", "heat [C]", "rounds", "alloy"]
+    assert {row[2] for row in rows} == {"1", "2"}
+    (here / "results.csv").write_text("\n".join(f"{','.join(row)},{i}" for i, row in enumerate([header, *rows])))
+    assert main([*options, "-n", "4", "--existing", "results.csv", "-o", "more.csv", "--quiet"]) == 0
+    axes = [word for part in ("a,0.2,1", "b,0,1", "c,0,0.1") for word in ("--axis", f"{part},component")]
+    assert main(["design", "-n", "6", *axes, "--effort", "fast", "-o", "mixture.csv"]) == 0
+    assert np.loadtxt("mixture.csv", delimiter=",", skiprows=1).sum(axis=1) == pytest.approx(1)
 
 
 def test_criteria_and_functions_are_those_of_python(capsys: pytest.CaptureFixture[str], here: Path) -> None:
@@ -172,7 +186,11 @@ def test_a_missing_file_is_named(
 
 @pytest.mark.parametrize(
     ("lines", "message"),
-    [("heat,90,20", "heat from 90 to 20 must be finite, the first below the second"), ("", "must have a line")],
+    [
+        ("a,0,1\na,0,1", "there must be one axis named a, not 2"),
+        ("heat,90,20", "heat from 90 to 20 must be finite, the first below the second"),
+        ("", "must have a line"),
+    ],
 )
 def test_bounds_without_a_box_are_refused_by_their_file(
     lines: str, message: str, capsys: pytest.CaptureFixture[str], here: Path
@@ -185,4 +203,4 @@ def test_bounds_without_a_box_are_refused_by_their_file(
 def test_errors_of_a_design_that_is_printed_are_told(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     (here / "old.csv").write_text("x1,x2\n5,5\n")
     assert main(["design", "-n", "3", "-d", "2", "--existing", "old.csv"]) == 1
-    assert capsys.readouterr().err == "cvtimg: existing must be finite and lie within the bounds\n"
+    assert capsys.readouterr().err == "cvtimg: x1 of existing[0]=5.0 must be within its bounds, 0..1\n"

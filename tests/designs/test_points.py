@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import LinearConstraint
+from scipy.spatial.distance import cdist
 from scipy.stats import qmc
 
 from cvtimg import design
-from cvtimg.designs import CVTDesign, Design
+from cvtimg.designs import CVTDesign, Design, Factor, point_measures, split_evenly
 
 
 def slices_of(design: Design) -> NDArray[Any]:
@@ -29,12 +31,7 @@ def test_latin_designs_have_one_point_in_each_slice_of_each_axis(n_dims: int) ->
 def test_designs_have_less_energy_than_sequences_and_latin_hypercubes(n_dims: int) -> None:
     plain, latin = (design(40, n_dims, latin=latin, effort="fast").measures().energy for latin in (False, True))
     others = [qmc.Halton(n_dims, rng=0).random(40), qmc.LatinHypercube(n_dims, rng=0).random(40)]
-    energies = [Design(*[points] * 2, *cube(n_dims), 0, False, False).measures().energy for points in others]
-    assert plain < latin < min(energies)
-
-
-def cube(n_dims: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    return np.repeat([[0.0, 1.0]], n_dims, axis=0), np.empty((0, n_dims))
+    assert plain < latin < min(point_measures(points).energy for points in others)
 
 
 @pytest.mark.slow
@@ -67,7 +64,6 @@ def test_latin_points_leave_slices_that_existing_points_have() -> None:
 def test_points_lie_where_they_are_feasible_and_are_dense_where_they_are_asked_to_be() -> None:
     disc = design(50, [[-1, 1], [-1, 1]], feasible=lambda p: (p**2).sum(axis=1) < 1, effort="fast")
     assert ((disc.points**2).sum(axis=1) < 1).all()
-    assert not disc.latin
     right = design(200, 2, density=lambda p: np.where(p[:, 0] > 0.5, 16.0, 1.0), effort="fast")
     # In two dimensions points are as dense as the square root of the density: four to one.
     assert (right.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.04)
@@ -78,8 +74,7 @@ def test_periodic_designs_take_no_account_of_walls(n_dims: int) -> None:
     found = design(30, n_dims, periodic=True, latin=False, effort="fast")
     assert found.measures().energy < design(30, n_dims, latin=False, effort="fast").measures().energy
     shifted = (found.unit_points + 0.37) % 1.0
-    moved = Design(shifted, shifted, found.bounds, found.existing, 0, False, True)
-    assert moved.measures().energy == pytest.approx(found.measures().energy, rel=0.02)
+    assert point_measures(shifted, periodic=True).energy == pytest.approx(found.measures().energy, rel=0.02)
 
 
 def test_bounds_scale_points_and_nothing_else() -> None:
@@ -99,16 +94,16 @@ def test_one_point_lies_in_the_middle() -> None:
 
 
 def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
-    found = design(5, [[0, 1], [2, 3]], effort="fast")
-    found.save(tmp_path / "a.csv", names=["speed", "heat"])
+    found = design(5, [Factor("speed"), Factor("heat", 2, 3)], effort="fast")
+    found.save(tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().splitlines()[0] == "speed,heat"
     assert (np.loadtxt(tmp_path / "a.csv", delimiter=",", skiprows=1) == found.points).all()
     found.save(tmp_path / "a.npy")
     assert (np.load(tmp_path / "a.npy") == found.points).all()
     with pytest.raises(FileExistsError):
         found.save(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"names=\['speed'\] must be 2, one for each axis"):
-        found.save(tmp_path / "b.csv", names=["speed"])
+    with pytest.raises(ValueError, match=r"b.npy must end in .csv: .npy has no levels and no batches"):
+        design(5, 2, batches=1, effort="fast").save(tmp_path / "b.npy")
 
 
 def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
@@ -126,14 +121,20 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
         ({"n_points": 0}, r"n_points=0 must be in 1\.\."),
         ({"bounds": [[0, 0]]}, r"bounds=\[\[0.0, 0.0\]\] must be finite, the first of each axis below the second"),
         ({"bounds": [0, 1]}, r"bounds of shape \(2,\) must be \(d, 2\)"),
-        ({"existing": [[2, 0]]}, "existing must be finite and lie within the bounds"),
+        ({"existing": [[0, 0], [0, 2]]}, r"x2 of existing\[1\]=2.0 must be within its bounds, 0..1"),
         ({"existing": [[0, 0, 0]]}, r"existing of shape \(1, 3\) must be \(L, 2\)"),
         ({"effort": "none"}, "effort='none' must be one of"),
-        ({"latin": True, "density": lambda p: p[:, 0]}, "density or feasible must not be given with latin=True"),
+        ({"latin": True, "density": lambda p: p[:, 0]}, "density must not be given with latin=True"),
         ({"periodic": True, "feasible": lambda p: p[:, 0] > 0}, "must not be given with periodic=True"),
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),
         ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),
+        ({"constraints": LinearConstraint([[1, 1]], 3, 3)}, "constraints must leave more than a point of the box"),
+        ({"constraints": LinearConstraint([[1]], 0, 1)}, r"constraints.A of shape \(1, 1\) must be \(k, 2\)"),
+        ({"constraints": LinearConstraint([[1, 1]], 1, 1), "latin": True}, "constraints must not be given with latin"),
+        ({"batches": 6}, r"batches=6 must be in 1..5, the number of points"),
+        ({"bounds": [Factor("a"), Factor("a")]}, "there must be one axis named a, not 2"),
+        ({"bounds": [Factor("a", levels=("x", "y"))]}, "bounds must have an axis that is no category"),
     ],
 )
 def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
@@ -171,3 +172,83 @@ def test_small_feasible_regions_are_found() -> None:
     assert corners.max(axis=0).min() > 0.3  # they fill it
     with pytest.raises(ValueError, match="than 0 of its samples"):
         design(5, 2, feasible=lambda p: np.zeros(len(p), bool))
+
+
+def test_points_of_a_region_are_latin_in_slices_of_equal_shares_as_far_as_they_can_be() -> None:
+    def half(points: NDArray[Any]) -> NDArray[Any]:
+        return points[:, 0] < 0.5
+
+    found = design(16, 2, feasible=half, effort="fast")
+    assert found.latin
+    assert (np.sort(np.floor(found.unit_points * [32, 16]), axis=0) == np.arange(16)[:, None]).all()
+
+    def ring(points: NDArray[Any]) -> NDArray[Any]:
+        return np.abs(np.hypot(*(points.T - 0.5)) - 0.42) < 0.03
+
+    # Centers of mass are in the hole.
+    three = design(3, 2, feasible=ring, effort="fast")
+    assert ring(three.points).all()
+
+
+def test_mixtures_add_up_to_one_within_their_bounds_and_fill_what_is_left() -> None:
+    parts = [
+        Factor("a", 0.2, 1, is_component=True),
+        Factor("b", is_component=True),
+        Factor("c", 0, 0.1, is_component=True),
+    ]
+    found = design(24, [*parts, Factor("heat", 20, 90)], effort="fast")
+    assert found.points[:, :3].sum(axis=1) == pytest.approx(1, abs=1e-12)
+    assert (found.unit_points > 0).all()
+    assert (found.unit_points < 1).all()
+    # c is a tenth of its range from each end, as in a design of a box
+    assert found.points[:, 2].min() < 0.03
+    assert found.points[:, 2].max() > 0.07
+    triangle = design(15, 3, constraints=LinearConstraint([[1, 1, 1]], 1, 1), effort="fast").points
+    drawn = np.random.default_rng(0).dirichlet(np.ones(3), 15)
+    places = np.random.default_rng(1).dirichlet(np.ones(3), 4000)
+    far, farther = (np.square(cdist(places, points).min(axis=1)).mean() for points in (triangle, drawn))
+    assert far < 0.6 * farther
+
+
+def test_samples_of_thin_parts_are_even_however_thin() -> None:
+    found = design(9, 2, constraints=LinearConstraint([[1, -1]], -1e-6, 1e-6), effort="fast").points
+    assert np.ptp(found, axis=1).max() <= 1e-6
+    assert np.sort(found[:, 0]) == pytest.approx((np.arange(9) + 0.5) / 9, abs=0.03)
+
+
+def test_batches_and_categories_share_out_points_so_that_each_is_even() -> None:
+    found = design(24, [Factor("x"), Factor("y"), Factor("z", levels=("A", "B", "C"))], batches=2, effort="fast")
+    alone = design(24, 2, effort="fast").unit_points
+    assert {tuple(row) for row in found.points[:, :2].tolist()} == {tuple(row) for row in alone.tolist()}
+    assert found.batches is not None
+    assert found.batches.tolist() == [1] * 12 + [2] * 12
+    header, rows = found.table()
+    assert header == ["batch", "x", "y", "z"]
+    assert sorted((row[0], row[3]) for row in rows) == sorted([(b, z) for b in (1, 2) for z in "ABC"] * 4)
+
+    def unevenness(labels: NDArray[Any], points: NDArray[Any]) -> float:
+        return float(np.mean([qmc.discrepancy(points[labels == label]) for label in np.unique(labels)]))
+
+    by_chance = np.mean([unevenness(np.random.default_rng(seed).permutation(24) % 3, alone) for seed in range(9)])
+    assert unevenness(found.points[:, 2], found.points[:, :2]) < 0.5 * by_chance
+    shuffled = found.shuffled(1)
+    assert shuffled.batches is not None
+    assert (shuffled.batches == found.batches).all()
+    assert shuffled.points.tolist() != found.points.tolist()
+    assert sorted(shuffled.points[:12].tolist()) == sorted(found.points[:12].tolist())
+
+
+def test_groups_that_are_known_stay_and_no_exchange_of_two_points_is_left_that_gains() -> None:
+    points = np.random.default_rng(0).random((14, 2))
+    labels = split_evenly(points, 2, known=[0, 0, 1])
+    assert labels[:3].tolist() == [0, 0, 1]
+    assert np.bincount(labels).tolist() == [7, 7]
+
+    def cost(labels: NDArray[Any]) -> float:
+        return sum(qmc.discrepancy(points[labels == label]) for label in (0, 1))
+
+    for one in np.flatnonzero(labels[3:] == 0) + 3:
+        for other in np.flatnonzero(labels[3:] == 1) + 3:
+            changed = labels.copy()
+            changed[[one, other]] = [1, 0]
+            assert cost(changed) >= cost(labels) - 1e-9

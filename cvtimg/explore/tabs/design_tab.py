@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import combinations
-from pathlib import Path
 from typing import Any, ClassVar
 from xml.sax.saxutils import escape
 
 import numpy as np
 
 from cvtimg._shared.svg import drawing
-from cvtimg.designs import Design, Factor, write_runs
-from cvtimg.explore.calls import Call, literal
+from cvtimg.designs import Design, Factor
+from cvtimg.explore.calls import Call
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Drawing
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
@@ -60,26 +58,17 @@ class DesignTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the tables."""
-        factors = _factors(request.settings)
-        if not factors:
-            return [
-                Output(f"Points, {end[1:].upper()}", "-o", f"design{end}", saved, SAVED) for end in (".csv", ".npy")
-            ]
-        write, lines = partial(_write, factors=factors), "cvtimg.designs.write_runs({}, factors, result.points)"
-        return [Output("Runs, CSV", "-o", "design.csv", write, lines)]
+        ends = (".csv",) if any(factor.levels for factor in _factors(request.settings)) else (".csv", ".npy")
+        return [Output(f"Points, {end[1:].upper()}", "-o", f"design{end}", saved, SAVED) for end in ends]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        factors, call = _factors(request.settings), self._call(request.settings)
-        listed = ",\n    ".join(map(literal, factors))
-        axes = f"factors = [\n    {listed},\n]\n" if factors else ""
-        lines = f"import cvtimg\n\n{axes}result = {call.text(str(request.settings['n']))}"
+        call = self._call(request.settings)
+        lines = f"import cvtimg\n\nresult = {call.text(str(request.settings['n']))}"
         return Recipe(self.words(request), lines, for_many=False)
 
     def _call(self, settings: Settings) -> Call:
-        factors = _factors(settings)
-        bounds = [[factor.low, factor.high] for factor in factors] or settings["dimensions"]
-        return Call("design", (bounds,), self.keywords(settings))
+        return Call("design", (_factors(settings) or settings["dimensions"],), self.keywords(settings))
 
     def draft(self, request: Request) -> Outcome | None:
         """Place the points quickly."""
@@ -93,13 +82,12 @@ class DesignTab(Tab):
     def _outcome(self, settings: Settings, n_points: int, outputs: Sequence[Output] = ()) -> Outcome:
         result: Design = self._call(settings).run(n_points)
         n_axes = result.points.shape[1]
-        factors = _factors(settings) or [Factor(f"x{axis + 1}") for axis in range(n_axes)]
         facts: dict[str, Any] = {"k": n_points, "noun": "points"}
         shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""
         facts["about"] = (
             f"In each pair of {shown}{n_axes} axes. Mean squared distance to the nearest {result.energy:.4g}."
         )
-        return Outcome(result, Drawing(_drawn(result, factors[:_MOST_AXES])), facts, outputs)
+        return Outcome(result, Drawing(_drawn(result, result.factors[:_MOST_AXES])), facts, outputs)
 
 
 def _factors(settings: Settings) -> list[Factor]:
@@ -113,10 +101,6 @@ def _factors(settings: Settings) -> list[Factor]:
     if not factors:
         raise UnfitRequestError("Axes: add one")
     return factors
-
-
-def _write(result: Design, path: Path, factors: Sequence[Factor]) -> None:
-    write_runs(path, factors, result.points)
 
 
 def _drawn(design: Design, factors: Sequence[Factor]) -> bytes:
