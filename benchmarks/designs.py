@@ -20,16 +20,19 @@ import numpy as np
 from common import machine, parser, pin_threads, print_table, timed, write_results
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 from scipy.stats import qmc
 
 Points = NDArray[np.float64]
 Row = dict[str, Any]
-PARTS = ("measures", "criteria", "interpolation")
+PARTS = ("measures", "criteria", "batches", "mixtures", "interpolation")
 DIMS, COUNTS = (2, 3, 7), (100, 1000)
 MEASURES = ("discrepancy", "h", "chi", "tau", "d", "energy")
 #: The greatest designs of methods in pure Python.
 SLOW = 100
+#: What is measured of designs in batches.
+BATCHES = ("distance", "discrepancy", "distance_of_batches", "discrepancy_of_batches", "seconds")
 
 
 def options() -> argparse.Namespace:
@@ -155,6 +158,66 @@ def criteria(quick: bool, effort: str) -> list[Row]:
     return rows
 
 
+def batches(quick: bool, effort: str) -> list[Row]:
+    """Compare designs in batches: ours, the same runs divided at random, and hypercubes for each batch."""
+    from cvtimg import design
+
+    def sliced(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
+        found = design(n, n_dims, batches=n_batches, effort=effort, rng=seed)
+        assert found.batches is not None
+        return found.unit_points, found.batches - 1
+
+    def divided(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
+        points = design(n, n_dims, effort=effort, rng=seed).unit_points
+        return points, np.random.default_rng(seed).permutation(np.arange(n) % n_batches)
+
+    def joined(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
+        of_seed = np.random.default_rng(seed)
+        parts = [
+            qmc.LatinHypercube(n_dims, optimization="random-cd", rng=of_seed).random(n // n_batches)
+            for _ in range(n_batches)
+        ]
+        return np.concatenate(parts), np.arange(n) // (n // n_batches)
+
+    ways = {"batches=": sliced, "divided at random": divided, "LHS random-cd a batch (SciPy)": joined}
+    rows: list[Row] = []
+    for n, n_dims, n_batches in ((30, 2, 3), (60, 5, 3), (100, 4, 5), (200, 8, 4)):
+        for name, make in ways.items():
+            figures = []
+            for seed in range(1 if quick else 3):
+                (points, labels), seconds = timed(
+                    lambda m=make, n=n, d=n_dims, b=n_batches, s=seed: m(n, d, b, s), time.process_time
+                )
+                parts = [points[labels == label] for label in range(n_batches)]
+                of_parts = np.mean([(pdist(part).min(), qmc.discrepancy(part)) for part in parts], axis=0)
+                figures.append((pdist(points).min(), qmc.discrepancy(points), *of_parts, seconds))
+            rows.append({"n": n, "dimensions": n_dims, "batches": n_batches, "method": name})
+            rows[-1] |= dict(zip(BATCHES, np.mean(figures, axis=0).tolist(), strict=True))
+    table = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    print_table("Designs in batches", list(rows[0]), table)
+    return rows
+
+
+def mixtures(quick: bool, effort: str) -> list[Row]:
+    """Compare mixtures with draws by Dirichlet's distribution, by the mean squared distance to the nearest run."""
+    from cvtimg import design
+    from cvtimg.designs import Factor
+
+    rows: list[Row] = []
+    for n, n_dims in ((20, 3), (30, 5), (60, 10)):
+        places = np.random.default_rng(99).dirichlet(np.ones(n_dims), 1 << (14 if quick else 17))
+        factors = [Factor(f"c{k}", is_component=True) for k in range(n_dims)]
+        found, seconds = timed(lambda f=factors, n=n: design(n, f, effort=effort).points, time.process_time)
+        ways = {"components": found, "Dirichlet": np.random.default_rng(0).dirichlet(np.ones(n_dims), n)}
+        for name, points in ways.items():
+            energy = np.square(cKDTree(points).query(places)[0]).mean()
+            row = {"n": n, "components": n_dims, "method": name, "energy": energy, "distance": pdist(points).min()}
+            rows.append(row | {"seconds": seconds if name == "components" else 0.0})
+    table = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    print_table("Mixtures", list(rows[0]), table)
+    return rows
+
+
 def functions(n_dims: int) -> list[Callable[[Points], NDArray[np.float64]]]:
     """Make 48 functions, of four kinds."""
     rng = np.random.default_rng(1)
@@ -199,7 +262,7 @@ def main() -> None:
     asked = options()
     pin_threads(asked.threads)
     print(machine())
-    parts = {"measures": measures, "criteria": criteria, "interpolation": interpolation}
+    parts = dict(zip(PARTS, (measures, criteria, batches, mixtures, interpolation), strict=True))
     for name in asked.only.split(","):
         write_results(f"designs_{name}", {"effort": asked.effort}, parts[name](asked.quick, asked.effort))
 
