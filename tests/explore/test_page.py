@@ -204,7 +204,7 @@ def check_access(one: Visit, state: str) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1366, 400])
+@pytest.mark.parametrize("width", [1920, 1366, 400])
 def test_all_tabs_are_accessible_also_while_and_after_they_fail(
     scheme: str, width: int, visit: Go, folder: Path
 ) -> None:

@@ -159,7 +159,8 @@ const original = () => ({picture: state.picture.id, frame: state.frame, view: vi
 const asked = () => ({picture: state.picture?.id, frame: state.frame, tab: state.tab, settings: settings(), view: viewer.visible()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
-	keep();
+	clearTimeout(keep.timer); // writing all steps back takes longer than a drag may
+	keep.timer = setTimeout(keep, REST);
 	if (!subject() || link.gone) return;
 	clearTimeout(timer);
 	result = "";
@@ -576,6 +577,7 @@ $("sample").onclick = async () => { try { added(await send("/sample")); } catch 
 $("copylink").onclick = async () => { await navigator.clipboard.writeText(shared()); $("copylink").textContent = "Copied"; };
 $("savesettings").onclick = saveSettings;
 addEventListener("hashchange", takeShared);
+addEventListener("pagehide", keep);
 $("forget").onclick = forget;
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
