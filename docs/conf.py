@@ -52,6 +52,7 @@ sphinx_gallery_conf = {
     # The pages of computation times load scripts from elsewhere.
     "write_computation_times": False,
     "show_memory": False,
+    "thumbnail_size": (480, 320),
     "show_signature": False,
     "min_reported_time": 1e9,
 }

@@ -222,7 +222,7 @@ RUN = (
     file("report", "Write a row for each input, .csv or .jsonl.", (".csv", ".jsonl")),
     file(
         "settings",
-        'Read options from a file that the page saved, such as {"quiet": true}; those of the command line override it.',
+        'Read options from a file, as cvtimg explore saves it: {"quiet": true}; those of the command line override it.',
     ),
 )
 #: Of verbs that process each input separately.

@@ -162,8 +162,8 @@ PALETTE = (
     ).on_page("Colors", slider=(2, 64), log=True, most=256, default=8),
     switch(
         "main",
-        f"Find the few colors that stand out, {MAIN_COLORS} by default: small vivid parts count, large areas do not "
-        "count more than they must.",
+        f"Find the few colors that stand out, {MAIN_COLORS} by default: small vivid parts count, and large areas "
+        "do not dominate.",
         excludes=("space",),
     ),
     replace(_LOCK, needs=("number",)),

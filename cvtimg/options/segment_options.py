@@ -227,7 +227,7 @@ SEGMENT = (
     Option(
         "edit",
         Text(_edit),
-        "Change segments by hand, as the page does: 'merge X,Y X,Y...', 'split X,Y', or by a brush of radius R: "
+        "Change segments by hand, as cvtimg explore does: 'merge X,Y X,Y...', 'split X,Y', or by a brush of radius R: "
         "'paint R X,Y...', 'add R X,Y...', 'erase R X,Y...'. Repeat it for more.",
         metavar="TEXT",
         many=True,

@@ -78,7 +78,8 @@ def as_markdown(command: Command) -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"([\\*_<>|^\[\]])", r"\\\1", text)
+    """Return text whose options are code, so that no line breaks within them."""
+    return re.sub(r"(?<![\w'`-])(--?[a-z][a-z-]*)", r"`\1`", re.sub(r"([\\*_<>|^\[\]])", r"\\\1", text))
 
 
 def as_manual(command: Command) -> str:
