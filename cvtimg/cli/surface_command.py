@@ -12,20 +12,24 @@ EXAMPLES = """\
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
   cvtimg surface scan.ply -n 5000 --density quality
   cvtimg surface voxels.stl -n 5000 --feature-angle 180
+  cvtimg surface part.obj -n 9000 --tolerance 0.02
 """
-COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
+COLUMNS = ("input", "n", "triangles", "components", "borders", "least_angle", "mean_quality", "seconds", "output")
 
 
 def surface(given: Given) -> int:
     """Place N points on surfaces, evenly or by a density, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
-    handles stay, and so do sharp edges, corners and borders.
+    handles stay, and so do sharp edges, corners and borders. Holes of scans are counted with
+    the borders.
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """
     output = given.output or ("{}.vtu" if given.out_dir else "{}-points.vtu")
-    plan = plan_each(given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
+    plan = plan_each(
+        given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir, also_read=[given.features]
+    )
     return run_plan(plan, _surface, COLUMNS, given)
 
 
@@ -33,13 +37,18 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.surfaces import read_surface, read_vertex_density
+    from cvtimg.surfaces import read_features, read_surface, read_vertex_density
 
     shape = read_surface(task.source)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
-    features = {"feature_angle": given.feature_angle, "keep_border": not given.free_border}
-    found = cvtimg.surface_points(shape, given.number, density=weight, effort=given.effort, **features)
+    features = {
+        "feature_angle": given.feature_angle,
+        "keep_border": not given.free_border,
+        "tolerance": given.tolerance,
+    }
+    edges = None if given.features is None else read_features(given.features)
+    found = cvtimg.surface_points(shape, given.number, density=weight, features=edges, effort=given.effort, **features)
     stopwatch.lap("place")
     found.save(task.output, overwrite=given.overwrite)
     if "--plot" in task.outputs:
@@ -48,6 +57,7 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         drawn = found.points, found.triangles, found.qualities
         save_plot(task.outputs["--plot"], draw_surface, *drawn, center=given.view, overwrite=given.overwrite)
     stopwatch.lap("write")
+    measures = asdict(found.measures())
     return {
         "n": given.number,
         "triangles": len(found.triangles),
@@ -55,5 +65,7 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": found.energy,
         "offset": found.offset,
         "n_iter": found.n_iter,
-        **asdict(found.measures()),
+        "components": measures.pop("n_components"),
+        "borders": measures.pop("n_borders"),
+        **measures,
     }

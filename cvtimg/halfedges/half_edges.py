@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +66,11 @@ def half_edges_out(first: Triangles, twins: Triangles, degrees: Triangles) -> Tr
 def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:
     """Return the next half-edges out of the same vertices, counterclockwise; -1 at a boundary."""
     return twins.ravel()[np.where(half_edges % 3 == 0, half_edges + 2, half_edges - 1)]
+
+
+def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
+    """One number for both directions of each of (E, 2) edges between n points."""
+    return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
 
 
 def boundary_edges(triangles: Triangles) -> Triangles:

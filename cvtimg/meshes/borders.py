@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.progress import first_few
+from cvtimg.halfedges import edge_keys
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, divided, divided_steps, turns_of
 from cvtimg.meshes.sliding import Tracks, places_at
-from cvtimg.meshes.triangulation import Borders, edge_keys
+from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import needs
-from cvtimg.halfedges import HalfEdges, find_twins
+from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import lengths_of
 from cvtimg.meshes.sliding import Tracks
@@ -208,8 +208,3 @@ def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
     found.erase_super_triangle()
     table = found.triangles_array()
     return np.ascontiguousarray(table[table.dtype.names[0]], np.int32)
-
-
-def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
-    """One number for both directions of each of (E, 2) edges."""
-    return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])

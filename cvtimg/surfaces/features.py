@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
+from cvtimg.halfedges import edge_keys
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
 
 Values = NDArray[np.float64]
@@ -17,14 +18,15 @@ Indices = NDArray[np.intp]
 
 #: Creases that are shorter in all than so many distances of points are left out.
 _SHORTEST = 3
-#: A curve turns at a corner if it does over this part of the distance of points as well: the steps of a scan do not.
-_REACH = 0.5
+#: A curve that turns by more than the angle of creases, and this one at most, has a corner if it does over this part of
+#: the distance of points as well: the steps of a scan do not.
+_CORNER, _REACH = 40.0, 0.5
 #: Curves get points until twice as many make them longer by less than this.
 _MOST_LOSS = 0.05
 
 
-def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Mask:
-    """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, and creases.
+def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given: Triangles) -> Mask:
+    """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, creases, and those given (M, 2).
 
     Creases are where faces meet at more than `angle` degrees from flat. Those that are not longer in all than a few
     distances (N,) of points are noise, or too small to be seen.
@@ -35,7 +37,8 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Ma
     normals = mesh.face_normals()
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[beyond // 3])
     creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
-    return (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
+    is_given = np.isin(edge_keys(mesh.edges, len(mesh.points)), edge_keys(given, len(mesh.points)))
+    return is_given | (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
 
 
 def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
@@ -65,7 +68,7 @@ def place_on_curves(mesh: SurfaceTriangulation, features: Mask, sizes: Values, a
     ends = mesh.edges[features & (edge == np.arange(len(edge)))]
     kept: dict[int, Points] = {}
     for chain in _chains(ends):
-        for curve in _divided(mesh.points, chain, sizes, angle):
+        for curve in _divided(mesh.points, chain, sizes, min(angle, _CORNER)):
             inner, places = _spaced(mesh.points[curve], sizes[curve])
             kept.update(zip(curve[[0, -1]].tolist(), mesh.points[curve[[0, -1]]], strict=True))
             kept.update(zip(curve[inner].tolist(), places, strict=True))

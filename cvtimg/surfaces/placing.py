@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     check_at_least,
     check_choice,
     check_in_range,
+    check_positive,
     check_that,
     hints_at_keywords,
     refuse_type,
@@ -26,30 +27,26 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.sums import sum_by_label
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.engine.tessellation import tessellate
+from cvtimg.meshes.outlines import divided
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
-from cvtimg.surfaces.surface import Surface
+from cvtimg.surfaces.sizes import HEXAGON, Sizes, least_number, limits_within
+from cvtimg.surfaces.surface import Surface, TriangulatedSurface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Area of a regular hexagon whose neighbors are at distance 1.
-_HEXAGON = 0.75**0.5
 #: Edges of the fine triangles that points are taken from, by the distances of points.
 _FINE = 0.5
 #: The same for samples, where cells are sums over them.
 _FINER = 0.2
 #: The density is looked at in so many places at least.
 _LOOKED_AT = 4096
-#: Points may be so much farther from each other than where the density is largest.
-_SPARSEST = 30.0
-#: A density that is 0 at more of these places is warned of.
-_MOST_ZEROS = 0.01
 #: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
 _FIRST_PART, _GROWTH, _LAST_PART = 0.4, 1.1, 30.0
 #: Edges that this makes are no longer than this multiple of that part.
@@ -63,6 +60,8 @@ _REST = 10
 #: Points whose triangles would fold stay, and those around them if that folds others, at most so far around.
 _RETREATS = 4
 _MOST_POINTS = 1 << 24
+#: Rounds by which triangles come within a tolerance of the surface, and the part of it that each aims at.
+_TRIALS, _AIM = 4, 0.9
 #: Cosine of the angle from which on a triangle is flat.
 _FLAT = -0.5
 
@@ -90,7 +89,9 @@ def surface_points(
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,
     feature_angle: float = 40.0,
+    features: ArrayLike | None = None,
     keep_border: bool = True,
+    tolerance: float | None = None,
     effort: EffortName = "balanced",
 ) -> SurfacePoints:
     """Place points on a surface as generators of a centroidal Voronoi tessellation, and join them by triangles.
@@ -107,9 +108,15 @@ def surface_points(
     feature_angle : float
         Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
         kept: their corners are points, and edges of triangles lie along them. 180 keeps none.
+    features : (E, 2) integer, (E, 2, 3) or (F,) integer array, optional
+        Edges to keep as well: pairs of vertices, or of the places of these; or a group for each face, whose borders are
+        kept.
     keep_border : bool
         Keep the boundary of an open surface in the same way. Otherwise points stay inside, half a cell from it, and
         creases are not kept.
+    tolerance : float, optional
+        How far triangles may be from the surface, as a share of the diagonal of its bounds, > 0: points are closer to
+        each other where the surface or its border bends.
     effort : {"fast", "balanced", "best"}
         How long points are moved.
 
@@ -157,15 +164,78 @@ def surface_points(
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
-    measure, limits = as_density(density), EFFORTS[effort]
+    limits = EFFORTS[effort]
     check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
-    if not (keep_border or shape.triangulation.is_closed):
-        return _by_samples(shape, n, measure, limits)
-    found, is_free = _by_triangles(shape, n, measure, limits, 180.0 if shape.is_smooth else feature_angle)
-    if is_free:
-        return found
-    other = _by_samples(shape, n, measure, limits)
-    return other if other.energy < found.energy and _has_shape(other, shape) else found
+    is_free = not (keep_border or shape.triangulation.is_closed)
+    check_that("features", features is None or not is_free, "not be given with keep_border=False")
+    kept = _edges_of(shape, features)
+    apart = float(shape.triangulation.areas().sum() / (HEXAGON * _LOOKED_AT)) ** 0.5
+    mesh, kept = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface, kept)
+    angle = 180.0 if shape.is_smooth or is_free else feature_angle
+
+    def place(most: Values | None) -> SurfacePoints:
+        """Place points, with distances within limits (N,) at the vertices of the mesh."""
+        sizes = Sizes(mesh, n, weight, most)
+        if is_free:
+            return _by_samples(shape, mesh, n, sizes, limits)
+        found, is_sound = _by_triangles(shape, mesh, n, sizes, limits, angle, kept)
+        if is_sound:
+            return found
+        other = _by_samples(shape, mesh, n, sizes, limits)
+        return other if other.energy < found.energy and _has_shape(other, shape) else found
+
+    weight = as_density(density)
+    if tolerance is None:
+        return place(None)
+    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+    depth = check_positive("tolerance", tolerance) * diagonal
+    most = limits_within(mesh, find_features(mesh, angle, np.full(len(mesh.points), apart), kept), depth, n)
+    n_least = least_number(mesh, most)
+    check_in_range("n", n, n > n_least, f"more than about {n_least}, which the tolerance asks for")
+    best, least = None, np.inf
+    for _ in range(_TRIALS):
+        found = place(most)
+        far, apart_there = _distances(mesh, found)
+        if far.max() < least:
+            best, least = found, float(far.max())
+        most = np.minimum(most, apart_there * np.where(far > depth, _AIM * depth / np.maximum(far, depth), np.inf))
+        if least <= depth or least_number(mesh, most) >= n:
+            break
+    if least > depth:
+        warn(
+            f"triangles are up to {least / diagonal:.1e} of the diagonal from the surface: more points come nearer",
+            stacklevel=3,
+        )
+    assert best is not None
+    return best
+
+
+def _distances(mesh: SurfaceTriangulation, found: SurfacePoints) -> tuple[Values, Values]:
+    """Return how far vertices (N,) of a mesh are from triangles, and how far points are apart there."""
+    from scipy.spatial import KDTree
+
+    result = SurfaceTriangulation(found.points, found.triangles)
+    near = KDTree(found.points).query(mesh.points, 2)[1].ravel()
+    # Walks from all triangles at the two nearest points, of which one leads to the nearest triangle.
+    corners = np.argsort(found.triangles, axis=None, kind="stable")
+    counts = np.bincount(found.triangles.ravel(), minlength=len(found.points))
+    own, number = divided(counts[near])
+    start = (corners[(np.cumsum(counts) - counts)[near][own] + number] // 3).astype(np.int32)
+    places, faces = result.nearest(mesh.points[own // 2], start)
+    far = np.linalg.norm(mesh.points[own // 2] - places, axis=1)
+    order = np.lexsort((far, own // 2))
+    first = order[np.flatnonzero(np.diff(own[order] // 2, prepend=-1))]
+    ends = found.points[found.triangles[faces[first]]]
+    return far[first], np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).mean(axis=1)
+
+
+def _edges_of(surface: Surface, features: ArrayLike | None) -> Triangles:
+    """Return the edges (M, 2) of the triangulation of a surface that are to be kept."""
+    if features is None:
+        return np.empty((0, 2), np.int32)
+    if not isinstance(surface, TriangulatedSurface):
+        raise ValueError("features must be of a surface that is given by triangles")
+    return surface.edges_of(features)
 
 
 def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
@@ -177,74 +247,55 @@ def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
 
 
 def _by_triangles(
-    surface: Surface, n: int, density: Density, effort: SurfaceEffort, angle: float
+    surface: Surface,
+    mesh: SurfaceTriangulation,
+    n: int,
+    sizes: Sizes,
+    effort: SurfaceEffort,
+    angle: float,
+    given: Triangles,
 ) -> tuple[SurfacePoints, bool]:
     """Place points by the cells of a triangulation; tell whether there are features, or no fold stood in their way."""
-    whole, sizes = _fine(surface, n, density, _FINE)
-    sizes = sizes * (n / max(n - extra_points(whole, sizes), n / 2)) ** 0.5
-    features = find_features(whole, angle, sizes)
-    kept, places = place_on_curves(whole, features, sizes, angle)
+    whole, given = _split(surface, mesh, given, sizes, _FINE)
+    apart = sizes(whole.points)
+    apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
+    features = find_features(whole, angle, apart, given)
+    kept, places = place_on_curves(whole, features, apart, angle)
     fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
     goals = whole.points.copy()
     goals[kept] = surface.on_surface(places) if len(kept) else places
-    used, triangles = _collapsed(fine, sizes[sites], n, kept, sites)
+    used, triangles = _collapsed(fine, apart[sites], n, kept, sites)
     mesh = SurfaceTriangulation(goals[sites[used]], triangles)
-    offset, n_iter, is_free = _relax(surface, fine, mesh, used, density, effort)
-    masses, _ = mesh.moments(density(mesh.points))
+    offset, n_iter, is_free = _relax(surface, fine, mesh, used, sizes.density, effort)
+    masses, _ = mesh.moments(sizes.given(mesh.points))
     # The sides of a cut become one again.
     _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
     points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
     masses = sum_by_label(joined, masses, n)
-    energy = _energy(fine, points, density)
+    energy = _energy(fine, points, sizes.given)
     return SurfacePoints(points, triangles, masses, energy, offset, n_iter), is_free or len(kept) > 0
 
 
-def _by_samples(surface: Surface, n: int, density: Density, effort: SurfaceEffort) -> SurfacePoints:
+def _by_samples(
+    surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort
+) -> SurfacePoints:
     """Place points by samples: where a surface has a boundary, or is thinner than cells are wide."""
-    fine, _ = _fine(surface, n, density, _FINER)
-    weights = fine.vertex_areas() * density(fine.points)
+    fine, _ = _split(surface, mesh, np.empty((0, 2), np.int32), sizes, _FINER)
+    weights = fine.vertex_areas() * sizes.density(fine.points)
     points, triangles, masses, offset, n_iter = place_by_samples(surface, fine, weights, n, effort.moves, effort.offset)
-    return SurfacePoints(points, triangles, masses, _energy(fine, points, density), offset, n_iter)
+    return SurfacePoints(points, triangles, masses, _energy(fine, points, sizes.given), offset, n_iter)
 
 
-def _fine(surface: Surface, n: int, density: Density, part: float) -> tuple[SurfaceTriangulation, Values]:
-    """Split triangles until edges are shorter than this part of the distances of points; return those distances."""
-    given = surface.triangulation
-    apart = float(given.areas().sum() / (_HEXAGON * _LOOKED_AT)) ** 0.5
-    base = SurfaceTriangulation(
-        *split_long_edges(given.points, given.triangles, ConstantDensity(apart), surface.on_surface)
-    )
-    top = float(density(base.points).max())
-    check_that("density", top > 0, "be > 0 somewhere on the surface")
-    zeros = float((density(base.points) <= 0).mean())
-    if zeros > _MOST_ZEROS:
-        warn(
-            f"the density is 0 on about {zeros:.0%} of the surface: cells there are {_SPARSEST:g} times as wide as the "
-            "finest, and triangles at their border are bad; a density that falls gradually makes better ones",
-            stacklevel=4,
-        )
-
-    def relative(points: Points) -> Values:
-        return np.minimum((np.maximum(density(points), 0) / top + _SPARSEST**-4) ** -0.25, _SPARSEST)
-
-    sparse = relative(base.points)
-    distance = float((base.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
+def _split(
+    surface: Surface, mesh: SurfaceTriangulation, kept: Triangles, sizes: Sizes, part: float
+) -> tuple[SurfaceTriangulation, Triangles]:
+    """Split triangles until edges are shorter than this part of the distances of points; also what becomes of edges."""
     # The density may vary within these triangles: what they hold is measured again on finer ones.
     for _ in range(2):
-        points, triangles = split_long_edges(
-            base.points, base.triangles, _limits(relative, part * distance), surface.on_surface
-        )
-        fine = SurfaceTriangulation(points, triangles)
-        sparse = relative(fine.points)
-        wanted = float((fine.vertex_areas() / sparse**2).sum() / (_HEXAGON * n)) ** 0.5
-        if wanted > 0.8 * distance:
+        fine, parts = split_long_edges(mesh, lambda places: part * sizes(places), surface.on_surface, kept)
+        if sizes.fits(fine):
             break
-        distance = wanted
-    return fine, distance * sparse
-
-
-def _limits(relative: Density, distance: float) -> Density:
-    return lambda places: distance * relative(places)
+    return fine, parts
 
 
 def _collapsed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +34,10 @@ class SurfaceMeasures:
         Vertices minus edges plus triangles: 2 for a sphere, 0 for a torus.
     is_closed : bool
         Whether there is no boundary.
+    n_components : int
+        Parts that share no vertex.
+    n_borders : int
+        Closed curves that bound it: the rim of a sheet, and each hole of a scan.
     """
 
     least_angle: float
@@ -43,6 +48,8 @@ class SurfaceMeasures:
     below_30: float
     euler_characteristic: int
     is_closed: bool
+    n_components: int
+    n_borders: int
 
 
 def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
@@ -72,6 +79,7 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
     each = measure_triangles(places, corners)
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, counts = np.unique(ends, axis=0, return_counts=True)
+    used = np.unique(corners)
     return SurfaceMeasures(
         least_angle=float(each.least_angles.min()),
         largest_angle=float(each.largest_angles.max()),
@@ -79,9 +87,22 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
         least_quality=float(each.qualities.min()),
         mean_quality=float(each.qualities.mean()),
         below_30=float((each.least_angles < 30).mean()),
-        euler_characteristic=len(np.unique(corners)) - len(edges) + len(corners),
+        euler_characteristic=len(used) - len(edges) + len(corners),
         is_closed=bool((counts == 2).all()),
+        n_components=_n_connected(edges, used),
+        n_borders=_n_connected(edges[counts == 1], np.unique(edges[counts == 1])),
     )
+
+
+def _n_connected(edges: NDArray[np.integer[Any]], points: NDArray[np.integer[Any]]) -> int:
+    """Count the parts of some points (P,) that edges (E, 2) connect."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(points):
+        return 0
+    ends, n = np.searchsorted(points, edges).T, len(points)
+    return int(connected_components(coo_array((np.ones(len(edges)), ends), (n, n)), directed=False)[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,9 +9,27 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_have_area, check_places, check_triangles, check_weights
-from cvtimg.halfedges import measure_triangles
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, check_directions, divided
+from cvtimg._shared.checks import (
+    check_finite,
+    check_have_area,
+    check_places,
+    check_shape,
+    check_that,
+    check_triangles,
+    check_weights,
+)
+from cvtimg.halfedges import edge_keys, measure_triangles
+from cvtimg.surfaces.triangulation import (
+    Points,
+    SurfaceTriangulation,
+    Triangles,
+    check_directions,
+    divide_fans,
+    number_edges,
+)
+
+#: Places this near to a vertex, by the diagonal of all, are there: files may have rounded them.
+_SAME = 1e-5
 
 
 class Surface(ABC):
@@ -64,16 +82,19 @@ class TriangulatedSurface(Surface):
     """
 
     _triangulation: SurfaceTriangulation
+    _origin: NDArray[np.intp]  # Vertices as given, of which the triangulation may have several copies
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
         points = check_places("vertices", vertices, 3)
         triangles = check_triangles("faces", faces, len(points))
         check_have_area("faces", measure_triangles(points, triangles).areas)
         check_directions(points, triangles)
-        mesh = divided(points, triangles)
-        if mesh.is_closed and np.linalg.det(points[triangles] - points.mean(axis=0)).sum() < 0:
-            mesh = SurfaceTriangulation(points, triangles[:, ::-1])
+        origin, triangles = divide_fans(triangles, number_edges(triangles, len(points)))
+        mesh = SurfaceTriangulation(points[origin], triangles)
+        if mesh.is_closed and np.linalg.det(mesh.points[triangles] - points.mean(axis=0)).sum() < 0:
+            mesh = SurfaceTriangulation(mesh.points, triangles[:, ::-1])
         object.__setattr__(self, "_triangulation", mesh)
+        object.__setattr__(self, "_origin", origin)
 
     def __repr__(self) -> str:
         kind = "closed" if self.triangulation.is_closed else "with a boundary"
@@ -88,6 +109,34 @@ class TriangulatedSurface(Surface):
     def area(self) -> float:
         """The area of all triangles."""
         return float(self.triangulation.areas().sum())
+
+    def edges_of(self, features: ArrayLike) -> Triangles:
+        """Return edges (M, 2) of `triangulation` that `surface_points` is told to keep."""
+        given, mesh = np.asarray(features), self._triangulation
+        is_whole = given.dtype.kind in "iu"
+        if is_whole and given.shape == (len(mesh.triangles),):
+            beyond = np.where(mesh.twins < 0, np.arange(len(given))[:, None], mesh.twins // 3).ravel()
+            return mesh.edges[np.repeat(given, 3) != given[beyond]]
+        ends = self._nearest(given) if given.ndim == 3 else given
+        allowed = "(E, 2) vertices, (E, 2, 3) places, or a group of each of the (F,) faces"
+        check_shape("features", given.shape, ends.ndim == 2 and ends.shape[1:] == (2,), allowed)
+        check_that("features", ends.dtype.kind in "iu", "be integers, or places of three coordinates")
+        n = int(self._origin.max()) + 1
+        keys, wanted = edge_keys(self._origin[mesh.edges], n), edge_keys(ends, n)
+        for edge in np.flatnonzero(~np.isin(wanted, keys) | (ends[:, 0] == ends[:, 1]))[:1]:
+            check_that(f"features has {given[edge].tolist()}, which", False, "be the ends of an edge of the surface")
+        return mesh.edges[np.isin(keys, wanted)]
+
+    def _nearest(self, places: NDArray[Any]) -> NDArray[np.intp]:
+        """Return the vertices at places (E, 2, 3); -1 where there is none."""
+        from scipy.spatial import KDTree
+
+        check_shape("features", places.shape, places.shape[1:] == (2, 3), "(E, 2, 3)")
+        check_finite("features", places)
+        points = self._triangulation.points
+        far, at = KDTree(points).query(places)
+        near = _SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+        return np.where(far <= near, self._origin[at], -1)
 
     def on_surface(self, places: Points) -> Points:
         """Return the places, which are on the surface."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg.halfedges import HalfEdges, find_twins
+from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -139,14 +139,17 @@ def divided(points: Points, triangles: Triangles) -> SurfaceTriangulation:
 
 
 def split_long_edges(
-    points: Points,
-    triangles: Triangles,
+    mesh: SurfaceTriangulation,
     limits: Callable[[Points], NDArray[np.float64]],
     on_surface: Callable[[Points], Points],
-) -> tuple[Points, Triangles]:
-    """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface."""
+    kept: Triangles,
+) -> tuple[SurfaceTriangulation, Triangles]:
+    """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface.
+
+    Also returns what becomes of the edges `kept` (M, 2).
+    """
+    points, triangles = mesh.points, np.ascontiguousarray(mesh.triangles)
     allowed = limits(points)
-    triangles = np.ascontiguousarray(triangles)
     for _ in range(_ROUNDS):
         edge = number_edges(triangles, len(points))
         own = np.flatnonzero(edge == np.arange(len(edge)))
@@ -154,13 +157,27 @@ def split_long_edges(
         is_long = np.linalg.norm(points[a] - points[b], axis=1) > (allowed[a] + allowed[b]) / 2
         if not is_long.any():
             break
-        middles = on_surface((points[a[is_long]] + points[b[is_long]]) / 2)
+        a, b = a[is_long], b[is_long]
+        middles = on_surface((points[a] + points[b]) / 2)
+        kept = _halved(kept, np.stack([a, b], axis=1), len(points))
         number = np.full(triangles.size, -1, np.int32)
         number[own[is_long]] = np.arange(len(points), len(points) + len(middles), dtype=np.int32)
         triangles = _split(triangles, number[edge].reshape(-1, 3))
         points = np.concatenate([points, middles])
         allowed = np.concatenate([allowed, limits(middles)])
-    return points, triangles
+    return SurfaceTriangulation(points, triangles), kept
+
+
+def _halved(kept: Triangles, split: Triangles, n: int) -> Triangles:
+    """Return edges (M, 2) of n points after others (S, 2) were halved by points n, n + 1, ..."""
+    keys = edge_keys(split, n)
+    order = np.argsort(keys)
+    wanted = edge_keys(kept, n)
+    at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    found = keys[at] == wanted
+    middles = (n + at[found]).astype(np.int32)
+    a, b = kept[found].T
+    return np.concatenate([kept[~found], np.stack([a, middles], axis=1), np.stack([middles, b], axis=1)])
 
 
 def _split(triangles: Triangles, middles: Triangles) -> Triangles:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cvtimg import surface_points
 from cvtimg.halfedges import boundary_edges, measure_triangles
-from cvtimg.surfaces import ImplicitSurface, SurfacePoints
+from cvtimg.surfaces import ImplicitSurface, SurfacePoints, measure_surface, read_features
 from cvtimg.surfaces.features import find_features
 from cvtimg.surfaces.triangulation import SurfaceTriangulation
 
@@ -63,7 +65,7 @@ def test_points_divide_circles_evenly() -> None:
     rings = np.concatenate([np.c_[circle, np.full(48, z)] for z in (0.0, 1)]).reshape(2, 48, 3)
     walls = rings.transpose(1, 0, 2).reshape(-1, 3)
     ends = np.array([[0, 2 * i, 2 * i - 2] for i in range(2, 48)])
-    found = surface_points((walls, np.concatenate([grid(48, 2, wraps=True), ends, ends[:, ::-1] + 1])), 400)
+    found = surface_points((walls, np.concatenate([grid(48, 2, wraps=True), ends, ends[:, ::-1] + 1])), 400, effort="fast")
     for z in (0, 1):
         rim = found.points[(found.points[:, 2] == z) & (np.hypot(*found.points[:, :2].T) > 0.99)]
         angles = np.sort(np.arctan2(rim[:, 1], rim[:, 0]))
@@ -116,9 +118,9 @@ def test_three_sheets_meet_in_one_curve() -> None:
 
 def test_creases_of_noise_are_left_out_or_whole() -> None:
     points, faces = sphere(0.002)
-    mesh = SurfaceTriangulation(points, faces)
-    assert find_features(mesh, 12, np.full(len(points), 1e-3)).any()
-    assert not find_features(mesh, 12, np.full(len(points), 9.0)).any()
+    mesh, none = SurfaceTriangulation(points, faces), np.empty((0, 2), np.int32)
+    assert find_features(mesh, 12, np.full(len(points), 1e-3), none).any()
+    assert not find_features(mesh, 12, np.full(len(points), 9.0), none).any()
     found = surface_points((points, faces), 500, feature_angle=15, effort="fast")
     assert (len(found.points), found.measures().is_closed, found.measures().euler_characteristic) == (500, True, 2)
 
@@ -129,6 +131,60 @@ def test_the_steps_of_a_scan_are_no_corners() -> None:
     points[points[:, 1] == 0, 1] = 0.02 * (np.rint(x[points[:, 1] == 0] * 20) % 2)
     found = surface_points((points, faces), 60, effort="fast")
     assert (found.points[:, 1] < 0.03).sum() < 15
+
+
+def test_edges_that_are_given_are_kept_as_vertices_as_places_and_as_groups() -> None:
+    points, faces = sheet()
+    middle = np.flatnonzero(points[:, 0] == 1)
+    pairs = np.stack([middle[:-1], middle[1:]], axis=1)
+    groups = (points[faces].mean(axis=1)[:, 0] > 1).astype(int)
+    found = [surface_points((points, faces), 120, features=given, effort="fast") for given in (points[pairs], groups)]
+    assert (found[0].points == found[1].points).all()
+    x = found[0].points[found[0].triangles][:, :, 0]
+    assert ((x.max(axis=1) <= 1) | (x.min(axis=1) >= 1)).all()  # no triangle is on both sides
+
+
+def test_lines_and_groups_of_obj_files_are_edges_to_keep(tmp_path: Path) -> None:
+    corners = "".join(f"v {x} {y} 0\n" for y in (0, 1) for x in (0, 1, 2))
+    (tmp_path / "a.obj").write_text(corners + "l 1 2 -1\n")
+    assert read_features(tmp_path / "a.obj").tolist() == [[[0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 1, 0]]]
+    (tmp_path / "b.obj").write_text(corners + "g a\nf 1 2 5 4\ng b\nf 2/1 3/1 6/1 5/1\n")
+    assert read_features(tmp_path / "b.obj").tolist() == [[[1, 0, 0], [1, 1, 0]]]
+    (tmp_path / "c.csv").write_text("0,0,0,1,1\n")
+    with pytest.raises(ValueError, match=r"c\.csv: holds no edges of six coordinates each"):
+        read_features(tmp_path / "c.csv")
+
+
+def test_distances_grow_gradually_where_a_density_jumps() -> None:
+    found = surface_points(sheet(), 300, density=lambda p: np.where(p[:, 0] > 1, 1e4, 1), effort="fast")
+    assert found.measures().least_angle > 25
+
+
+@pytest.mark.slow
+def test_points_are_closer_where_a_tolerance_asks_for_it() -> None:
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 0.5, 21), indexing="ij"))
+    ridge = np.stack([x, y, 0.3 * np.exp(-(((x - 1) / 0.2) ** 2))], axis=1), grid(81, 21)
+    line, diagonal = ridge[0][y == 0][:, [0, 2]].T, np.linalg.norm(np.ptp(ridge[0], axis=0))
+
+    def farthest(tolerance: float | None) -> float:
+        found = surface_points(ridge, 300, tolerance=tolerance, effort="fast")
+        middles = found.points[found.triangles].mean(axis=1)
+        return float(np.abs(middles[:, 2] - np.interp(middles[:, 0], *line)).max() / diagonal)
+
+    assert farthest(None) > 0.003 > farthest(0.003)
+    with pytest.raises(ValueError, match=r"n=300 must be more than about .*, which the tolerance asks for"):
+        farthest(1e-5)
+    with pytest.warns(UserWarning, match="of the diagonal from the surface: more points come nearer"):
+        farthest(0.0011)
+
+
+def test_components_and_borders_are_counted() -> None:
+    points, faces = sheet()
+    whole = measure_surface(points, faces)
+    holed = np.delete(faces, [305, 510], axis=0)
+    both = np.concatenate([holed, faces + len(points)])
+    two = measure_surface(np.concatenate([points, points + 5]), both)
+    assert (whole.n_components, whole.n_borders, two.n_components, two.n_borders) == (1, 1, 2, 4)
 
 
 def test_cells_end_at_a_boundary() -> None:
@@ -154,3 +210,9 @@ def test_features_that_n_or_the_angle_does_not_allow_are_refused() -> None:
         surface_points(cube(), 100, feature_angle=200)
     found = surface_points(cube(), 100, feature_angle=180, effort="fast")
     assert area(found) < 23.5
+    with pytest.raises(ValueError, match=r"features has \[0, 7\], which must be the ends of an edge"):
+        surface_points(cube(), 100, features=[[0, 7]])
+    with pytest.raises(ValueError, match=r"features of shape \(3,\) must be"):
+        surface_points(cube(), 100, features=[0, 1, 2])
+    with pytest.raises(ValueError, match="tolerance=0 must be"):
+        surface_points(cube(), 100, tolerance=0)

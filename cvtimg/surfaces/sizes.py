@@ -1,0 +1,191 @@
+"""Distances of points on a surface: by a density, growing gradually, and shorter where the surface bends."""
+
+from __future__ import annotations
+
+from warnings import warn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_that
+from cvtimg._shared.sums import sum_by_label
+from cvtimg.placement.densities import Density
+from cvtimg.surfaces.features import Mask
+from cvtimg.surfaces.surface import VertexDensity
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
+
+Values = NDArray[np.float64]
+
+#: Area of a regular hexagon whose neighbors are at distance 1.
+HEXAGON = 0.75**0.5
+#: Points may be so much farther from each other than where the density is largest.
+_SPARSEST = 30.0
+#: A density that is 0 at more of these places is warned of.
+_MOST_ZEROS = 0.01
+#: Distances grow by so much for each unit of length, at most, unless they would by less than this factor too much.
+_GRADE, _TOO_STEEP = 0.3, 1.25
+#: Rounds by which distances come to the number of points, how near is near enough, and the largest step (logarithm).
+_ROUNDS, _NEAR, _STEP = 20, 0.01, 1.0
+#: On a finer mesh they are made shorter where they come out less by this factor.
+_MISSED = 0.8
+#: Curvatures are means around vertices, passed on to neighbors so often: about half as far as points are apart.
+_LEAST_PASSES, _MOST_PASSES = 2, 64
+#: How far a triangle with corners on a ball of radius r is from it, by (distance of points)^2 / r, and an edge with
+#: ends on a circle: 1/6 and 1/8 if no edge were longer than that.
+_TRIANGLE, _EDGE = 1 / 4, 1 / 6
+#: Curves that turn by more at a vertex (as the length of the sum of two directions) have a corner there.
+_CORNER = 0.7
+
+
+class Sizes:
+    """Distances of n points by a density, looked at on a mesh; no more than limits (N,) at its vertices allow."""
+
+    def __init__(self, mesh: SurfaceTriangulation, n: int, density: Density, limits: Values | None = None) -> None:
+        self._n, self.given, self._lower = n, density, None
+        values = density(mesh.points)
+        self._top = float(values.max())
+        check_that("density", self._top > 0, "be > 0 somewhere on the surface")
+        if (zeros := float((values <= 0).mean())) > _MOST_ZEROS:
+            gap = f"cells there are up to {_SPARSEST:g} times as wide as the finest"
+            warn(f"the density is 0 on about {zeros:.0%} of the surface: {gap}", stacklevel=5)
+        areas, relative = mesh.vertex_areas(), self.relative(mesh.points)
+        self.distance = _scale(areas, relative, n)
+        limits = np.full(len(areas), np.inf) if limits is None else limits
+        if (limits >= self.distance * relative).all() and not _is_steep(mesh, self.distance * relative):
+            return
+        before = step = 0.0
+        for _ in range(_ROUNDS):
+            sizes = _graded(mesh, np.minimum(self.distance * relative, limits))
+            off = float(np.log(_scale(areas, sizes, n)))
+            if abs(off) < _NEAR:
+                break
+            step = float(np.clip(off * (step / (before - off) if before - off else 1), -_STEP, _STEP)) or off
+            self.distance, before = self.distance * np.exp(step), off
+        self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
+
+    def relative(self, places: Points) -> Values:
+        """Return the distances (N,) of points around (N, 3) places, by that where the density is largest."""
+        sizes = np.minimum((np.maximum(self.given(places), 0) / self._top + _SPARSEST**-4) ** -0.25, _SPARSEST)
+        return sizes if self._lower is None else np.minimum(sizes, self._lower(places))
+
+    def __call__(self, places: Points) -> Values:
+        """Return the distances (N,) of points around (N, 3) places."""
+        return self.distance * self.relative(places)
+
+    def density(self, places: Points) -> Values:
+        """Return the density (N,) by which points have these distances."""
+        return self.given(places) if self._lower is None else self.relative(places) ** -4
+
+    def fits(self, mesh: SurfaceTriangulation) -> bool:
+        """Tell whether distances come to the number of points on a finer mesh, too; make them shorter otherwise."""
+        factor = _scale(mesh.vertex_areas(), self(mesh.points), self._n)
+        is_near = factor > _MISSED
+        self.distance *= 1 if is_near else factor
+        return is_near
+
+
+def _scale(areas: Values, sizes: Values, n: int) -> float:
+    """Return by how much sizes (N,) have to be longer for n points."""
+    return float((areas / sizes**2).sum() / (HEXAGON * n)) ** 0.5
+
+
+def _edges(mesh: SurfaceTriangulation) -> tuple[Triangles, Values]:
+    """Return half-edges (3 T, 2) as their ends, and their lengths."""
+    a, b = mesh.edges.T
+    return mesh.edges, np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1)
+
+
+def _is_steep(mesh: SurfaceTriangulation, sizes: Values) -> bool:
+    """Tell whether sizes (N,) grow too fast along some edge, in either direction."""
+    (a, b), lengths = mesh.edges.T, _edges(mesh)[1]
+    return bool((np.maximum(sizes[a], sizes[b]) > _TOO_STEEP * np.minimum(sizes[a], sizes[b]) + _GRADE * lengths).any())
+
+
+def _graded(mesh: SurfaceTriangulation, sizes: Values) -> Values:
+    """Lower sizes (N,) until they grow gradually: they are the shortest ways to one more vertex, `sizes` away."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    n, (edges, lengths) = len(sizes), _edges(mesh)
+    is_finite = np.isfinite(sizes)
+    own = np.flatnonzero(is_finite)
+    rows = np.concatenate([edges[:, 0], edges[:, 1], np.full(len(own), n)])
+    columns = np.concatenate([edges[:, 1], edges[:, 0], own])
+    weights = np.concatenate([_GRADE * lengths, _GRADE * lengths, sizes[own]])
+    # A border has one half-edge and others two: of equal weights in the same place, one is kept.
+    order = np.unique(rows * np.int64(n + 1) + columns, return_index=True)[1]
+    links = coo_array((weights[order], (rows[order], columns[order])), (n + 1, n + 1)).tocsr()
+    return np.asarray(dijkstra(links, indices=n)[:n])
+
+
+def least_number(mesh: SurfaceTriangulation, limits: Values) -> int:
+    """Return about how many points have distances within limits (N,)."""
+    return int(np.ceil(_scale(mesh.vertex_areas(), _graded(mesh, limits), 1) ** 2))
+
+
+def limits_within(mesh: SurfaceTriangulation, features: Mask, depth: float, n: int) -> Values:
+    """Return how far points (N,) may be apart so that triangles and edges on features are within a depth.
+
+    Curvatures are means as far as n points are apart, but not beyond features.
+    """
+    a, b = mesh.edges.T
+    lengths = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1)
+    apart = (mesh.areas().sum() / (HEXAGON * n)) ** 0.5
+    n_passes = int(np.clip((apart / (2 * lengths.mean())) ** 2, _LEAST_PASSES, _MOST_PASSES))
+    parts, sites = mesh.cut(features)
+    bends = _curvatures(parts, n_passes)
+    limits = np.full(len(mesh.points), np.inf)
+    np.minimum.at(limits, sites, np.sqrt(depth / (_TRIANGLE * np.maximum(bends, 1e-300))))
+    on_curves = np.sqrt(depth / (_EDGE * np.maximum(_turns(mesh, features, n_passes), 1e-300)))
+    return np.minimum(np.minimum(limits, on_curves), mesh.areas().sum() ** 0.5)
+
+
+def _curvatures(mesh: SurfaceTriangulation, n_passes: int) -> Values:
+    """Return the largest principal curvature (N,) at each vertex: angles between faces sum up to a tensor.
+
+    D. Cohen-Steiner, J.-M. Morvan, Restricted Delaunay triangulations and normal cycle, Symposium on Computational
+    Geometry (2003) 312-321, doi 10.1145/777792.777839.
+    """
+    twins, normals = mesh.twins.ravel(), mesh.face_normals()
+    own = np.flatnonzero(twins > np.arange(len(twins)))
+    a, b = mesh.edges[own].T
+    along = mesh.points[b] - mesh.points[a]
+    one, other = normals[own // 3], normals[twins[own] // 3]
+    across = np.einsum("ij,ij->i", np.cross(one, other), unit(along))
+    angles = np.arctan2(across, np.einsum("ij,ij->i", one, other))
+    tensors = (angles / 2)[:, None, None] * along[:, :, None] * unit(along)[:, None]
+    at = np.concatenate([a, b])
+    sums = sum_by_label(at, np.tile(tensors.reshape(-1, 9), (2, 1)), len(mesh.points))
+    sums, areas = _passed_on(mesh.edges, np.column_stack([sums, mesh.vertex_areas()]), n_passes)
+    return np.abs(np.linalg.eigvalsh((sums / areas).reshape(-1, 3, 3))).max(axis=1)
+
+
+def _turns(mesh: SurfaceTriangulation, features: Mask, n_passes: int) -> Values:
+    """Return the curvature (N,) of curves of features, 0 at corners and elsewhere."""
+    edge = number_edges(mesh.triangles, len(mesh.points))
+    ends = mesh.edges[features & (edge == np.arange(len(edge)))]
+    steps = mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]
+    lengths = np.linalg.norm(steps, axis=1)
+    at, n = ends.T.ravel(), len(mesh.points)
+    # What leads away from a vertex adds up to its turn.
+    away = np.concatenate([unit(steps), -unit(steps)])
+    turns, halves = sum_by_label(at, away, n), sum_by_label(at, np.tile(lengths / 2, 2), n)
+    smooth = (np.bincount(at, minlength=n) == 2) & (np.linalg.norm(turns, axis=1) < _CORNER)
+    turns[~smooth] = 0
+    turns, halves = _passed_on(ends, np.column_stack([turns, halves]), n_passes)
+    return np.linalg.norm(turns, axis=1) / np.maximum(halves[:, 0], 1e-300)
+
+
+def _passed_on(edges: Triangles, values: Points, n_passes: int) -> tuple[Points, Points]:
+    """Give parts of values (N, ...) to neighbors over edges (E, 2), in passes; return them and the last column."""
+    from scipy.sparse import coo_array, eye_array
+
+    n = len(values)
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    links = coo_array((np.ones(len(rows)), (rows, columns)), (n, n)).tocsr()
+    links.data[:] = 1
+    links = links + eye_array(n, format="csr")
+    links = links.multiply(1 / np.asarray(links.sum(axis=0))).tocsr()
+    for _ in range(n_passes):
+        values = links @ values
+    return values[:, :-1], values[:, -1:]
