@@ -65,7 +65,8 @@ def test_points_divide_circles_evenly() -> None:
     rings = np.concatenate([np.c_[circle, np.full(48, z)] for z in (0.0, 1)]).reshape(2, 48, 3)
     walls = rings.transpose(1, 0, 2).reshape(-1, 3)
     ends = np.array([[0, 2 * i, 2 * i - 2] for i in range(2, 48)])
-    found = surface_points((walls, np.concatenate([grid(48, 2, wraps=True), ends, ends[:, ::-1] + 1])), 400, effort="fast")
+    faces = np.concatenate([grid(48, 2, wraps=True), ends, ends[:, ::-1] + 1])
+    found = surface_points((walls, faces), 400, effort="fast")
     for z in (0, 1):
         rim = found.points[(found.points[:, 2] == z) & (np.hypot(*found.points[:, :2].T) > 0.99)]
         angles = np.sort(np.arctan2(rim[:, 1], rim[:, 0]))
