@@ -1,10 +1,10 @@
-"""Measure the numbers of the README anew, and no others, and print them claim by claim.
+"""Measure the numbers of the README anew, with the table of palettes in its guide, and print them claim by claim.
 
     python benchmarks/readme.py [--quick] [--data DIR] [--only palettes,meshes]
 
-Seconds are worth something on an idle machine only, so the load is printed before each part; every part begins with the
-name of the processor. On two idle cores, all parts take about half an hour. With --only '', the claims are those of the
-last runs.
+Seconds are worth something on an idle machine only, so the load is printed with each part, and parts whose seconds
+count run by themselves; the others run two at a time. On two idle cores, all of them take less than half an hour.
+With --only '', the claims are those of the last runs.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,6 +36,7 @@ class Part(NamedTuple):
     words: str
     results: str
     claims: Callable[[Rows], Claims]
+    is_timed: bool = False
 
 
 def mean(rows: Rows, key: str, **of: object) -> float:
@@ -127,29 +129,29 @@ def meshes(rows: Rows) -> Claims:
         yield "Fast meshes: mean quality, cvtimg and Gmsh", f"{ours['mean q']}, {theirs['mean q']}"
 
 
-#: For each claim of the README the script and its arguments that repeat it; those whose seconds count come first.
+#: For each claim of the README the script and its arguments that repeat it; of those not timed, the longest first.
 PARTS = {
-    "palettes": Part("quantization.py --data {data}/cq100", "quantization", palettes),
-    "processes": Part("whole_process.py --rounds 3", "whole_process", processes),
-    "meshes": Part("meshes.py --only ocean", "meshes", meshes),
-    "bytes": Part("dithering.py --pictures 4 --rivals cvtimg pngquant", "dithering", bytes_of_files),
-    "regions": Part("hierarchy.py --parts regions", "hierarchy", regions),
-    "files": Part("looks.py --pictures 6 --rivals pngquant", "looks", files),
+    "palettes": Part("quantization.py --data {data}/cq100", "quantization", palettes, is_timed=True),
+    "processes": Part("whole_process.py --rounds 3", "whole_process", processes, is_timed=True),
+    "meshes": Part("meshes.py --only ocean", "meshes", meshes, is_timed=True),
     "restoration": Part(
         "restoration.py --photographs {data}/kodak --damages 1 --rivals BM3D", "photographs", restoration
     ),
+    "regions": Part("hierarchy.py --parts regions", "hierarchy", regions),
+    "files": Part("looks.py --pictures 6 --rivals pngquant", "looks", files),
+    "bytes": Part("dithering.py --pictures 4 --rivals cvtimg pngquant", "dithering", bytes_of_files),
 }
 
 
 def run(part: Part, data: Path, quick: bool) -> bool:
-    """Run a part, and tell whether it failed."""
+    """Run a part, print what it prints, and tell whether it failed."""
     script, *words = part.words.format(data=data).split()
-    print(f"\n## {script} {' '.join(words)} (load {os.getloadavg()[0]:.1f})\n", flush=True)
     command = [sys.executable, str(Path(__file__).with_name(script)), "--data", str(data), *words, *["--quick"] * quick]
-    start = time.perf_counter()
-    failed = subprocess.run(command).returncode != 0
-    print(f"\n{time.perf_counter() - start:.0f} s", flush=True)
-    return failed
+    load, start = os.getloadavg()[0], time.perf_counter()
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    seconds = time.perf_counter() - start
+    print(f"\n## {' '.join([script, *words])} (load {load:.1f}, {seconds:.0f} s)\n\n{done.stdout}", flush=True)
+    return done.returncode != 0
 
 
 def main() -> None:
@@ -160,7 +162,13 @@ def main() -> None:
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
     given = read.parse_args()
     print(f"# {machine()}", flush=True)
-    failed = [name for name in given.only.split(",") if name and run(PARTS[name], given.data, given.quick)]
+    chosen = {name: PARTS[name] for name in PARTS if name in given.only.split(",")}
+    failed = []
+    for is_timed in (True, False):
+        names = [name for name, part in chosen.items() if part.is_timed == is_timed]
+        with ThreadPoolExecutor(1 if is_timed else 2) as pool:
+            results = pool.map(lambda name: run(PARTS[name], given.data, given.quick), names)
+            failed += [name for name, is_bad in zip(names, results, strict=True) if is_bad]
     print("\n# Claims of the README\n")
     for part in PARTS.values():
         path = OUT / f"{part.results}.json"

@@ -75,7 +75,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 
 def _panels(found: Basis) -> list[list[Panel]]:
-    """Show centers as they are, and modes about grey: a mode has no sign and no scale."""
+    """Show centers as they are, and modes about gray: a mode has no sign and no scale."""
     import numpy as np
 
     from cvtimg.plotting.sheets import Panel

@@ -72,11 +72,11 @@ def quantize(
         Any integer or floating point type and byte order; white is the largest integer of the type, or 1 for floats.
         Also masked arrays, and objects with ``__array__`` or the DLPack protocol. A Dask array or an
         `xarray.DataArray`, of any dimensions, is quantized block by block, and never loaded: see Notes.
-    n_colors : int
+    n_colors : int or "auto", optional
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
         the transparent color. "auto" uses the elbow of the energy curve, which the result then contains (see
-        `EnergyCurve.elbow`), or as many more as keep the main colors of an image in color. With `psnr`, optional and
-        the maximum size.
+        `EnergyCurve.elbow`), or as many more as keep the main colors of an image in color. With `psnr` it may be
+        omitted, and is the maximum size.
     alpha : bool, optional
         Whether the last channel is alpha. Then colors count as far as they are visible, opaque pixels stay opaque, and
         fully transparent pixels stay so. By default that of a Pillow image with alpha, and of an array that

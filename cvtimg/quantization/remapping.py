@@ -134,7 +134,7 @@ class Quantized(ReadOnly, Fidelity):
                 return self.indices, colors
             clear = np.uint8(len(colors))
             return np.where(self.inside, self.indices, clear), np.append(colors, np.zeros((1, 4), np.uint8), axis=0)
-        if n_colors == 1 and self.alpha:  # grey with alpha has no form of its own in files
+        if n_colors == 1 and self.alpha:  # gray with alpha has no form of its own in files
             return with_mark(widen(self.palette, True, 3, True)[self.indices], True), None
         return self.image.reshape(*self.indices.shape, -1)[..., 0] if n_colors == 1 else self.image, None
 
@@ -352,7 +352,7 @@ def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
     inside = points.frame.inward(places)
     if points.n_dims > 1:
         return assign(points, inside)[: points.n_points]
-    # `assign` works in float32, which cannot separate thousands of grey levels.
+    # `assign` works in float32, which cannot separate thousands of gray levels.
     order = np.argsort(inside[:, 0], kind="stable")
     levels = inside[order, 0]
     which = np.searchsorted((levels[1:] + levels[:-1]) / 2, points.coordinate(0)[: points.n_points])

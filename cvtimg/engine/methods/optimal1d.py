@@ -1,4 +1,4 @@
-"""Optimal1d: the global minimum of the energy for points of one dimension, such as grey levels.
+"""Optimal1d: the global minimum of the energy for points of one dimension, such as gray levels.
 
 Cells of sorted levels are intervals, and the lowest energy E(k) of k intervals is convex in k. So there is a price per
 cell at which the cheapest cut has k cells, or at which two cuts cost the same, one with fewer and one with more cells;
