@@ -22,7 +22,10 @@ DOCS = Path(__file__).parent
 SAMPLES = DOCS.parent / "sample_images"
 sys.path.insert(0, str(DOCS.parent / "tests"))
 
+import visits  # noqa: E402
 from visits import Visit  # noqa: E402
+
+visits.PATIENCE = 600.0  # figures are also drawn on busy machines
 
 #: A photograph, and a drawing, which is more likely to be meshed.
 IMAGES = ("coffee.png", "drawing.png")

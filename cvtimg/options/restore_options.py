@@ -78,7 +78,7 @@ RESTORE = (
     ),
     passed(
         "noise_like",
-        Choice(get_args(NoiseName), {"auto": "shared by neighbors, if found", "white": "white"}),
+        Choice(get_args(NoiseName), {"auto": "as it is found"}),
         "With --detail: noise that neighboring pixels share is recognized, or all noise is taken for white.",
         default="auto",
     ).on_page("Kind of noise"),

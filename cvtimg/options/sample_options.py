@@ -82,6 +82,13 @@ ELBOW = (
     *common.BATCH,
 )
 
+#: Criteria of designs as the page names them.
+_CRITERIA = {
+    "cvt": "even cells",
+    "maximin": "largest least distance",
+    "projection": "distances in all projections",
+    "discrepancy": "least discrepancy",
+}
 DESIGN = (
     Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True).on_page(
         "Points", slider=(4, 500), log=True, default=40
@@ -114,7 +121,7 @@ DESIGN = (
     ).on_page("Latin", about="Each of N slices along each axis has one point."),
     passed(
         "criterion",
-        Choice(("cvt", "maximin", "projection", "discrepancy")),
+        Choice(("cvt", "maximin", "projection", "discrepancy"), _CRITERIA),
         "Place Latin points for even cells, the largest smallest distance, distances in all projections, or the least "
         "discrepancy.",
         default="cvt",

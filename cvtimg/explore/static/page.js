@@ -269,6 +269,7 @@ function look() {
 
 function repaint() {
 	if (!last) return;
+	$("stage").classList.remove("bare");
 	const drawn = last.kind === "globe" ? globe.show(last) : viewer.right.show(last, subject(), look(), before);
 	$("rightname").textContent = tab().title + (kept && $("against").value === "A" ? " (B)" : "");
 	return drawn;
@@ -313,7 +314,7 @@ function facts(bytes) {
 	$("note").textContent = f.about ?? "";
 	const saved = 1 - bytes / state.picture?.bytes;
 	if (bytes && (f.noun || f.labels || !recipes.list[0].key.startsWith("o."))) parts.push(size(bytes)); // not of this image
-	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved > 0 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
+	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved >= .005 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }
 
@@ -448,6 +449,7 @@ function lay() { // what the tab shows onto the stage: the picture, or a sheet o
 	$("stage").classList.toggle("empty", !size);
 	$("stage").classList.toggle("alone", Boolean(sheet()));
 	viewer.right.clear();
+	$("stage").classList.add("bare");
 	setTool();
 	viewer.tool?.clear?.();
 	if (!size) return;
