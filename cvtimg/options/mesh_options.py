@@ -109,7 +109,7 @@ SPHERE = (
     Option(
         "number",
         Whole(1, 1 << 28),
-        "Number of points (with --parent: of new points). 12, 42, ... 10 * 4^k + 2 give the most regular grids. "
+        "Number of points (with --parent: of new points). 10 t + 2, t = h*h + h*k + k*k, give the most regular grids. "
         "Optional with --cell-width, whose widths it scales.",
         "--points -n",
     ).on_page("Points", slider=(12, 163842), log=True, least=12, most=163842, default=2562),

@@ -36,7 +36,7 @@ _MOST_BLOCKS, _LEAST_BLOCK = 8192, 64
 #: Steps of the kernels for each point, by which their work is divided among threads.
 _WORK = 100
 #: Angles in degrees that are aimed at: beyond them corners push, so that none comes near to 90 degrees.
-BOUNDS = (47.0, 80.0)
+BOUNDS = (49.0, 77.0)
 #: Step length of polishing per unit slope of what angles cost, in areas of cells, and the longest step, in their sizes.
 _RATE, _LONGEST_POLISHING = 0.25, 0.05
 

@@ -23,6 +23,7 @@ from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.placement.densities import ConstantDensity
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
 from cvtimg.sphere.descent import descend, polish_angles
+from cvtimg.sphere.geodesic import Lattice, twist
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
 from cvtimg.sphere.triangulation import (
@@ -43,6 +44,8 @@ MOST_POINTS = 1 << 28
 _COARSEST, _COARSEST_WEIGHTED = 12, 600
 #: Starts of the coarsest level with cells alike, of which the lowest goes on, and their moves.
 _TRIALS, _TRIAL_MOVES = 8, 200
+#: Lattices on an icosahedron with at most so many steps along a side are not moved by coarser ones.
+_DIRECT = 32
 #: The coarsest level may have more points where `levels` says so; then there is one start.
 _FEW = 200
 #: Places that the mean of a density is taken over.
@@ -104,8 +107,8 @@ def sphere_grid(
     Parameters
     ----------
     n : int, optional
-        Number of points, >= 4; by default that of `density`, a `CellWidth`. With 12, 42, 162, ... 10 * 4^k + 2 and no
-        density, all cells but twelve are hexagons.
+        Number of points, >= 4; by default that of `density`, a `CellWidth`. With 12, 32, 42, 72, ... 10 t + 2 and no
+        density, t = h^2 + h k + k^2, all cells but twelve are hexagons.
     density : callable, (H, 2 H) array, CellWidth, Refinement or sequence of these, optional
         A function from (N, 3) unit vectors to (N,) values >= 0; an equirectangular image, longitudes -180..180 from
         left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
@@ -187,16 +190,18 @@ def sphere_grid(
     if len(held):
         check_excluded("fixed", True, levels=levels)
         return plan.around(held, n)
-    return plan.by_levels(_sizes(n, _COARSEST if weight is None else _COARSEST_WEIGHTED, levels))
+    return plan.by_levels(_sizes(n, weight is None, levels))
 
 
-def _sizes(n: int, coarsest: int, levels: int | None) -> list[int]:
+def _sizes(n: int, is_even: bool, levels: int | None) -> list[int]:
     """Numbers of points of all levels, from the coarsest."""
     if levels is not None:
         check_at_least("levels", levels, 1, "the number of grids, from the coarsest to that of n points")
-    sizes = [n]
-    while (sizes[-1] + 6) // 4 >= coarsest and len(sizes) != levels:
-        sizes.append((sizes[-1] + 9) // 4)
+    coarsest, sizes = _COARSEST if is_even else _COARSEST_WEIGHTED, [n]
+    while (coarser := (sizes[-1] + 9) // 4) * 4 >= 4 * coarsest and len(sizes) != levels:
+        if is_even and twist(sizes[-1]) and not twist(coarser):
+            break
+        sizes.append(coarser)
     return sizes[::-1]
 
 
@@ -254,8 +259,20 @@ class _Plan:
             return SphereTriangulation(drawn(self.density.for_cells(n), n, self.rng))
         if n == 12:
             return icosahedron()
+        if sides := twist(n):
+            return self._latticed(*sides)
         trials = [SphereTriangulation(random_points(n, self.rng)) for _ in range(_TRIALS if n <= _FEW else 1)]
         return min(trials, key=lambda mesh: descend(mesh, uniform_cells, _TRIAL_MOVES, self.effort.tolerance).energy)
+
+    def _latticed(self, h: int, k: int) -> SphereTriangulation:
+        """Begin with a lattice on an icosahedron, moved as coarser ones are."""
+        lattice = Lattice(h, k)
+        steps = int(lattice.t**0.5)
+        if steps <= _DIRECT:
+            return SphereTriangulation(lattice.points())
+        coarse = self._latticed(steps // 2, 0)
+        self._descend(coarse, uniform_cells)
+        return SphereTriangulation(lattice.points(Lattice(steps // 2, 0), coarse.points))
 
     def _sums(self, n: int) -> SumCells:
         """How cells are summed at a level of n points: without details that are finer than the cells."""

@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
 from cvtimg.sphere._sphere import limit_growth
 from cvtimg.sphere.densities import GlobePicture, Points, angles_from, check_center, check_globe, fibonacci, to_radians
+from cvtimg.sphere.geodesic import nearest_twelve
 
 #: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
 EARTH_RADIUS = 6371.229
 #: By how much cells of maps and circles may widen on the way through a cell.
 _GROWTH = 0.15
+#: Even cells become as many as have twelve pentagons, if that is so near.
+_NEAR = 0.01
 #: The steepest slope of a transition, by the mean one.
 _STEEPEST = 1.5
 #: Places that the number of points is summed over, a few at a time.
@@ -94,8 +97,8 @@ class CellWidth:
     -----
     The width of a cell is the mean of the distances from its point to those of its neighbors: what MPAS-Tools calls
     ``cellWidth``, and JIGSAW ``hfun``, the length of edges of triangles. A hexagon of width w has the area
-    sqrt(3) / 2 w^2, from which the number of points follows. With another number of points, all widths change by the
-    same factor.
+    sqrt(3) / 2 w^2, from which the number of points follows; where cells are even, the nearest one that has twelve
+    pentagons only, if it differs by at most 1 %. With another number of points, all widths change by the same factor.
 
     Examples
     --------
@@ -103,7 +106,7 @@ class CellWidth:
     >>> from cvtimg import sphere_grid
     >>> from cvtimg.sphere import CellWidth, WidthCircle
     >>> CellWidth(30).n_points
-    654460
+    654432
     >>> grid = sphere_grid(density=CellWidth(1000, [WidthCircle(-40, 45, radius=2000, width=500)]), effort="fast")
     >>> near = np.hypot(grid.lon + 40, grid.lat - 45) < 10
     >>> bool(abs(grid.widths()[near] / 500 - 1).max() < 0.1)
@@ -119,7 +122,9 @@ class CellWidth:
             widths = self.at(part)
             sums, finest = sums + float((widths**-2.0).sum()), min(finest, float(widths.min()))
         self._finest = min([finest, *(circle.width for circle in self.circles)])
-        self.n_points = round(4 * np.pi * EARTH_RADIUS**2 / _HEXAGON * sums / _PLACES)
+        n_points = round(4 * np.pi * EARTH_RADIUS**2 / _HEXAGON * sums / _PLACES)
+        near = nearest_twelve(n_points) if self.is_even else n_points
+        self.n_points = near if abs(near - n_points) <= _NEAR * n_points else n_points
 
     def at(self, points: Points) -> NDArray[np.float64]:
         """Return widths in km at (N, 3) unit vectors."""

@@ -13,6 +13,7 @@ from cvtimg import sphere_grid
 from cvtimg._shared.threads import limit_threads, n_threads
 from cvtimg.sphere import Refinement, SphereGrid
 from cvtimg.sphere.densities import fibonacci, from_degrees
+from cvtimg.sphere.geodesic import Lattice, nearest_twelve
 from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
@@ -28,6 +29,23 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
     own = {tuple(row) for row in np.sort(grid.triangles, axis=1).tolist()}
     # Where four points are on one circle, which triangles they have is open.
     assert len(hull ^ own) <= 0.01 * len(own)
+
+
+@pytest.mark.parametrize("n", [72, 92, 362, 1272, pytest.param(11_172, marks=pytest.mark.slow)])
+def test_lattices_on_an_icosahedron_have_twelve_pentagons_and_no_heptagon(n: int) -> None:
+    measures = sphere_grid(n).measures()
+    assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
+    assert measures.least_angle > 53
+    assert measures.largest_angle < 73
+
+
+def test_a_lattice_is_moved_as_a_coarser_one_is() -> None:
+    lattice, coarse = Lattice(4, 3), Lattice(3, 0)
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    moved = lattice.points(coarse, coarse.points() @ turn)
+    assert moved == pytest.approx(lattice.points(coarse, coarse.points()) @ turn, abs=1e-12)
+    assert np.linalg.norm(moved - lattice.points() @ turn, axis=1).max() < 0.05
+    assert [nearest_twelve(n) for n in (1, 12, 20, 60, 1000)] == [12, 12, 12, 72, 1002]
 
 
 @pytest.mark.parametrize("n", [4, 5, 12, 13, 42, 99, 642, 1000])
