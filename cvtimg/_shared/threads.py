@@ -7,7 +7,7 @@ spinning, and it survives a fork. No result depends on the number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
+S = TypeVar("S")
 T = TypeVar("T")
 
 #: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
@@ -74,6 +75,23 @@ def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> N
     kernel(bounds[0], bounds[1])
     for other in others:
         other.result()
+
+
+def side_by_side(work: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
+    """Yield what `work` makes of each item, in their order; as many items as there are threads are at work at once."""
+    if len(items) == 1 or _alone.get():
+        yield from map(work, items)
+        return
+
+    def alone(item: S) -> T:
+        with one_thread():
+            return work(item)
+
+    for start in range(0, len(items), n_threads()):
+        batch = items[start : start + n_threads()]
+        others = [_pool().submit(alone, item) for item in batch[1:]]
+        yield alone(batch[0])
+        yield from (other.result() for other in others)
 
 
 def pairwise_sum(values: Iterable[T], add: Callable[[T, T], T]) -> T | None:

@@ -19,8 +19,8 @@ cdef extern from "patches.h" nogil:
         int n_bands
 
     struct patch_functions_s "patch_functions":
-        void (*measure)(picture, const int32_t *, Py_ssize_t, Py_ssize_t, float *, float *, float *, double *) noexcept nogil
-        void (*make)(double *, Py_ssize_t, double, float *) noexcept nogil
+        void (*measure)(picture, const int32_t *, Py_ssize_t, Py_ssize_t, float *, float *, float *) noexcept nogil
+        void (*make)(float *, Py_ssize_t, float, float *) noexcept nogil
         void (*filter)(
             picture, picture, float, const int32_t *, Py_ssize_t, Py_ssize_t, const float *, const float *, float *,
             float *, float *,
@@ -42,7 +42,7 @@ cdef inline picture as_picture(const float[:, :, ::1] image) noexcept nogil:
 
 
 def halve_groups(
-    const float[:, ::1] features,  # IN (N, D): D <= 32
+    const float[:, ::1] features,  # IN (N, D): D <= 32, a multiple of 8
     int32_t[::1] order,            # INOUT (N,): members of the groups, one group after the other
     const int64_t[::1] starts,     # IN (G,): of the groups to cut
     const int64_t[::1] stops,      # IN (G,)
@@ -69,25 +69,24 @@ def measure_groups(
     const int32_t[::1] order,        # IN (N,): pixels of the groups, one group after the other
     const int64_t[::1] bounds,       # IN (G + 1,): where each group begins in `order`
     float[:, ::1] means,             # OUT (G, P)
-    double[:, :, ::1] covariances,   # OUT (last - first, P, P)
+    float[:, :, ::1] covariances,    # OUT (last - first, R, R): 0 from P on
     Py_ssize_t first,                # IN
     Py_ssize_t last,                 # IN
 ):
     """Measure the mean and the covariance of the patches of each group."""
     cdef picture from_image = as_picture(image)
-    cdef Py_ssize_t g, columns = (means.shape[1] + LANES - 1) // LANES * LANES
-    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), columns), np.float32)
-    cdef float[:, ::1] products = np.empty((columns, columns), np.float32)
+    cdef Py_ssize_t g
+    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), covariances.shape[2]), np.float32)
     with nogil:
         for g in range(first, last):
             functions.measure(
                 from_image, &order[bounds[g]], bounds[g + 1] - bounds[g], means.shape[1], &patches[0, 0],
-                &products[0, 0], &means[g, 0], &covariances[g - first, 0, 0],
+                &means[g, 0], &covariances[g - first, 0, 0],
             )
 
 
 def make_filters(
-    double[:, :, ::1] covariances,  # INOUT (last - first, P, P): used up
+    float[:, :, ::1] covariances,   # INOUT (last - first, R, R): 0 from P on; used up
     const double[::1] variances,    # IN (G,): of the noise
     float[:, :, ::1] filters,       # OUT (G, P, R)
     Py_ssize_t first,               # IN
@@ -97,7 +96,7 @@ def make_filters(
     cdef Py_ssize_t g
     with nogil:
         for g in range(first, last):
-            functions.make(&covariances[g - first, 0, 0], covariances.shape[1], variances[g], &filters[g, 0, 0])
+            functions.make(&covariances[g - first, 0, 0], filters.shape[1], <float>variances[g], &filters[g, 0, 0])
 
 
 def filter_groups(

@@ -26,6 +26,8 @@ _SIDES = (1, 3, 5)
 _FULL_ENOUGH = 0.3
 #: A pixel departs if more than this share of the known pixels of the 3 x 3 about it do.
 _MOST = 0.6
+#: Moved versions may differ by this part of the range of the pixels about.
+_SLACK = 0.5
 #: Pixels that are compared at once.
 _CHUNK = 1 << 18
 #: Boxes per channel in which colors are counted to find the background.
@@ -36,8 +38,10 @@ _ABOUT_MEDIAN = 0.88
 _SAMPLED_ROWS, _SAMPLED_PIXELS = 32, 1 << 20
 
 
-def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions:
+def without_outliers(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the median of all, which the majority decides."""
+    # Versions that were `moved` show what is finer than the pixels differently, each at its place: where the median
+    # varies from pixel to pixel, so may they.
     # Only pixels that three or more versions know can be judged. Where all depart, as where two versions stand against
     # two, nothing is left out. `noise`, (S,), is the standard deviation of the noise of each version, > 0.
     if versions.n_versions < 3 or versions.coverage.max() < 3:
@@ -45,7 +49,11 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions
     scales = _scales(versions, noise)
 
     def kept(part: _Part) -> _Bools:
-        departing = np.stack([part.departs(part.values[s] - part.median, s, scales[s]) for s in range(len(scales))])
+        median = part.median
+        slack = _SLACK * _relief(median) if moved else np.zeros(1, np.float32)
+        residuals = (values - median for values in part.values)
+        residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
+        departing = np.stack([part.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
         departing &= part.known.sum(axis=0) >= 3
         outvoted: _Bools = departing & (part.known & ~departing).any(axis=0)
         return part.known & ~outvoted
@@ -53,7 +61,15 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64]) -> Versions
     return _in_bands(versions, kept)
 
 
-def without_background(versions: Versions, noise: NDArray[np.float64]) -> Versions:
+def _relief(image: Floats) -> Floats:
+    """(H, W, C) range of the pixels of an image within 3 x 3; 0 where one is unknown."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    sides = (3, 3, 1)
+    return np.nan_to_num(maximum_filter(image, sides) - minimum_filter(image, sides))
+
+
+def without_background(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
     # most frequent color.
@@ -70,10 +86,10 @@ def without_background(versions: Versions, noise: NDArray[np.float64]) -> Versio
 
 
 #: The registry: names for `hidden` and ``--hidden``; none keeps all that is known.
-HIDDEN: dict[str, Callable[[Versions, NDArray[np.float64]], Versions]] = {
+HIDDEN: dict[str, Callable[..., Versions]] = {
     "outliers": without_outliers,
     "background": without_background,
-    "none": lambda versions, noise: versions,
+    "none": lambda versions, noise, *, moved=False: versions,
 }
 
 

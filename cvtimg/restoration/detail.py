@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, starmap
+from itertools import pairwise, product, starmap
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
+from cvtimg._shared.threads import side_by_side
+from cvtimg.restoration.alignment import own_pixels
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
@@ -23,7 +25,7 @@ from cvtimg.restoration.merging import measured
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
 from cvtimg.restoration.result import Found
 from cvtimg.restoration.suspicion import first_estimate
-from cvtimg.restoration.versions import Floats, Versions, fuse
+from cvtimg.restoration.versions import Floats, Versions, fill, fuse
 
 # --- an image at half its size, where noise is half as strong, and what that tells of the image itself
 # Small patches leave noise of low frequencies, which shows as blotches in flat areas. At half the size the same patches
@@ -77,7 +79,7 @@ def _half(image: Floats) -> Floats:
 # --- detail
 
 #: Largest number of patches in a group, pass by pass.
-_PASSES = {"fast": (600, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
+_PASSES = {"fast": (800, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
 #: Largest number of pixels for which these are affordable: a pass over a megapixel takes some seconds.
 _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, "balanced"))
 #: Kinds of patches by default.
@@ -90,6 +92,12 @@ _FULL_SIZE = 0.78
 _PLACE = 0.24
 #: Longest side, in pixels, of the blocks in which patches are grouped.
 _BLOCK = 400
+#: The pass from which on versions that were moved keep their own pixels; the last pass in any case.
+_OWN_FROM = 3
+#: Blur, in pixels, over which these are compared with the first, and the least share of pixels that both must know.
+_NEAR_BY, _FEW = 1.5, 0.02
+#: How much what is not noise counts, and its size, as a part of noise, from which on it surely is not.
+_STRICT, _SURE = 24.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,16 +126,16 @@ def denoise_versions(
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     passes = _PASSES[affordable_effort(versions.coverage.size) if effort == "auto" else effort]
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
-    fused, weight = fuse(kept, trust)
-    estimate: Floats = gaussian_filter(fused, (FIRST_BLUR, FIRST_BLUR, 0))
+    estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"), part(0, _FULL_SIZE):
         for number, largest in each(list(enumerate(passes))):
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)
-                fused, weight = fuse(kept, trust)
-            values, precision = _unclipped(kept, trust, variance, fused, weight, estimate)
+            values, precision = _fused(
+                kept, evidence, variance, estimate, own=number >= min(_OWN_FROM, len(passes) - 1)
+            )
             noisy = Noisy(
                 with_border(axes.along(values)),
                 with_border(axes.along(estimate)),
@@ -175,16 +183,21 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
     height, width = (side - 2 * REACH for side in noisy.precision.shape)
     labels, energy, blocks = np.empty((height, width), np.int32), 0.0, []
     near = np.float32(_PLACE * np.sqrt(noisy.usual_variance))
-    for rows in _parts(height):
-        for columns in _parts(width):
-            seen = noisy.estimate[rows.start : rows.stop + 2 * REACH, columns.start : columns.stop + 2 * REACH]
-            features = kinds.features(axes.looks(seen))
-            own, apart = kinds.label(features)
-            places = near * np.mgrid[rows, columns].reshape(2, -1).T
-            groups = group_patches(np.concatenate([features, places], axis=1, dtype=np.float32), own, largest)
-            blocks.append(PatchBlock(rows, columns, groups))
-            labels[rows, columns] = own.reshape(labels[rows, columns].shape)
-            energy += float(apart.sum(dtype=np.float64))
+
+    def grouped(at: tuple[slice, slice]) -> tuple[PatchBlock, NDArray[np.int32], Floats]:
+        rows, columns = at
+        seen = noisy.estimate[rows.start : rows.stop + 2 * REACH, columns.start : columns.stop + 2 * REACH]
+        features = kinds.features(axes.looks(seen))
+        own, apart = kinds.label(features)
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        places = near * np.indices(shape).reshape(2, -1).T
+        groups = group_patches(np.concatenate([features, places], axis=1, dtype=np.float32), own, largest)
+        return PatchBlock(rows, columns, groups), own.reshape(shape), apart
+
+    for block, own, apart in side_by_side(grouped, list(product(_parts(height), _parts(width)))):
+        blocks.append(block)
+        labels[block.rows, block.columns] = own
+        energy += float(apart.sum(dtype=np.float64))
     images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in each(axes.slices)]
     return Detailed(np.concatenate(images, axis=2), labels, energy)
 
@@ -195,23 +208,46 @@ def _parts(side: int) -> list[slice]:
     return list(starmap(slice, pairwise(side * number // n_parts for number in range(n_parts + 1))))
 
 
-def _unclipped(
-    versions: Versions, trust: NDArray[np.float64], variance: float, fused: Floats, weight: Floats, estimate: Floats
+def _fused(
+    versions: Versions, evidence: Evidence, variance: float, estimate: Floats, *, own: bool
 ) -> tuple[Floats, Floats]:
-    """Fuse versions again without what clipping has done to each, given an estimate of what they show."""
+    """Fuse versions with what an estimate of what they show tells of each: (H, W, C) values, and (H, W) weights."""
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
-    white = versions.white
-    if white is None:
-        return fused, weight
-    total, weights, first_ends = np.zeros_like(fused), np.zeros_like(weight), (False, False)
-    for version, share in enumerate(trust):
+    # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
+    # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
+    transforms, white = evidence.alignment.transforms, versions.white
+    total, weights, first_ends = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32), (False, False)
+    first, first_known = versions.bands(0), versions.known[:, :, 0]
+    for version, share in enumerate(evidence.trust):
         sigma = float(np.sqrt(variance / share))
         known, values = versions.known[:, :, version], versions.bands(version)
-        own_ends = clipped_ends(values[known], estimate[known], sigma, white)
-        # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
-        first_ends = first_ends if version else own_ends
-        clipped = Clipped.of(estimate, sigma, white, (own_ends[0] or first_ends[0], own_ends[1] or first_ends[1]))
-        own = np.where(known, np.float32(share) / (clipped.variance / clipped.slope**2).mean(axis=2), 0)
-        total += own[:, :, None] * (estimate + (values - clipped.added - estimate) / clipped.slope)
-        weights += own
-    return np.divide(total, weights[:, :, None], out=fused.copy(), where=weights[:, :, None] > 0), weights
+        moved = not np.array_equal(transforms[version], np.eye(3))
+        if moved and own:
+            source = evidence.given
+            values, seen = own_pixels(source.bands(version), source.known[:, :, version], transforms[version], estimate)
+            known = known & seen
+        weight = known * np.float32(share)
+        if moved:
+            noise = variance * (1 / share + 1 / evidence.trust[0])
+            weight *= _agreeing(values - first, known & first_known, noise, sigma**2)
+        if white is not None:
+            own_ends = clipped_ends(values[known], estimate[known], sigma, white)
+            # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
+            first_ends = first_ends if version else own_ends
+            clipped = Clipped.of(estimate, sigma, white, (own_ends[0] or first_ends[0], own_ends[1] or first_ends[1]))
+            weight /= (clipped.variance / clipped.slope**2).mean(axis=2)
+            values = estimate + (values - clipped.added - estimate) / clipped.slope
+        total += weight[:, :, None] * np.where(known[:, :, None], values, 0)
+        weights += weight
+    return fill(total, weights), weights
+
+
+def _agreeing(apart: Floats, known: NDArray[np.bool_], noise: float, own: float) -> Floats:
+    """(H, W) weight, 0..1, of a version: its `own` variance of noise as a part of that and of what is not noise."""
+    from scipy.ndimage import gaussian_filter
+
+    share = gaussian_filter(known.astype(np.float32), _NEAR_BY)
+    squares = gaussian_filter(np.where(known, np.square(apart).mean(axis=2), 0), _NEAR_BY)
+    near = np.divide(squares, share, out=np.zeros_like(squares), where=share > _FEW)
+    excess = np.maximum(near - noise, 0)
+    return np.float32(own) / (own + _STRICT * excess**2 / (excess + _SURE * noise))

@@ -116,6 +116,7 @@ def _left_of(noise: NDArray[np.float64]) -> float:
 class Evidence:
     """Versions with the weight of each."""
 
+    given: Versions
     placed: Versions  # all that is known, in place; and what is left of it where versions disagree
     versions: Versions
     alignment: Alignment  # how each version was moved
@@ -163,9 +164,9 @@ def prepare(
     if not channels:
         usual = usual_noise(placed, noise)
         fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), leaves_out=hidden != "none")
-        versions = HIDDEN[hidden](fitting, usual)
+        versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    return Evidence(placed, versions, alignment, apart, noise, trust, shared, suspicion, channels)
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels)
 
 
 def _fitting(

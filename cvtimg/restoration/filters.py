@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
 from cvtimg.restoration.spectrum import SharedNoise
@@ -22,18 +22,20 @@ from cvtimg.restoration.versions import Floats
 
 _Doubles = NDArray[np.float64]
 
-#: Covariances in memory at once.
-_CHUNK = 256
+#: Covariances of a thread in memory at once.
+_CHUNK = 64
 #: The estimate has lost some detail, so its covariances are raised by this.
 _GAIN = 1.1
 #: Noise makes the covariance of few patches uneven: eigenvalues are lowered by this part of the largest of noise alone.
 _LOWERED = 0.7
 #: Added to the variance that a filter leaves, as a share of that of the noise: no patch is trusted without limit.
 _LEFT_ANYWAY = 0.02
-#: Every covariance has this share of the variance of noise in all directions, so that its inverse exists.
-_RIDGE = 1e-4
-#: Filters are applied this often, each time to an image whose noisier pixels are drawn to the last.
-_ROUNDS = 2
+#: Every covariance has this share of the variance of noise in all directions, so that its inverse exists, and this part
+#: of its trace, so that float32 is precise enough.
+_RIDGE, _PRECISE = 1e-4, 1e-7
+#: Filters are applied this often, each time to an image whose noisier pixels are drawn to the last; and once where all
+#: but this share of the pixels are known to within this factor of the usual precision.
+_ROUNDS, _UNEVEN, _EVEN = 2, 0.02, 0.5
 #: Unknown pixels, filled from nearby, are taken to have this times less precision than those known around them.
 _FILLED = 0.4
 #: Side, in pixels, of the windows in which the usual precision is found.
@@ -87,17 +89,26 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
     estimate = noisy.estimate
     usual = noisy.usual_variance
+    rounds = 1 if np.mean(noisy.precision < _EVEN / usual) <= _UNEVEN else _ROUNDS
+
+    def filtering_of(block: PatchBlock) -> _Filtering:
+        return _Filtering.of(noisy.part(block), block, from_estimate, usual)
+
     # The filters of a large image are made again for each round: together they would fill the memory.
-    kept = [_Filtering.of(noisy.part(block), block, from_estimate, usual) for block in blocks[: len(blocks) == 1]]
-    for _ in each(range(_ROUNDS)):
+    kept = [filtering_of(block) for block in blocks[: len(blocks) == 1]]
+    for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
         change = noisy.precision[:, :, None] * (noisy.values - estimate)
         total = np.zeros_like(estimate)
         weight = np.zeros_like(noisy.precision)
-        for block in each(blocks):
-            filtering = kept[0] if kept else _Filtering.of(noisy.part(block), block, from_estimate, usual)
-            filtering.add(estimate, change, total, weight)
+
+        def sums_of(block: PatchBlock, estimate: Floats = estimate, change: Floats = change) -> tuple[Floats, Floats]:
+            return (kept[0] if kept else filtering_of(block)).sums(estimate, change)
+
+        for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, blocks), strict=True):
+            total[_with_border(block)] += sums
+            weight[_with_border(block)] += weights
         inner = slice(REACH, -REACH)
         joined = total[inner, inner] / weight[inner, inner, None]
         estimate = estimate.copy()
@@ -123,8 +134,8 @@ class _Filtering:
         trust = usual / variances[:, None] / (filters.left() + _LEFT_ANYWAY)
         return cls(block, filters, variances, trust.astype(np.float32))
 
-    def add(self, estimate: Floats, change: Floats, total: Floats, weight: Floats) -> None:
-        """Add filtered patches, weighted, and their weights to images with a border."""
+    def sums(self, estimate: Floats, change: Floats) -> tuple[Floats, Floats]:
+        """Weighted sums of the filtered patches, and their weights, in the block and its border."""
         here = _with_border(self.block)
         groups, shape = self.block.groups, (self.block.rows, self.block.columns)
         height, width = (side.stop - side.start for side in shape)
@@ -137,8 +148,7 @@ class _Filtering:
             _patches.join_patches(patches, group_of, self.trust, sums, weights, first, last)
 
         in_parts(join, len(sums), work=patches.size)
-        total[here] += sums
-        weight[here] += weights
+        return sums, weights
 
 
 def _with_border(block: PatchBlock) -> tuple[slice, slice]:
@@ -180,32 +190,27 @@ class _Filters:
         noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
         shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
         factor = None if shared is None else np.asarray(np.linalg.cholesky(shared), np.float64)
-        for start in range(0, len(groups), _CHUNK):
-            stop = min(start + _CHUNK, len(groups))
-            covariances = np.empty((stop - start, size, size))
 
-            def measure(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
-                own = covariances[first:last]
-                _patches.measure_groups(image, groups.order, groups.bounds, means, own, start + first, start + last)
+        def make(first: int, last: int) -> None:
+            for start in range(first, last, _CHUNK):
+                stop = min(start + _CHUNK, last)
+                here = slice(start, stop)
+                padded = np.empty((stop - start, columns, columns), np.float32)
+                covariances = padded[:, :size, :size]
+                _patches.measure_groups(image, groups.order, groups.bounds, means, padded, start, stop)
+                if factor is not None:
+                    covariances[:] = _whitened(covariances, factor)
+                if noise is None:
+                    covariances *= _GAIN
+                else:
+                    covariances[:] = _without_noise(covariances, noise[here], variances[here], groups.sizes[here])
+                diagonal = np.einsum("gii->gi", covariances)
+                diagonal += np.maximum(_RIDGE * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
+                _patches.make_filters(padded, variances, matrices, start, stop)
+                if factor is not None:
+                    _unwhiten(matrices[here, :, :size], factor)
 
-            def make(first: int, last: int, start: int = start, covariances: _Doubles = covariances) -> None:
-                own = covariances[first:last]
-                _patches.make_filters(own, variances, matrices, start + first, start + last)
-
-            work = float(groups.sizes[start:stop].sum()) * size**2 / 16
-            in_parts(measure, stop - start, work)
-            here = slice(start, stop)
-            if factor is not None:
-                covariances[:] = _whitened(covariances, factor)
-            if noise is None:
-                covariances *= _GAIN
-            else:
-                covariances[:] = _without_noise(covariances, noise[here], variances[here], groups.sizes[here])
-            diagonal = np.einsum("gii->gi", covariances)
-            diagonal += _RIDGE * variances[here, None]
-            in_parts(make, stop - start, work=(stop - start) * size**3 / 8)
-            if factor is not None:
-                _unwhiten(matrices[here, :, :size], factor)
+        in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
         return cls(means, matrices, shared)
 
     def left(self) -> Floats:
@@ -231,7 +236,7 @@ class _Filters:
         return patches
 
 
-def _whitened(covariances: _Doubles, factor: _Doubles) -> _Doubles:
+def _whitened(covariances: Floats, factor: _Doubles) -> _Doubles:
     """Covariances of patches divided by the factor, which white noise is multiplied by to become theirs."""
     whiten = np.linalg.inv(factor)
     return np.asarray(whiten @ covariances @ whiten.T)
@@ -256,11 +261,12 @@ def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles
     return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
 
 
-def _without_noise(covariances: _Doubles, noise: _Doubles, variances: _Doubles, sizes: NDArray[np.int64]) -> _Doubles:
+def _without_noise(covariances: Floats, noise: _Doubles, variances: _Doubles, sizes: NDArray[np.int64]) -> _Doubles:
     """Subtract noise from covariances, and lower their eigenvalues by what chance adds to the largest; none is < 0."""
     size = covariances.shape[1]
-    diagonal = np.einsum("gii->gi", covariances)
+    signal = covariances.astype(np.float64)  # in which NumPy finds eigenvalues faster
+    diagonal = np.einsum("gii->gi", signal)
     diagonal -= noise
-    values, axes = np.linalg.eigh(covariances)
+    values, axes = np.linalg.eigh(signal)
     values = np.maximum(values - (_LOWERED * variances * np.sqrt(size / sizes))[:, None], 0)
     return (axes * values[:, None, :]) @ axes.transpose(0, 2, 1)

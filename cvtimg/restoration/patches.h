@@ -20,10 +20,11 @@
 enum { SIDE = 5, REACH = SIDE / 2 };
 /* Rows of a matrix are padded with zeros to a multiple of this. */
 enum { LANES = 16, ROWS_AT_ONCE = 4 };
-/* Largest numbers of bands, of values of a padded patch, and of features. */
-enum { MAX_BANDS = 4, MAX_COLUMNS = 112, MAX_FEATURES = 32 };
-/* Multiplications of a vector by the covariance of so many members that find its main axis, and steps of Lloyd from there. */
-enum { POWERS = 12, SAMPLE = 1024, LLOYD_STEPS = 3 };
+/* Largest numbers of bands, of values of a padded patch, and of features, which come in eights. */
+enum { MAX_BANDS = 4, MAX_COLUMNS = 112, MAX_FEATURES = 32, EIGHT = 8 };
+/* Multiplications of a vector by the covariance that find its main axis, steps of Lloyd from there, and about how many
+ * members of a group take part in both. */
+enum { POWERS = 12, LLOYD_STEPS = 3, SAMPLE = 512 };
 
 /* A padded image: patch (y, x) begins at pixel (y, x) of it. */
 struct picture {
@@ -52,10 +53,26 @@ INLINE void copy_patch(struct picture image, ptrdiff_t pixel, float *out)
 /* Named vectors, because compilers do not keep an array of sums in registers by themselves. */
 typedef float eight __attribute__((vector_size(32), aligned(4), may_alias));
 
+INLINE float dot(const float *a, const float *b, int n)
+{
+    eight sum = {0};
+    for (int i = 0; i < n; i += EIGHT)
+        sum += *(const eight *)(a + i) * *(const eight *)(b + i);
+    return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+}
+
+INLINE void add_scaled(float *sum, float factor, const float *values, int n)
+{
+    for (int i = 0; i < n; i += EIGHT)
+        *(eight *)(sum + i) += factor * *(const eight *)(values + i);
+}
+
 INLINE void multiply_block(const float *restrict a, ptrdiff_t a_row, ptrdiff_t a_column, ptrdiff_t n_inner,
-                           const float *restrict b, ptrdiff_t b_row, float *restrict out)
+                           const float *restrict b, ptrdiff_t b_row, float *restrict out, int add)
 {
     eight sums[ROWS_AT_ONCE][2] = {{{0}}};
+    for (int i = 0; add && i < ROWS_AT_ONCE; i++)
+        memcpy(sums[i], out + i * b_row, sizeof sums[i]);
     for (ptrdiff_t k = 0; k < n_inner; k++, a += a_column, b += b_row) {
         const eight left = *(const eight *)b, right = *(const eight *)(b + 8);
 #pragma GCC unroll 4
@@ -68,10 +85,26 @@ INLINE void multiply_block(const float *restrict a, ptrdiff_t a_row, ptrdiff_t a
         memcpy(out + i * b_row, sums[i], sizeof sums[i]);
 }
 #else
+INLINE float dot(const float *a, const float *b, int n)
+{
+    float sum = 0;
+    for (int i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+INLINE void add_scaled(float *sum, float factor, const float *values, int n)
+{
+    for (int i = 0; i < n; i++)
+        sum[i] += factor * values[i];
+}
+
 INLINE void multiply_block(const float *restrict a, ptrdiff_t a_row, ptrdiff_t a_column, ptrdiff_t n_inner,
-                           const float *restrict b, ptrdiff_t b_row, float *restrict out)
+                           const float *restrict b, ptrdiff_t b_row, float *restrict out, int add)
 {
     float sums[ROWS_AT_ONCE][LANES] = {{0}};
+    for (int i = 0; add && i < ROWS_AT_ONCE; i++)
+        memcpy(sums[i], out + i * b_row, sizeof sums[i]);
     for (ptrdiff_t k = 0; k < n_inner; k++)
         for (int i = 0; i < ROWS_AT_ONCE; i++)
             for (int j = 0; j < LANES; j++)
@@ -81,18 +114,18 @@ INLINE void multiply_block(const float *restrict a, ptrdiff_t a_row, ptrdiff_t a
 }
 #endif
 
-/* out = a b; rows in fours, columns in sixteens; `symmetric` leaves out blocks below the diagonal. */
+/* out = a b, or out += a b; rows in fours, columns in sixteens; `symmetric` leaves out blocks below the diagonal. */
 INLINE void multiply(const float *a, ptrdiff_t a_row, ptrdiff_t a_column, ptrdiff_t n_rows, ptrdiff_t n_inner,
-                     const float *b, ptrdiff_t n_columns, float *out, int symmetric)
+                     const float *b, ptrdiff_t n_columns, float *out, int symmetric, int add)
 {
     for (ptrdiff_t i = 0; i < n_rows; i += ROWS_AT_ONCE)
         for (ptrdiff_t j = symmetric ? i / LANES * LANES : 0; j < n_columns; j += LANES)
-            multiply_block(a + i * a_row, a_row, a_column, n_inner, b + j, n_columns, out + i * n_columns + j);
+            multiply_block(a + i * a_row, a_row, a_column, n_inner, b + j, n_columns, out + i * n_columns + j, add);
 }
 
-/* Mean patch of a group of `n`, and the (size, size) covariance of the patches; `patches` holds n rows, `products` size. */
+/* Mean patch of a group of `n`, and the (size, columns) covariance of the patches; `patches` holds n rows. */
 INLINE void measure_group(struct picture image, const int32_t *members, ptrdiff_t n, ptrdiff_t size, float *patches,
-                          float *products, float *mean, double *covariance)
+                          float *mean, float *covariance)
 {
     const ptrdiff_t columns = padded(size);
     double sums[MAX_COLUMNS] = {0};
@@ -108,42 +141,70 @@ INLINE void measure_group(struct picture image, const int32_t *members, ptrdiff_
     for (ptrdiff_t i = 0; i < n; i++)
         for (ptrdiff_t j = 0; j < size; j++)
             patches[i * columns + j] -= mean[j];
-    multiply(patches, 1, columns, columns, n, patches, columns, products, 1);
-    for (ptrdiff_t i = 0; i < size; i++)
-        for (ptrdiff_t j = i; j < size; j++)
-            covariance[i * size + j] = covariance[j * size + i] = (double)products[i * columns + j] / n;
+    multiply(patches, 1, columns, columns, n, patches, columns, covariance, 1, 0);
+    for (ptrdiff_t i = 0; i < columns; i++)
+        for (ptrdiff_t j = i; j < columns; j++)
+            covariance[i * columns + j] = covariance[j * columns + i] = covariance[i * columns + j] / n;
 }
 
-/* filter = I - v (C + v I)^-1, in rows of padded(size); the covariance C is used up.
+/* The inverse of a symmetric, positive definite 4 x 4 matrix. */
+INLINE void invert_small(float matrix[ROWS_AT_ONCE][ROWS_AT_ONCE])
+{
+    for (int k = 0; k < ROWS_AT_ONCE; k++) {
+        const float inverse = 1 / matrix[k][k];
+        matrix[k][k] = 1;
+        for (int j = 0; j < ROWS_AT_ONCE; j++)
+            matrix[k][j] *= inverse;
+        for (int i = 0; i < ROWS_AT_ONCE; i++) {
+            const float factor = matrix[i][k];
+            if (i == k)
+                continue;
+            matrix[i][k] = 0;
+            for (int j = 0; j < ROWS_AT_ONCE; j++)
+                matrix[i][j] -= factor * matrix[k][j];
+        }
+    }
+}
+
+/* filter = I - v (C + v I)^-1; both have rows of padded(size), and the covariance C is used up.
  *
- * A positive definite matrix turns into its negative inverse by sweeps, one for each row, which need no pivoting. It stays
- * symmetric, so that what is above the diagonal is enough.
+ * A positive definite matrix turns into its negative inverse by sweeps, one for each row, which need no pivoting; four are
+ * made at once. It stays symmetric, so that what is above the diagonal is enough. Padding adds rows of the identity.
  */
-INLINE void make_filter(double *restrict covariance, ptrdiff_t size, double variance, float *restrict filter)
+INLINE void make_filter(float *restrict covariance, ptrdiff_t size, float variance, float *restrict filter)
 {
     const ptrdiff_t columns = padded(size);
-    double pivots[MAX_COLUMNS];
-    for (ptrdiff_t i = 0; i < size; i++)
-        covariance[i * size + i] += variance;
-    for (ptrdiff_t k = 0; k < size; k++) {
-        for (ptrdiff_t i = 0; i < size; i++)
-            pivots[i] = covariance[i < k ? i * size + k : k * size + i];
-        const double inverse = 1 / pivots[k];
-        pivots[k] = 0;
-        for (ptrdiff_t i = 0; i < size; i++) {
-            double *restrict row = covariance + i * size;
-            const double factor = pivots[i] * inverse;
-            for (ptrdiff_t j = i; j < size; j++)
-                row[j] -= factor * pivots[j];
+    float rows[ROWS_AT_ONCE * MAX_COLUMNS], solved[ROWS_AT_ONCE * MAX_COLUMNS], pivot[ROWS_AT_ONCE][ROWS_AT_ONCE];
+    for (ptrdiff_t i = 0; i < columns; i++)
+        covariance[i * columns + i] += variance;
+    for (ptrdiff_t k = 0; k < size; k += ROWS_AT_ONCE) {
+        for (int r = 0; r < ROWS_AT_ONCE; r++) {
+            float *row = rows + r * columns;
+            for (ptrdiff_t i = 0; i < k + r; i++)
+                row[i] = covariance[i * columns + k + r];
+            memcpy(row + k + r, covariance + (k + r) * columns + k + r, (columns - k - r) * sizeof(float));
+            memcpy(pivot[r], row + k, sizeof pivot[r]);
+            memset(row + k, 0, sizeof pivot[r]);
         }
-        for (ptrdiff_t i = 0; i < size; i++)
-            covariance[i < k ? i * size + k : k * size + i] = pivots[i] * inverse;
-        covariance[k * size + k] = -inverse;
+        invert_small(pivot);
+        for (ptrdiff_t r = 0; r < ROWS_AT_ONCE * ROWS_AT_ONCE; r++)
+            pivot[0][r] = -pivot[0][r];
+        multiply(pivot[0], ROWS_AT_ONCE, 1, ROWS_AT_ONCE, ROWS_AT_ONCE, rows, columns, solved, 0, 0);
+        multiply(rows, 1, columns, columns, ROWS_AT_ONCE, solved, columns, covariance, 1, 1);
+        for (int r = 0; r < ROWS_AT_ONCE; r++) {
+            float *row = solved + r * columns;
+            for (ptrdiff_t i = 0; i < columns; i++)
+                row[i] = -row[i];
+            memcpy(row + k, pivot[r], sizeof pivot[r]);
+            for (ptrdiff_t i = 0; i < k + r; i++)
+                covariance[i * columns + k + r] = row[i];
+            memcpy(covariance + (k + r) * columns + k + r, row + k + r, (columns - k - r) * sizeof(float));
+        }
     }
     memset(filter, 0, size * columns * sizeof(float));
     for (ptrdiff_t i = 0; i < size; i++)
         for (ptrdiff_t j = i; j < size; j++)
-            filter[i * columns + j] = filter[j * columns + i] = (float)((i == j) + variance * covariance[i * size + j]);
+            filter[i * columns + j] = filter[j * columns + i] = (i == j) + variance * covariance[i * columns + j];
 }
 
 /* Filter what patches of image + step * change differ by from their mean; `patches` and `filtered` hold n rows, n a
@@ -162,7 +223,7 @@ INLINE void filter_group(struct picture image, struct picture change, float step
         for (ptrdiff_t j = 0; j < size; j++)
             patch[j] += step * moved[j] - mean[j];
     }
-    multiply(patches, columns, 1, rows, size, filter, columns, filtered, 0);
+    multiply(patches, columns, 1, rows, size, filter, columns, filtered, 0, 0);
     for (ptrdiff_t i = 0; i < n; i++)
         for (ptrdiff_t j = 0; j < size; j++)
             out[members[i] * size + j] = filtered[i * columns + j] + mean[j];
@@ -196,71 +257,59 @@ INLINE float select_kth(float *numbers, ptrdiff_t n, ptrdiff_t k)
     return numbers[k];
 }
 
-/* The main axis of a group: the covariance times a vector, again and again. A sample of a large group has the same. */
-INLINE void main_axis(const float *restrict features, int n_features, const int32_t *members, ptrdiff_t n,
-                      double *mean, double *axis)
+/* The plane through the mean of some members of a group, across its main axis: the covariance times a vector, again and
+ * again. */
+INLINE void middle_plane(const float *features, int n_features, const int32_t *members, ptrdiff_t n, ptrdiff_t step,
+                         float *axis, float *level)
 {
-    double covariance[MAX_FEATURES][MAX_FEATURES] = {{0}};
-    const ptrdiff_t step = 1 + n / SAMPLE, n_seen = (n + step - 1) / step;
-    memset(mean, 0, n_features * sizeof(double));
+    float mean[MAX_FEATURES] = {0}, covariance[MAX_FEATURES][MAX_FEATURES] = {{0}};
+    const float share = 1 / (float)((n + step - 1) / step);
     for (ptrdiff_t i = 0; i < n; i += step)
-        for (int a = 0; a < n_features; a++)
-            mean[a] += features[(ptrdiff_t)members[i] * n_features + a];
-    for (int a = 0; a < n_features; a++)
-        mean[a] /= n_seen;
+        add_scaled(mean, share, features + (ptrdiff_t)members[i] * n_features, n_features);
     for (ptrdiff_t i = 0; i < n; i += step) {
-        double apart[MAX_FEATURES];
+        float apart[MAX_FEATURES];
+        memcpy(apart, features + (ptrdiff_t)members[i] * n_features, n_features * sizeof(float));
+        add_scaled(apart, -1, mean, n_features);
         for (int a = 0; a < n_features; a++)
-            apart[a] = features[(ptrdiff_t)members[i] * n_features + a] - mean[a];
-        for (int a = 0; a < n_features; a++)
-            for (int b = 0; b < n_features; b++)
-                covariance[a][b] += apart[a] * apart[b];
+            add_scaled(covariance[a], share * apart[a], apart, n_features);
     }
     int widest = 0;
     for (int a = 1; a < n_features; a++)
         if (covariance[a][a] > covariance[widest][widest])
             widest = a;
-    memcpy(axis, covariance[widest], n_features * sizeof(double));
+    memcpy(axis, covariance[widest], n_features * sizeof(float));
     for (int power = 0; power <= POWERS; power++) {
-        double product[MAX_FEATURES], norm = 0;
+        float unit[MAX_FEATURES];
+        const float square = dot(axis, axis, n_features), inverse = square > 0 ? 1 / sqrtf(square) : 0;
         for (int a = 0; a < n_features; a++)
-            norm += axis[a] * axis[a];
-        norm = norm > 0 ? 1 / sqrt(norm) : 0;
+            unit[a] = inverse * axis[a];
         for (int a = 0; a < n_features; a++)
-            axis[a] *= norm;
-        if (power == POWERS)
-            break;
-        for (int a = 0; a < n_features; a++) {
-            product[a] = 0;
-            for (int b = 0; b < n_features; b++)
-                product[a] += covariance[a][b] * axis[b];
-        }
-        memcpy(axis, product, n_features * sizeof(double));
+            axis[a] = power < POWERS ? dot(covariance[a], unit, n_features) : unit[a];
     }
+    *level = dot(axis, mean, n_features);
 }
 
-/* Take a step of Lloyd with two generators: the side of each member, and how many are on the second one. */
-INLINE ptrdiff_t lloyd_step(const float *restrict features, int n_features, const int32_t *members, ptrdiff_t n,
-                            ptrdiff_t n_second, uint8_t *sides)
+/* Which side of a plane each of some members is on, and how many are on the second one. */
+INLINE ptrdiff_t cut_by(const float *features, int n_features, const int32_t *members, ptrdiff_t n, ptrdiff_t step,
+                        const float *normal, float level, uint8_t *sides)
 {
-    double means[2][MAX_FEATURES] = {{0}}, normal[MAX_FEATURES], middle = 0;
-    for (ptrdiff_t i = 0; i < n; i++)
-        for (int a = 0; a < n_features; a++)
-            means[sides[i]][a] += features[(ptrdiff_t)members[i] * n_features + a];
-    for (int a = 0; a < n_features; a++) {
-        means[0][a] /= n - n_second;
-        means[1][a] /= n_second;
-        normal[a] = means[1][a] - means[0][a];
-        middle += normal[a] * (means[0][a] + means[1][a]) / 2;
-    }
-    n_second = 0;
-    for (ptrdiff_t i = 0; i < n; i++) {
-        double at = -middle;
-        for (int a = 0; a < n_features; a++)
-            at += normal[a] * features[(ptrdiff_t)members[i] * n_features + a];
-        n_second += sides[i] = at > 0;
-    }
+    ptrdiff_t n_second = 0;
+    for (ptrdiff_t i = 0; i < n; i += step)
+        n_second += sides[i] = dot(normal, features + (ptrdiff_t)members[i] * n_features, n_features) > level;
     return n_second;
+}
+
+/* The plane between the means of both sides. */
+INLINE void plane_between(const float *features, int n_features, const int32_t *members, ptrdiff_t n, ptrdiff_t step,
+                          const uint8_t *sides, ptrdiff_t n_second, float *normal, float *level)
+{
+    float means[2][MAX_FEATURES] = {{0}};
+    const float shares[2] = {1 / (float)((n + step - 1) / step - n_second), 1 / (float)n_second};
+    for (ptrdiff_t i = 0; i < n; i += step)
+        add_scaled(means[sides[i]], shares[sides[i]], features + (ptrdiff_t)members[i] * n_features, n_features);
+    for (int a = 0; a < n_features; a++)
+        normal[a] = means[1][a] - means[0][a];
+    *level = (dot(normal, means[0], n_features) + dot(normal, means[1], n_features)) / 2;
 }
 
 /* Cut a group in two and order its members by side; returns how many are on the first.
@@ -268,24 +317,24 @@ INLINE ptrdiff_t lloyd_step(const float *restrict features, int n_features, cons
  * Two generators begin on both sides of the mean along the main axis. Where they would leave one side with less than an
  * eighth, the group is cut at the median along the axis.
  */
-INLINE ptrdiff_t halve_group(const float *restrict features, int n_features, int32_t *members, ptrdiff_t n,
-                             uint8_t *sides, float *along, float *sorted, int32_t *second)
+INLINE ptrdiff_t halve_group(const float *features, int n_features, int32_t *members, ptrdiff_t n, uint8_t *sides,
+                             float *along, float *sorted, int32_t *second)
 {
-    double mean[MAX_FEATURES], axis[MAX_FEATURES];
-    main_axis(features, n_features, members, n, mean, axis);
-    ptrdiff_t n_second = 0;
-    for (ptrdiff_t i = 0; i < n; i++) {
-        double at = 0;
-        for (int a = 0; a < n_features; a++)
-            at += axis[a] * (features[(ptrdiff_t)members[i] * n_features + a] - mean[a]);
-        along[i] = (float)at;
-        n_second += sides[i] = at > 0;
+    const ptrdiff_t step = 1 + n / SAMPLE, n_seen = (n + step - 1) / step;
+    float axis[MAX_FEATURES], normal[MAX_FEATURES], level;
+    middle_plane(features, n_features, members, n, step, axis, &level);
+    memcpy(normal, axis, sizeof normal);
+    for (int lloyd = 0; lloyd < LLOYD_STEPS; lloyd++) {
+        const ptrdiff_t n_second = cut_by(features, n_features, members, n, step, normal, level, sides);
+        if (n_second == 0 || n_second == n_seen)
+            break;
+        plane_between(features, n_features, members, n, step, sides, n_second, normal, &level);
     }
-    for (int step = 0; step < LLOYD_STEPS && n_second > 0 && n_second < n; step++)
-        n_second = lloyd_step(features, n_features, members, n, n_second, sides);
+    ptrdiff_t n_second = cut_by(features, n_features, members, n, 1, normal, level, sides);
     const ptrdiff_t fewer = n_second < n - n_second ? n_second : n - n_second;
     if (fewer < 8 || fewer < n / 8) {
-        memcpy(sorted, along, n * sizeof(float));
+        for (ptrdiff_t i = 0; i < n; i++)
+            sorted[i] = along[i] = dot(axis, features + (ptrdiff_t)members[i] * n_features, n_features);
         const float median = select_kth(sorted, n, n / 2);
         ptrdiff_t left = n / 2; /* for members at the median */
         for (ptrdiff_t i = 0; i < n; i++)
@@ -305,8 +354,8 @@ INLINE ptrdiff_t halve_group(const float *restrict features, int n_features, int
     return n_first;
 }
 
-typedef void measure_function(struct picture, const int32_t *, ptrdiff_t, ptrdiff_t, float *, float *, float *, double *);
-typedef void make_function(double *, ptrdiff_t, double, float *);
+typedef void measure_function(struct picture, const int32_t *, ptrdiff_t, ptrdiff_t, float *, float *, float *);
+typedef void make_function(float *, ptrdiff_t, float, float *);
 typedef void filter_function(struct picture, struct picture, float, const int32_t *, ptrdiff_t, ptrdiff_t, const float *,
                              const float *, float *, float *, float *);
 typedef ptrdiff_t halve_function(const float *, int, int32_t *, ptrdiff_t, uint8_t *, float *, float *, int32_t *);
@@ -320,11 +369,11 @@ struct patch_functions {
 
 #define DEFINE_PATCHES(level, attribute)                                                                               \
     attribute static void measure_##level(struct picture image, const int32_t *members, ptrdiff_t n, ptrdiff_t size,   \
-                                          float *patches, float *products, float *mean, double *covariance)            \
+                                          float *patches, float *mean, float *covariance)                              \
     {                                                                                                                  \
-        measure_group(image, members, n, size, patches, products, mean, covariance);                                   \
+        measure_group(image, members, n, size, patches, mean, covariance);                                             \
     }                                                                                                                  \
-    attribute static void make_##level(double *covariance, ptrdiff_t size, double variance, float *filter)             \
+    attribute static void make_##level(float *covariance, ptrdiff_t size, float variance, float *filter)               \
     {                                                                                                                  \
         make_filter(covariance, size, variance, filter);                                                               \
     }                                                                                                                  \

@@ -140,6 +140,7 @@ class Groups:
 
 def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
     """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
+    features = np.pad(features, ((0, 0), (0, -features.shape[1] % 8)))
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
     while True:

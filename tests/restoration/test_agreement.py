@@ -143,3 +143,16 @@ def test_the_background_is_the_commonest_color() -> None:
 def test_hidden_is_one_of_three_words() -> None:
     with pytest.raises(ValueError, match="hidden='all' must be one of outliers, background, none"):
         restore([np.eye(4)], 1, hidden="all")
+
+
+def test_moved_versions_may_differ_where_pixels_vary_but_not_where_they_are_alike() -> None:
+    images = np.full((3, 20, 24), 50.0)
+    images[:, :, 12:] = 200
+    images[1, :, 12] = 140  # the edge lies elsewhere within its pixel
+    images[2, 5:7, 4] = 120  # a cosmic ray
+    moved, still = (
+        without_outliers(stack_versions(list(images)), np.full(3, 5.0), moved=moved) for moved in (True, False)
+    )
+    assert moved.known[:, 12, 1].all()
+    assert not still.known[:, 12, 1].any()
+    assert not moved.known[5:7, 4, 2].any()

@@ -10,7 +10,7 @@ from scipy.ndimage import shift as moved_by
 from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import restore
-from cvtimg.restoration.alignment import MODELS, align
+from cvtimg.restoration.alignment import MODELS, align, own_pixels
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
@@ -142,3 +142,41 @@ def test_a_model_that_is_named_is_the_one_found_and_another_is_refused(photograp
     assert result.misfits.max() < 0.1
     with pytest.raises(ValueError, match="align='spline' must be"):
         restore(frames, 4, align="spline")  # type: ignore[arg-type]
+
+
+def test_own_pixels_keep_their_noise_and_lie_at_the_place_of_the_first_version() -> None:
+    rng = np.random.default_rng(0)
+    transform = np.array([[1, 0.01, 2.3], [-0.01, 1, -1.6], [0, 0, 1]])
+    y, x = np.indices((24, 32)).astype(float)
+    ramp = np.float32(3 * x + 5 * y)[:, :, None]  # what the first version shows
+    back = np.linalg.inv(transform)
+    there = [row[0] * x + row[1] * y + row[2] for row in back[:2]]
+    noise = rng.standard_normal((24, 32, 1)).astype(np.float32)
+    other = np.float32(3 * there[0] + 5 * there[1])[:, :, None] + noise
+    found, known = own_pixels(other, np.ones((24, 32), np.bool_), transform, ramp)
+    at = np.rint([transform[0] @ (10, 12, 1), transform[1] @ (10, 12, 1)]).astype(int)
+    assert abs((found - ramp)[12, 10, 0] - noise[at[1], at[0], 0]) < 1e-3
+    assert 0.8 < np.std((found - ramp)[4:-4, 4:-4]) < 1.2
+    assert not known[:, -1].any()
+    assert known[4:-4, 4:-4].all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sigma", [4, 18])
+def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(
+    sigma: float, photograph: NDArray[Any]
+) -> None:
+    rng = np.random.default_rng(0)
+
+    def frame(down: int, right: int) -> NDArray[np.float64]:
+        fine = photograph[down : down + 192, right : right + 224].astype(np.float64)
+        return np.asarray(fine.reshape(96, 2, 112, 2, 3).mean(axis=(1, 3)))
+
+    looks = [frame(*shift) for shift in ((8, 8), (2, 13), (15, 1), (9, 10))]
+    frames = [
+        np.clip(np.rint(look + sigma * rng.standard_normal(look.shape)), 0, 255).astype(np.uint8) for look in looks
+    ]
+    alone, together = (restore(some, detail=True, align=True).image for some in (frames[:1], frames))
+    inner = slice(6, -6)
+    scores = [psnr(image[inner, inner] / 255, looks[0][inner, inner] / 255) for image in (alone, together)]
+    assert scores[1] > scores[0] + (-0.3 if sigma < 10 else 0.8)
