@@ -51,6 +51,7 @@ from cvtimg.colors.spaces import to_space
 from cvtimg.looks import VisualQuality
 from cvtimg.looks.rate import visibility
 from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.plotting import Panel, contact_sheet
 from cvtimg.quantization import quantize_file
 
 #: What each program is asked for, from large files to small ones.
@@ -60,8 +61,8 @@ QUALITIES = (84, 77, 70, 63)
 LOSSY = (0, 10, 20, 40, 80)
 #: Points of a curve at which bytes are compared.
 N_POINTS = 50
-#: Side and middles of the parts that --sheet shows, and how many are beside each other.
-SHOWN, PLACES, N_COLUMNS = 80, ((0.3, 0.3), (0.5, 0.5), (0.3, 0.7), (0.75, 0.6)), 2
+#: Side and middles of the parts that --sheet shows.
+SHOWN, PLACES = 80, ((0.3, 0.3), (0.75, 0.6))
 #: Standard deviations of the blurs of the second measure, and how much each counts.
 BLURS = {0.7: 1, 1.5: 2, 3.0: 4}
 
@@ -148,24 +149,25 @@ def pixels_of(file: bytes) -> Pixels:
     return np.asarray(Image.open(io.BytesIO(file)).convert("RGB"))
 
 
-def shown(picture: Picture) -> list[Pixels]:
-    """Return parts of a picture, of pngquant's and of that of cvtimg at the same score, each row side by side."""
+def shown(picture: Picture) -> list[Panel]:
+    """Return parts of a picture: as they are, of pngquant's file, and of that of cvtimg at the same score."""
     pixels = picture.pixels
     file = as_png(pixels, 256)
     theirs = pixels_of(file)
-    quality = VisualQuality(pixels)
-    score = quality(theirs)
-    ours = quantize(pixels, quality=score)
-    size = len(encode_image(".png", ours.content[0], palette=ours.content[1]))
-    print(f"{picture.name}: {len(file)} bytes, {score:.1f}; {size} bytes, {ours.quality:.1f}", flush=True)
-    rows = []
+    ours = quantize(pixels, quality=VisualQuality(pixels)(theirs))
+    sizes = {"pngquant": len(file), "cvtimg": len(encode_image(".png", ours.content[0], palette=ours.content[1]))}
+    captions = ["original", *(f"{name}, {size / 1000:.0f} kB" for name, size in sizes.items())]
+    panels = []
     for down, right in PLACES:
         top, left = (
             max(0, round(share * n) - SHOWN // 2) for share, n in zip((down, right), pixels.shape, strict=False)
         )
-        parts = [one[top : top + SHOWN, left : left + SHOWN] for one in (pixels, theirs, ours.image)]
-        rows.append(np.hstack(parts).repeat(3, axis=0).repeat(3, axis=1))
-    return rows
+        place = np.s_[top : top + SHOWN, left : left + SHOWN]
+        panels += [
+            Panel(image[place], (caption,))
+            for image, caption in zip((pixels, theirs, ours.image), captions, strict=True)
+        ]
+    return panels
 
 
 def pngs_of(pixels: Pixels, names: Sequence[str] | None) -> dict[str, list[bytes]]:
@@ -289,12 +291,8 @@ def main() -> None:
         times(1 if given.quick else 3, given.data)
         return
     if given.sheet:
-        parts = [
-            part for some in picture_sets(given.data, given.pictures).values() for one in some for part in shown(one)
-        ]
-        n_rows = len(parts) // N_COLUMNS
-        columns = [np.vstack(parts[i * n_rows : (i + 1) * n_rows]) for i in range(N_COLUMNS)]
-        Image.fromarray(np.hstack(columns)).save(given.sheet, quality=85, method=6)
+        rows = [shown(one) for some in picture_sets(given.data, given.pictures).values() for one in some]
+        Image.fromarray(contact_sheet(rows, panel_width=3 * SHOWN)).save(given.sheet, quality=85, method=6)
         return
     program = subprocess.run(["pngquant", "--version"], capture_output=True, text=True, check=True).stdout.split()[0]
     versions = {"pngquant": program, "pyoxipng": version("pyoxipng")}
