@@ -1,10 +1,11 @@
 """Measure the numbers of the README anew, with the table of palettes in its guide, and print them claim by claim.
 
-    python benchmarks/readme.py [--quick] [--data DIR] [--only palettes,meshes]
+    python benchmarks/readme.py [--quick] [--data DIR] [--only palettes,meshes] [--cvtimg PATH]
 
 Seconds are worth something on an idle machine only, so the load is printed with each part, and parts whose seconds
 count run by themselves; the others run two at a time. On two idle cores, all of them take less than half an hour.
-With --only '', the claims are those of the last runs.
+With --only '', the claims are those of the last runs. Name a command that was installed from a wheel by --cvtimg: one
+installed in place looks for changed sources first.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ def meshes(rows: Rows) -> Claims:
 #: For each claim of the README the script and its arguments that repeat it; of those not timed, the longest first.
 PARTS = {
     "palettes": Part("quantization.py --data {data}/cq100", "quantization", palettes, is_timed=True),
-    "processes": Part("whole_process.py --rounds 3", "whole_process", processes, is_timed=True),
+    "processes": Part("whole_process.py --rounds 3 {cvtimg}", "whole_process", processes, is_timed=True),
     "meshes": Part("meshes.py --only ocean", "meshes", meshes, is_timed=True),
     "restoration": Part(
         "restoration.py --photographs {data}/kodak --damages 1 --rivals BM3D", "photographs", restoration
@@ -143,10 +144,12 @@ PARTS = {
 }
 
 
-def run(part: Part, data: Path, quick: bool) -> bool:
+def run(part: Part, given: argparse.Namespace) -> bool:
     """Run a part, print what it prints, and tell whether it failed."""
-    script, *words = part.words.format(data=data).split()
-    command = [sys.executable, str(Path(__file__).with_name(script)), "--data", str(data), *words, *["--quick"] * quick]
+    cvtimg = f"--cvtimg {given.cvtimg}" if given.cvtimg else ""
+    script, *words = part.words.format(data=given.data, cvtimg=cvtimg).split()
+    words = ["--data", str(given.data), *words, *["--quick"] * given.quick]
+    command = [sys.executable, str(Path(__file__).with_name(script)), *words]
     load, start = os.getloadavg()[0], time.perf_counter()
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     seconds = time.perf_counter() - start
@@ -160,6 +163,7 @@ def main() -> None:
     read.add_argument("--quick", action="store_true", help="less of each")
     read.add_argument("--data", type=Path, default=DATA, metavar="DIR", help="folder of the images")
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
+    read.add_argument("--cvtimg", metavar="PATH", help="the command whose processes are timed")
     given = read.parse_args()
     print(f"# {machine()}", flush=True)
     chosen = {name: PARTS[name] for name in PARTS if name in given.only.split(",")}
@@ -167,7 +171,7 @@ def main() -> None:
     for is_timed in (True, False):
         names = [name for name, part in chosen.items() if part.is_timed == is_timed]
         with ThreadPoolExecutor(1 if is_timed else 2) as pool:
-            results = pool.map(lambda name: run(PARTS[name], given.data, given.quick), names)
+            results = pool.map(lambda name: run(PARTS[name], given), names)
             failed += [name for name, is_bad in zip(names, results, strict=True) if is_bad]
     print("\n# Claims of the README\n")
     for part in PARTS.values():
