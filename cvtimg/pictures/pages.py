@@ -427,19 +427,21 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
     if pages.kind == "imagej" and not kind and "unit" in scale:  # whose name only ImageJ's description holds
         resolution = dpi_of({**scale, "resolution": resolution or (0, 0)})
         unit = 2 if resolution else None
-    values = np.stack([images[number] for number in order.tolist()]).reshape(*shape, *first.shape)
     described = {"axes": axes + "YX" + "S" * (first.ndim == 3), **(scale if kind else {})}
     if "C" in axes and len(pages.channels) == shape[axes.index("C")]:
         described |= _named_channels(kind, pages.channels, axes, shape)
     samples = sample_options(first.shape, pages.has_alpha and n_channels in (2, 4))
+    dtype = first.dtype
     if palette is not None:
-        values, samples["photometric"] = values.astype(np.uint8), "palette"
+        dtype, samples["photometric"] = np.dtype(np.uint8), "palette"
     tifffile.imwrite(
         file,
-        values,
+        (images[number].astype(dtype, copy=False) for number in order.tolist()),
+        shape=(*shape, *first.shape),
+        dtype=dtype,
         imagej=kind == "imagej",
         ome=kind == "ome",
-        bigtiff=values.nbytes > 1 << 31 and kind != "imagej",
+        bigtiff=len(images) * first.nbytes > 1 << 31 and kind != "imagej",
         **samples,
         colormap=None if palette is None else colormap_of(palette),
         compression=None if kind == "imagej" else "adobe_deflate",

@@ -5,7 +5,7 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,16 +32,23 @@ class DividedFile:
     header: ImageInfo
     pages: Pages | None  # None for a picture
     images: tuple[NDArray[Any], ...]  # the picture, or the pages, without alpha
-    results: tuple[Segmentation, ...]  # of each page, or of each volume
+    results: tuple[Segmentation, ...]  # of each page, or of each volume; their labels are parts of those below
     labels: NDArray[np.int32]  # (P, H, W), of the pages
 
     @classmethod
     def of(
-        cls, header: ImageInfo, pages: Pages | None, images: tuple[NDArray[Any], ...], results: tuple[Segmentation, ...]
+        cls, header: ImageInfo, pages: Pages | None, images: tuple[NDArray[Any], ...], each: Iterable[Segmentation]
     ) -> DividedFile:
-        """Put the labels of all results together."""
-        labels = np.concatenate([result.labels for result in results]).reshape(-1, *images[0].shape[:2])
-        return cls(header, pages, images, results, labels)
+        """Put the labels of all results together, as these come."""
+        labels = np.empty((len(images), *images[0].shape[:2]), np.int32)
+        rows, at, results = labels.reshape(-1, labels.shape[2]), 0, []
+        for result in each:
+            shape = result.labels.shape
+            part = rows[at : at + result.labels.size // shape[-1]].reshape(shape)
+            part[:] = result.labels
+            at += part.size // shape[-1]
+            results.append(replace(result, labels=part))
+        return cls(header, pages, images, tuple(results), labels)
 
     def tracked(self) -> DividedFile:
         """Return labels that keep their number from frame to frame."""
@@ -90,9 +97,9 @@ def divide_file(
     if volume is True:
         parts = [(np.concatenate(seen), np.concatenate([known for _, known in parts]))]
     each = _divided_volumes(parts, pages, volume) if callable(volume) else (divide(*part) for part in parts)
-    results = tuple(each)
+    found = DividedFile.of(header, pages, seen, each)
     on_stage("cluster")
-    return DividedFile.of(header, pages, seen, results)
+    return found
 
 
 def _divided_volumes(
