@@ -150,15 +150,23 @@ def _joined(
     basins: NDArray[np.int32], height: NDArray[np.floating], peaks: NDArray[np.float64], depth: float
 ) -> NDArray[np.int32]:
     """Return for each basin the one that it is part of: its own if it rises by more than the depth above a saddle."""
+    own, heights = np.pad(basins, 1), np.pad(height, 1).ravel()
+    steps = np.array(own.strides) // own.itemsize
+    own = own.ravel()
+    inside = np.flatnonzero(own)
     pairs, saddles = [], []
     ways = [way for way in product((0, 1, -1), repeat=basins.ndim) if way > (0,) * basins.ndim]
     for way in ways:  # to half of the neighbors, by sides and corners
-        here = tuple(slice(max(-step, 0), -step if step > 0 else None) for step in way)
-        there = tuple(slice(max(step, 0), step if step < 0 else None) for step in way)
-        meet = (basins[here] != basins[there]) & (basins[here] > 0) & (basins[there] > 0)
-        pairs.append(np.stack([basins[here][meet], basins[there][meet]], axis=1))
-        saddles.append(np.minimum(height[here][meet], height[there][meet]))
-    order = np.argsort(-np.concatenate(saddles), kind="stable")
+        there = inside + int(steps @ way)
+        meet = (own[there] != own[inside]) & (own[there] > 0)
+        here, there = inside[meet], there[meet]
+        pairs.append(np.sort([own[here], own[there]], axis=0))
+        saddles.append(np.minimum(heights[here], heights[there]))
+    meetings, levels = np.concatenate(pairs, axis=1), np.concatenate(saddles)
+    order = np.argsort(-levels, kind="stable")
+    # Of two basins, only the highest saddle counts: parts only rise, so that what is apart there is so below.
+    _, first = np.unique(meetings[0, order] * np.int64(len(peaks)) + meetings[1, order], return_index=True)
+    order = order[np.sort(first)]
     part_of = np.arange(len(peaks), dtype=np.int32)
 
     def whole(basin: int) -> int:
@@ -167,9 +175,7 @@ def _joined(
             basin = int(part_of[basin])
         return basin
 
-    for (one, other), saddle in zip(
-        np.concatenate(pairs)[order].tolist(), np.concatenate(saddles)[order].tolist(), strict=True
-    ):
+    for one, other, saddle in zip(*meetings[:, order].tolist(), levels[order].tolist(), strict=True):
         lower, higher = sorted((whole(one), whole(other)), key=peaks.__getitem__)
         if lower != higher and peaks[lower] - saddle <= depth:
             part_of[lower] = higher
@@ -183,17 +189,22 @@ def with_own_borders(
     from scipy.ndimage import binary_fill_holes
     from skimage.measure import label
 
-    from_ground, own, inside = _apart(values, ground), objects, objects > 0
+    inside = objects > 0
+    colors, near = values[inside], objects[inside]
+    from_ground = _apart(colors, ground)
     for _ in range(_MAX_ROUNDS):
-        means = per_mass(sum_by_label(own.ravel(), values.reshape(own.size, -1)), np.bincount(own.ravel()))
-        near = np.where(inside & (_apart(values, means.astype(np.float32)[own]) < from_ground), own, 0)
-        if (near == own).all():
+        means = per_mass(sum_by_label(near, colors), np.bincount(near)).astype(np.float32)
+        far = (_apart(colors, means[near]) >= from_ground) & (near > 0)
+        if not far.any():
             break
-        own = near
+        near[far] = 0
+    own = np.zeros_like(objects)
+    own[inside] = near
     # What an object encloses is part of it, and what it has lost touch with is not.
     own = np.where(binary_fill_holes(own > 0), objects, 0)
     pieces = np.asarray(label(own, connectivity=1))  # type: ignore[no-untyped-call]
-    of = own.ravel()[np.unique(pieces, return_index=True)[1]]
+    of = np.zeros(int(pieces.max()) + 1, np.int32)
+    of[pieces.ravel()] = own.ravel()
     by_size = np.argsort(np.bincount(pieces.ravel()), kind="stable")
     main = np.zeros(int(objects.max()) + 1, np.int64)
     main[of[by_size]] = by_size  # the largest piece of each object comes last
