@@ -12,6 +12,7 @@ tiles that overlap.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise, product
 from typing import Any
 
@@ -270,10 +271,11 @@ def _contrast(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats
         if not objects.any() or not rest.any():
             break
         ground = _local_mean(some, rest, reach, _PRIOR[0])
-        above = _local_mean(some - _spread(ground, some.shape), objects, reach, _PRIOR[1])
+        beyond = some - _spread(ground, some.shape)
+        above = _local_mean(beyond, objects, reach, _PRIOR[1])
         step = float(_spread(above, some.shape).mean())
         generators = ground, np.where(above * step > 0, above, step or 1).astype(np.float32)
-        before, objects = objects, (_between(some, *generators) > 0.5) & counts
+        before, objects = objects, (beyond / _spread(generators[1], some.shape) > 0.5) & counts
         if (objects != before).mean() < 1e-4:
             break
     if generators is None:
@@ -296,29 +298,29 @@ def _local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: flo
     from scipy.ndimage import gaussian_filter
 
     sizes = [max(int(far / _BLOCKS_IN_REACH), 1) for far in reach]  # fine enough for what varies so slowly
-    padding = [(0, -length % side) for length, side in zip(of.shape, sizes, strict=True)]
-    parts = [n for length, side in zip(of.shape, sizes, strict=True) for n in (-(-length // side), side)]
     sigmas = [far / side for far, side in zip(reach, sizes, strict=True)]
-
-    def blurred(pixels: NDArray[Any]) -> NDArray[np.float64]:
-        blocks = np.pad(pixels, padding).reshape(parts).sum(axis=tuple(range(1, len(parts), 2)), dtype=np.float64)
-        return np.asarray(gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest"))
-
-    mean = values[of].mean(dtype=np.float64)
-    local = (blurred(np.where(of, values, np.float32(0))) + prior * mean) / (blurred(of) + prior)
-    return local.astype(np.float32)
+    sums, counts = values * of, of.astype(np.float32)
+    for axis, side in enumerate(sizes):
+        starts = np.arange(0, of.shape[axis], side)
+        sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
+    mean = float(sums.sum(dtype=np.float64) / counts.sum(dtype=np.float64))
+    total, mass = (gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest") for blocks in (sums, counts))
+    return np.asarray((total + prior * mean) / (mass + prior), np.float32)
 
 
 def _spread(blocks: _Floats, shape: tuple[int, ...]) -> _Floats:
     """Interpolate between the centers of blocks, of which the last one along an axis may be cut off."""
-    for axis, length in enumerate(shape):
-        n_blocks = blocks.shape[axis]
-        at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1).astype(np.float32)
-        low = at.astype(np.int64)
-        share = (at - low).reshape(-1, *[1] * (blocks.ndim - axis - 1))
-        below, above = (blocks.take(np.minimum(low + more, n_blocks - 1), axis=axis) for more in (0, 1))
-        blocks = below + share * (above - below)
-    return blocks
+    across, down, *along = (_shares(length, n) for length, n in zip(shape[::-1], blocks.shape[::-1], strict=True))
+    for shares in along:
+        blocks = np.tensordot(shares, blocks, 1)
+    return np.asarray(down @ blocks @ across.T)
+
+
+@lru_cache(maxsize=8)
+def _shares(length: int, n_blocks: int) -> _Floats:
+    """Return the share of each block in each of the pixels along an axis."""
+    at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
+    return np.maximum(1 - np.abs(at[:, None] - np.arange(n_blocks)), 0).astype(np.float32)
 
 
 def _split(
