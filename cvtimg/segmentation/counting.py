@@ -301,8 +301,9 @@ def _local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: flo
     sigmas = [far / side for far, side in zip(reach, sizes, strict=True)]
     sums, counts = values * of, of.astype(np.float32)
     for axis, side in enumerate(sizes):
-        starts = np.arange(0, of.shape[axis], side)
-        sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
+        if side > 1:
+            starts = np.arange(0, of.shape[axis], side)
+            sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
     mean = float(sums.sum(dtype=np.float64) / counts.sum(dtype=np.float64))
     total, mass = (gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest") for blocks in (sums, counts))
     return np.asarray((total + prior * mean) / (mass + prior), np.float32)
@@ -342,7 +343,7 @@ def _split(
 
 def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[float, ...]) -> _Inside:
     """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave."""
-    from scipy.ndimage import binary_dilation, distance_transform_edt, label
+    from scipy.ndimage import binary_dilation, distance_transform_edt, label, minimum_filter1d
 
     rest, found = contrast > threshold, np.zeros(contrast.shape, np.bool_)
     for _ in range(_N_PEELS):
@@ -354,6 +355,10 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
         found |= core
         rest &= ~binary_dilation(core, iterations=2)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
+            break
+        width = 2 * round(radius) + 1
+        thick = [minimum_filter1d(rest, width, axis, mode="nearest") for axis in (-1, -2)]
+        if not (thick[0] & thick[1]).any():  # which is faster than distances
             break
         kernels = distance_transform_edt(rest, size) > round(radius)
         if not kernels.any():
