@@ -33,6 +33,7 @@ EXAMPLES = """\
 #: Arguments of `segment` that do not need the whole image at a time.
 _IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
+_OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 #: Columns where objects are counted: what was measured.
 COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 
@@ -49,7 +50,8 @@ def segment(given: Given) -> int:
     image, and what was found is in the table that is printed. With --volume, objects are those of the volume, which
     needs the distance of planes: in the file, or by --pixel-size.
 
-    Pages of a stack are segmented separately, or together with --volume; outputs in .tif are stacks, too.
+    Pages of a stack are segmented separately, or together with --volume, which edge weights, averaging, superpixels and
+    hierarchies do not know; outputs in .tif are stacks, too.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
@@ -107,6 +109,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if given.track:
         found = found.tracked()
     results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
+    axes = found.pages.axes if found.pages else ""
     in_volume = given.volume and given.objects and found.pages is not None
     write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
     stopwatch.lap("write")
@@ -124,6 +127,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": sum(result.energy for result in results),
         "n_iter": max(len(result.energies) - 1 for result in results),
         "converged": all(result.converged for result in results),
+        **({"warning": _OF_PLANES} if given.objects and not in_volume and len(results) > 1 and "Z" in axes else {}),
     }
 
 

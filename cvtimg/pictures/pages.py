@@ -59,6 +59,8 @@ PAGE_SUFFIXES = (".tif", ".tiff")
 #: Sample types that ImageJ supports, by the number of channels.
 _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
 _ORDEROF_IMAGEJ = "TZC"
+#: Pages that claim more pixels for each byte of their file may together not exceed the limit for an image.
+_PIXELS_PER_BYTE = 8
 #: Names of the bands of color images, by which one can be chosen.
 _BANDS = {3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
 
@@ -332,7 +334,9 @@ def _decode_all(file: BinaryIO) -> Pages:
         kind = _kind_of(tiff)
         scale, stack = scale_of(tiff), stack_of(tiff, size)
         numbers = main_pages(file)
-        check_size(size * tiff.pages.first.imagelength * tiff.pages.first.imagewidth)
+        n_pixels = tiff.pages.first.imagelength * tiff.pages.first.imagewidth
+        # A file that holds about as much as it claims is large, and no trap.
+        check_size(n_pixels * (size if size * n_pixels > _PIXELS_PER_BYTE * tiff.filehandle.size else 1))
         known = tiff.pages.first.compression in tifffile.TIFF.DECOMPRESSORS
         if not is_plain(tags) or (layout.for_pillow and not known):
             images = None

@@ -126,6 +126,9 @@ def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest
     files = ["-o", "l.tif", "--table", "t.csv", "--contours", "c.geojson", "--overlay", "o.tif"]
     (row,) = rows(capsys, "segment", "tz.tif", "--objects", "--volume", *files)
     assert row["k"] == 6
+    assert "warning" not in row
+    (row,) = rows(capsys, "segment", "tz.tif", "--objects", "-o", "planes.tif")
+    assert row["warning"] == "objects are those of each plane by itself; --volume finds them in three dimensions"
     labels = read_pages("l.tif")
     assert (labels.axes, labels.shape, str(labels.pixel_size)) == ("TZ", (2, 9), "0.5 x 0.5 x 1.5 um")
     assert np.stack(labels.images).max() == 3

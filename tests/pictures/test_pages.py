@@ -13,6 +13,7 @@ from PIL import Image
 
 from cvtimg import read_image
 from cvtimg.pictures import Pages, count_pages, image_info, read_pages, write_pages
+from cvtimg.pictures.formats.opening import pixels_limited
 
 RNG = np.random.default_rng(4)
 STACK = RNG.integers(0, 256, (5, 12, 9), np.uint8)
@@ -160,3 +161,15 @@ def test_pages_that_imagej_cannot_hold_keep_their_scale_in_inches(tmp_path: Path
     assert again.scale["resolutionunit"] == 2
     write_pages(tmp_path / "b.tif", Pages(images, "Z", (2,), "imagej", {**scale, "unit": "furlong"}))
     assert read_pages(tmp_path / "b.tif").scale == {"resolution": (1, 1), "resolutionunit": 1}  # as if none were given
+
+
+def test_pages_may_exceed_the_limit_of_an_image_together_if_their_file_is_as_large(tmp_path: Path) -> None:
+    pages = np.random.default_rng(0).integers(0, 256, (6, 40, 50), np.uint8)
+    tifffile.imwrite(tmp_path / "a.tif", pages, photometric="minisblack")
+    tifffile.imwrite(tmp_path / "small.tif", 0 * pages, photometric="minisblack", compression="adobe_deflate")
+    with pixels_limited(2000):
+        np.testing.assert_array_equal(read_pages(tmp_path / "a.tif").images, pages)
+        with pytest.raises(OSError, match="has over 2000 pixels"):
+            read_pages(tmp_path / "small.tif")
+    with pixels_limited(1999), pytest.raises(OSError, match="has over 1999 pixels"):
+        read_pages(tmp_path / "a.tif")
