@@ -262,7 +262,9 @@ def _panels(result: Restoration, read: VersionFiles, given: Given) -> list[list[
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.versions import stack_versions
 
-    stack = stack_versions(read.images, read.masks, given.nodata, channels=given.channels, alpha=read.alpha)
+    stack = stack_versions(
+        read.images, read.masks, given.nodata, channels=given.channels, alpha=read.alpha, any_size=given.align
+    )
     panels = []
     for number, name in enumerate(read.names):
         values, known = stack.bands(number), stack.known[:, :, number]

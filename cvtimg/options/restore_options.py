@@ -23,7 +23,9 @@ def _weights(text: str) -> list[float]:
 
 
 RESTORE = (
-    common.inputs("Versions of one image, all of one size: files, folders or patterns.", "VERSION...", name="versions"),
+    common.inputs(
+        "Versions of one image, of one size unless aligned: files, folders or patterns.", "VERSION...", name="versions"
+    ),
     common.output("Write the restored image; - for standard output.", common.pictures, standard=".png", required=True),
     Option(
         "number",

@@ -71,8 +71,8 @@ def restore(
     Parameters
     ----------
     images : sequence of (H, W) or (H, W, C) arrays, or Pillow images
-        The versions, all of one size, of any integer or floating point type. Unknown pixels are NaN, masked in a
-        masked array, have alpha 0, or are given by `masks` or `nodata`. A single version is denoised.
+        The versions, all of one size unless they are aligned, of any integer or floating point type. Unknown pixels are
+        NaN, masked in a masked array, have alpha 0, or are given by `masks` or `nodata`. A single version is denoised.
     n_generators : int or "auto"
         Initial number of segments K; with `detail`, of kinds of patches, which matters little. "auto" takes the elbow
         of the energy of the versions fused and blurred, up to 32, where painted-over parts may count as a color of
@@ -190,7 +190,7 @@ def restore(
     check_excluded(
         f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
     )
-    given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha)
+    given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha, any_size=bool(model))
     with part(0, prepared := _PREPARED if model is None else _ALIGNED):
         evidence = prepare(
             given,

@@ -90,8 +90,10 @@ def stack_versions(
     *,
     channels: bool = False,
     alpha: bool | None = None,
+    any_size: bool = False,
 ) -> Versions:
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
+    # Versions of `any_size` get that of the first, from their upper left corners: what is moved later has room.
     if hasattr(images, "mode") or (isinstance(images, np.ndarray) and images.ndim < 4):
         shape = array_of(images).shape
         raise TypeError(
@@ -99,14 +101,17 @@ def stack_versions(
         )
     check_that("images", len(images) > 0, "have at least one version")
     read = [_read(number, image, nodata, alpha) for number, image in enumerate(images)]
-    _check_same("size", [known.shape for _, known in read])
+    sizes = [known.shape for _, known in read]
+    if not any_size:
+        _check_same("size", sizes)
     if not channels:
         _check_same("bands", [values.shape[2] for values, _ in read])
         _check_same("type", [str(values.dtype) for values, _ in read])
-    given = _check_masks(masks, len(read), read[0][1].shape)
-    known = np.stack([seen & mask for (_, seen), mask in zip(read, given, strict=True)], axis=2)
+    given = _check_masks(masks, sizes)
+    fitted = [_fitted(values, seen & mask, sizes[0]) for (values, seen), mask in zip(read, given, strict=True)]
+    known = np.stack([seen for _, seen in fitted], axis=2)
     check_that("images", bool(known.any()), "have at least one known pixel; no version knows any pixel")
-    placed = [_place(values, known[:, :, version], space) for version, (values, _) in enumerate(read)]
+    placed = [_place(values, seen, space) for values, seen in fitted]
     version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)
     grey = array_of(images[0]).ndim == 2
@@ -121,18 +126,27 @@ def _check_same(what: str, found: Sequence[object]) -> None:
             raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
 
 
-def _check_masks(
-    masks: Sequence[ArrayLike | None] | None, n_versions: int, shape: tuple[int, ...]
-) -> list[NDArray[np.bool_]]:
+def _check_masks(masks: Sequence[ArrayLike | None] | None, sizes: Sequence[tuple[int, ...]]) -> list[NDArray[np.bool_]]:
     """Return an (H, W) mask for each version, True where it is known; all known by default."""
     if masks is None:
-        masks = [None] * n_versions
-    if len(masks) != n_versions:
-        raise ValueError(f"masks has {len(masks)} masks and must have {n_versions}, one for each version, or None")
-    arrays = [np.ones(shape, np.bool_) if mask is None else np.asarray(mask) for mask in masks]
-    for number, array in enumerate(arrays):
-        check_shape(f"masks[{number}]", array.shape, array.shape == shape, f"{shape}, the size of the versions")
+        masks = [None] * len(sizes)
+    if len(masks) != len(sizes):
+        raise ValueError(f"masks has {len(masks)} masks and must have {len(sizes)}, one for each version, or None")
+    arrays = [
+        np.ones(size, np.bool_) if mask is None else np.asarray(mask) for mask, size in zip(masks, sizes, strict=True)
+    ]
+    for number, (array, size) in enumerate(zip(arrays, sizes, strict=True)):
+        check_shape(f"masks[{number}]", array.shape, array.shape == size, f"{size}, the size of the version")
     return [array != 0 for array in arrays]
+
+
+def _fitted(
+    values: NDArray[Any], known: NDArray[np.bool_], size: tuple[int, ...]
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Cut or add rows and columns at the lower right so that (H, W, C) values have a size; what is added is unknown."""
+    values, known = values[: size[0], : size[1]], known[: size[0], : size[1]]
+    more = [(0, wanted - has) for wanted, has in zip(size, known.shape, strict=True)]
+    return np.pad(values, [*more, (0, 0)]), np.pad(known, more)
 
 
 def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:

@@ -180,3 +180,11 @@ def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(
     inner = slice(6, -6)
     scores = [psnr(image[inner, inner] / 255, looks[0][inner, inner] / 255) for image in (alone, together)]
     assert scores[1] > scores[0] + (-0.3 if sigma < 10 else 0.8)
+
+
+def test_aligned_versions_may_have_different_sizes(photograph: NDArray[Any]) -> None:
+    first, smaller, larger = photograph[20:84, 20:100], photograph[24:80, 18:90], photograph[17:90, 21:120]
+    masks = [None, np.ones(smaller.shape[:2], np.bool_), None]
+    found = restore([first, smaller, larger], 4, masks=masks, align=True, effort="fast")
+    assert found.image.shape == first.shape
+    np.testing.assert_allclose(found.shifts, [[0, 0], [4, -2], [-3, 1]], atol=0.1)
