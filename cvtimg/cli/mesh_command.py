@@ -99,9 +99,11 @@ def _plot(found: Mesh, path: Path, given: Given, *, y_down: bool) -> None:
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
     """Fill a mask of voxels with tetrahedra."""
+    from dataclasses import asdict
+
     from cvtimg.meshes import mesh_volume
 
-    flat = {"--size": given.size, "--measures": given.measures, "--plot": given.plot}
+    flat = {"--size": given.size, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
@@ -118,5 +120,6 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
         "triangles": len(found.surface),
         "volume": found.volume,
         "least_angle": float(found.dihedral_angles.min()),
+        **(asdict(found.measures()) if given.measures else {}),
         "is_manifold": found.is_manifold,
     }

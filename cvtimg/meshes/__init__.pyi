@@ -11,5 +11,6 @@ from .meshing import mesh_labels as mesh_labels
 from .meshing import mesh_region as mesh_region
 from .result import Mesh as Mesh
 from .sizes import MeshSize as MeshSize
+from .volumes import VolumeMeasures as VolumeMeasures
 from .volumes import VolumeMesh as VolumeMesh
 from .volumes import mesh_volume as mesh_volume

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,11 +121,14 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     )
 
 
-def boundary_faces(tetrahedra: NDArray[np.int32]) -> NDArray[np.int32]:
+def boundary_faces(tetrahedra: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
     """Return the (S, 3) faces that only one tetrahedron has, counter-clockwise seen from outside."""
     faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
-    _, inverse, counts = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return faces[counts[inverse.reshape(-1)] == 1]
+    a, b, c = np.sort(faces, axis=1).astype(np.int64).T
+    n = int(c.max(initial=0)) + 1
+    pairs = np.unique(a * n + b, return_inverse=True)[1]  # three numbers in one would be too large
+    _, which, counts = np.unique(pairs * n + c, return_inverse=True, return_counts=True)
+    return faces[counts[which] == 1]
 
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:

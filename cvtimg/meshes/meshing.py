@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass, replace
 from typing import Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.extras import optional
 from cvtimg._shared.progress import each, first_few, part, tell
+from cvtimg.halfedges import edge_keys, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
@@ -91,6 +93,8 @@ _SHARES = (1.0, 0.95, 1.0, 0.9)
 #: Where sizes vary, sweeps in the end lower the sum of this power of (sum of squared sides) / (4 3^(1/2) area) over
 #: triangles, so that the worst counts most.
 _SMOOTHING, _POWER = 2, 8
+#: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.
+_NARROW = 10.0
 #: No edge on a border between pixels is made shorter than this, in pixels, to mend small angles.
 _SHORTEST = 1.0
 #: and a last sweep makes edges even again by this part of its steps: with 0 mean quality is best, with 1 lengths are.
@@ -303,8 +307,26 @@ def _mesh(
                 meshes += _made(outline, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
             return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
         if len(meshes) == 1:
-            return meshes[0]
-    return min(meshes, key=_irregularity)
+            break
+    best = meshes[0] if len(meshes) == 1 else min(meshes, key=_irregularity)
+    if wanted.n is not None and fixed is None and wanted.metric is None and np.isscalar(wanted.size):
+        _warn_of_small_angles(best)
+    return best
+
+
+def _warn_of_small_angles(mesh: Mesh) -> None:
+    """Warn of triangles that are narrow although no corner of a border is, because there are too few vertices."""
+    angles, n = measure_triangles(mesh.points, mesh.triangles).least_angles, len(mesh.points)
+    narrow = mesh.triangles[angles < _NARROW]
+    # Each is where the two longer sides meet.
+    sides = np.linalg.norm(mesh.points[narrow] - mesh.points[np.roll(narrow, -1, axis=1)], axis=2)
+    longer = sides > sides.min(axis=1, keepdims=True)
+    keys = [edge_keys(narrow[:, [k, (k + 1) % 3]], n) for k in range(3)]
+    is_corner = (np.isin(np.stack(keys, axis=1), edge_keys(mesh.edges, n)) | ~longer).all(axis=1)
+    if not is_corner.all():
+        least = angles[angles < _NARROW][~is_corner].min()
+        hint = "leave n out for as many as it needs"
+        warn(f"the border needs more than n={n} vertices: the least angle is {least:.1f} degrees; {hint}", stacklevel=5)
 
 
 def _made(

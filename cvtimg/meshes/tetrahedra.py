@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.halfedges import edge_keys
+from cvtimg.meshes.measures import boundary_faces
+
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
 #: From (N, 3) points to values (N,), < 0 inside.
@@ -21,21 +24,39 @@ Level = Callable[[Points], NDArray[np.float64]]
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 #: The lattice is not in line with voxels, so that the number of its points inside grows gradually with finer spacing.
 _OFFSET = np.array([0.118, 0.382, 0.236])
+#: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing.
+_NARROW, _NUDGES, _NUDGE = 15.0, 8, 0.05
+#: What is filled in is so deep, by the spacing.
+_FILLED = 0.5
 #: Pairs of corners of a tetrahedron, and for each the other two.
 _PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 _OTHERS = _PAIRS[::-1]
 
 
-def stuff(level: Level, low: Points, high: Points, spacing: float) -> tuple[Points, Cells, NDArray[np.bool_]]:
+def stuff(level: Level, low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
     """Fill where a level is below 0, in a box from `low` to `high`, with tetrahedra of a lattice of a spacing.
 
-    Also tells which vertices are on the surface. The spacing is the length of the longer edges.
+    The spacing is the length of the longer edges. The surface is a manifold: where it would meet itself along an edge,
+    a point of the lattice is filled in.
     """
     points, cells = lattice(low, high, spacing)
     values = level(points)
+    while True:
+        found, made, origin = _filled(points, cells, values, spacing)
+        # More is filled in each round, so that there is a last one.
+        pinched = _pinched(made, len(found))
+        if not len(pinched):
+            return found, made
+        values[origin[pinched]] = -_FILLED * spacing
+
+
+def _filled(
+    points: Points, cells: Cells, values: NDArray[np.float64], spacing: float
+) -> tuple[Points, Cells, NDArray[np.intp]]:
+    """Fill where values (N,) at points of a lattice are below 0; also return the point at, or beyond, each vertex."""
     kept = (values[cells] < 0).any(axis=1)
-    used, cells = np.unique(cells[kept], return_inverse=True)
-    points, values, cells = points[used], values[used], cells.reshape(-1, 4)
+    lattice_points, cells = np.unique(cells[kept], return_inverse=True)
+    points, values, cells = points[lattice_points], values[lattice_points], cells.reshape(-1, 4)
     edges = np.unique(np.sort(cells[:, _PAIRS].reshape(-1, 2), axis=1), axis=0)
     points, values = _warped(points, values, edges, spacing)
     cut = (values[edges] < 0).any(axis=1) & (values[edges] > 0).any(axis=1)
@@ -53,9 +74,36 @@ def stuff(level: Level, low: Points, high: Points, spacing: float) -> tuple[Poin
 
     made = _cut(cells, values, cuts)
     used, made = np.unique(made, return_inverse=True)
-    on_surface = np.append(values == 0, np.ones(len(a), bool))[used]
+    origin = lattice_points[np.append(np.arange(len(points)), np.where(values[a] > 0, a, b))[used]]
     all_points = all_points[used]
-    return all_points, _oriented(all_points, made.reshape(-1, 4)), on_surface
+    return all_points, _oriented(all_points, made.reshape(-1, 4)), origin
+
+
+def _pinched(cells: Cells, n: int) -> NDArray[np.intp]:
+    """Return the vertices, of n, of edges at which more than two triangles of the surface meet."""
+    edges = boundary_faces(cells)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, which, counts = np.unique(edge_keys(edges, n), return_inverse=True, return_counts=True)
+    return np.unique(edges[counts[which] > 2])
+
+
+def widened(points: Points, cells: Cells, spacing: float) -> Points:
+    """Move vertices of tetrahedra with small dihedral angles so that these grow, by little."""
+    points = points.copy()
+    steps = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3) * _NUDGE * spacing
+    for _ in range(_NUDGES):
+        narrow = np.flatnonzero(dihedral_angles(points, cells).min(axis=1) < _NARROW)
+        if not len(narrow):
+            break
+        moving = np.unique(cells[narrow])
+        near = cells[np.isin(cells, moving).any(axis=1)]
+        for vertex in moving.tolist():
+            star = near[(near == vertex).any(axis=1)]
+            places = np.where((star == vertex)[None, :, :, None], points[vertex] + steps[:, None, None], points[star])
+            sound = (_volumes(places) > 0).all(axis=1)
+            least = np.where(sound, _dihedral_angles(places).min(axis=(1, 2)), 0)
+            if least[len(steps) // 2] < _NARROW:
+                points[vertex] += steps[least.argmax()]
+    return points
 
 
 def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
@@ -152,14 +200,34 @@ def _oriented(points: Points, cells: Cells) -> Cells:
 
 
 def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
-    """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise ."""
-    a, b, c, d = (points[cells[..., k]] for k in range(4))
+    """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise."""
+    return _volumes(points[cells])
+
+
+def _volumes(corners: Points) -> NDArray[np.float64]:
+    a, b, c, d = (corners[..., k, :] for k in range(4))
     return (np.cross(b - a, c - a) * (d - a)).sum(axis=-1) / 6
+
+
+def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
+    """Return three times the radius of the ball in each tetrahedron (T,) by that of the one around it."""
+    a, b, c, d = (points[cells[:, k]] for k in range(4))
+    u, v, w = b - a, c - a, d - a
+    uv, vw, wu = np.cross(u, v), np.cross(v, w), np.cross(w, u)
+    faces = sum(np.linalg.norm(side, axis=1) for side in (uv, vw, wu, uv + vw + wu))
+    squares = [(side**2).sum(axis=1)[:, None] for side in (u, v, w)]
+    around = np.linalg.norm(squares[0] * vw + squares[1] * wu + squares[2] * uv, axis=1)
+    six = (uv * w).sum(axis=1)
+    # r = six / faces and R = around / (2 six).
+    return np.asarray(6 * six**2 / np.maximum(faces * around, 1e-300))
 
 
 def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
     """Return the six dihedral angles (..., 6) of tetrahedra, in degrees."""
-    corners = points[cells]
+    return _dihedral_angles(points[cells])
+
+
+def _dihedral_angles(corners: Points) -> Points:
     a, b = corners[..., _PAIRS[:, 0], :], corners[..., _PAIRS[:, 1], :]
     c, d = corners[..., _OTHERS[:, 0], :], corners[..., _OTHERS[:, 1], :]
     axis = b - a

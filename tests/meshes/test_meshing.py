@@ -14,6 +14,8 @@ from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
+pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
+
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]
 
@@ -451,3 +453,13 @@ def test_corners_of_labels_are_no_narrower_than_their_lines() -> None:
 
     labels = segment(data.coffee(), 3, min_size=500).labels
     assert mesh_labels(labels, n=4000).measures().least_angle > 15
+
+
+def test_too_few_vertices_for_a_jagged_border_are_warned_of() -> None:
+    rng, k = np.random.default_rng(0), 100
+    waves = (rng.standard_normal(k) + 1j * rng.standard_normal(k)) * np.arange(1, k + 1) ** -1.5
+    far = np.fft.irfft(np.append(0, waves), 2 * k)
+    turns = np.arange(2 * k) * np.pi / k
+    coast = (1 + 0.4 * far / np.abs(far).max())[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    with pytest.warns(UserWarning, match=r"the border needs more than n=80 vertices: the least angle is 8\.0 degrees"):
+        mesh_region(coast, n=80, effort="fast")

@@ -29,6 +29,8 @@ ERRORS = (
     "N >= 3",
 )
 
+pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
+
 
 def signed_areas(mesh: Mesh) -> NDArray[np.float64]:
     corners = mesh.points[mesh.triangles]

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg.meshes import VolumeMesh, mesh_volume
+from cvtimg.meshes.tetrahedra import _pinched, dihedral_angles, stuff, widened
 
 
 def shapes(side: int = 32) -> dict[str, NDArray[np.bool_]]:
@@ -49,10 +50,32 @@ def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: 
     mask = shapes()[name]
     mesh = mesh_volume(mask, n=n)
     assert len(mesh.points) == pytest.approx(n, rel=0.03)
-    assert mesh.dihedral_angles.min() > 12
+    assert mesh.dihedral_angles.min() > 14
     assert mesh.is_manifold
     assert mesh.volume == pytest.approx(mask.sum(), rel=0.01)
     assert volume_of_surface(mesh) == pytest.approx(mesh.volume, rel=1e-9)
+
+
+def test_pinched_edges_are_filled_and_narrow_tetrahedra_widened() -> None:
+    # Two boxes of lattice cells that meet in a line: the level is negative in two opposite quadrants.
+    def level(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.maximum(-p[:, 0] * p[:, 1], np.abs(p).max(axis=1) - 2)
+
+    points, cells = stuff(level, np.full(3, -3.0), np.full(3, 3.0), 0.7)
+    assert not len(_pinched(cells, len(points)))
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.05]])
+    moved = widened(flat, np.array([[0, 1, 2, 3]]), 1.0)
+    assert dihedral_angles(moved, np.array([[0, 1, 2, 3]])).min() > 14
+
+
+def test_regular_tetrahedra_have_quality_1() -> None:
+    corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    mesh = VolumeMesh(corners, np.array([[0, 1, 2, 3]], np.int32), None)
+    assert mesh.measures().mean_quality == pytest.approx(1)
+    assert mesh.measures().least_angle == pytest.approx(np.degrees(np.arccos(1 / 3)))
+    # A corner of a cube: r = 1 / (3 + 3^(1/2)), R = 3^(1/2) / 2.
+    mesh = VolumeMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), None)
+    assert mesh.qualities == pytest.approx(3 / (3 + 3**0.5) / (3**0.5 / 2))
 
 
 def test_the_surface_is_where_the_mask_ends() -> None:
