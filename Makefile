@@ -52,7 +52,7 @@ oldest:
 	$(PYTHON) -m venv build/oldest
 	build/oldest/bin/pip install --quiet uv
 	build/oldest/bin/uv pip install --quiet --python build/oldest/bin/python --resolution lowest-direct ".[test]" "httpx>=0.27" "pyparsing>=3.1,<3.2"
-	build/oldest/bin/pytest -n auto --dist worksteal tests -m "not slow" -W ignore::DeprecationWarning
+	build/oldest/bin/pytest -n auto --dist worksteal tests -m "not slow" -W ignore::DeprecationWarning -W ignore::FutureWarning
 
 lint: $(VENV)/extra-test $(VENV)/extra-lint
 	$(BIN)/ruff check .

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL
 import pytest
 from numpy.typing import NDArray
 from picture_files import BITS, DEEP, GREY, RGB, RGBA, png, save
@@ -101,7 +102,10 @@ def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Pat
     [
         ("CMYK", (255, 0, 0, 0), (0, 255, 255)),
         ("CMYK", (0, 0, 0, 255), (0, 0, 0)),
-        ("YCbCr", (76, 85, 255), (255, 0, 0)),
+        pytest.param(
+            *("YCbCr", (76, 85, 255), (255, 0, 0)),
+            marks=pytest.mark.skipif(PIL.__version__ < "12", reason="Pillow 11 cannot read what it writes"),
+        ),
         ("LAB", (138, 209, 198), (255, 0, 0)),
     ],
 )
