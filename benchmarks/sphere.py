@@ -70,7 +70,7 @@ def triangulations(quick: bool, python: Path | None) -> list[Row]:
     """Triangulate the points of an icosahedral grid, in order and shuffled."""
     from cvtimg.sphere import triangulate
     from cvtimg.sphere.starts import bisected, icosahedron, in_order
-    from cvtimg.sphere.triangulation import Triangulation, unit
+    from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
     rows, mesh = [], icosahedron()
     while len(mesh.points) < (40_962 if quick else 163_842):
@@ -85,7 +85,7 @@ def triangulations(quick: bool, python: Path | None) -> list[Row]:
         row = {"points": f"{len(points)} {name}", "cvtimg": least, "ConvexHull / cvtimg": hull / least}
         row["SphericalVoronoi / cvtimg"] = timed(partial(SphericalVoronoi, points), time.process_time)[1] / least
         row["stripy / cvtimg"] = None if python is None else _stripy_seconds(points, python) / least
-        moving = Triangulation(points)
+        moving = SphereTriangulation(points)
         row["step of Lloyd's"] = min(
             timed(lambda m=moving: m.replace(unit(m.uniform_moments())), time.process_time)[1] for _ in range(3)
         )
@@ -144,14 +144,14 @@ def uniform(quick: bool) -> list[Row]:
 def refined(quick: bool) -> list[Row]:
     """Make grids by densities; "E n" is the energy times n by moments alone, as published figures are."""
     import cvtimg
-    from cvtimg.sphere.triangulation import Triangulation
+    from cvtimg.sphere.triangulation import SphereTriangulation
 
     rows = []
     cases = [(name, 10_242 if quick else 40_962) for name in DENSITIES]
     for name, n in cases if quick else [*cases, ("cap x4", 163_842)]:
         density = DENSITIES[name]
         grid, seconds = timed(partial(cvtimg.sphere_grid, n, density=density), time.process_time)
-        mesh = Triangulation(grid.points, grid.triangles)
+        mesh = SphereTriangulation(grid.points, grid.triangles)
         centers = mesh.circumcenters()
         masses, moments, _ = mesh.weighted_moments(grid.density, centers, density(centers))
         energy = 2 * (masses.sum() - np.einsum("ij,ij", moments, grid.points))
@@ -253,11 +253,11 @@ def patches(quick: bool) -> list[Row]:
     from cvtimg.sphere import move_in_patches
     from cvtimg.sphere.grids import as_grid
     from cvtimg.sphere.starts import bisected, in_order
-    from cvtimg.sphere.triangulation import Triangulation, uniform_cells
+    from cvtimg.sphere.triangulation import SphereTriangulation, uniform_cells
 
     n = 40_962 if quick else 655_362
     coarse = cvtimg.sphere_grid((n + 6) // 4, polish=False)
-    grid = as_grid(in_order(bisected(Triangulation(coarse.points, coarse.triangles))), uniform_cells, None)
+    grid = as_grid(in_order(bisected(SphereTriangulation(coarse.points, coarse.triangles))), uniform_cells, None)
     rows, first = [], None
     for n_patches, n_workers in ((1, 0), (2, 0), (2, 1), (2, 2), (8, 2)):
         move = partial(move_in_patches, grid, MOVES, n_patches=n_patches)
