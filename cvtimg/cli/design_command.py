@@ -77,7 +77,8 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--plot" in task.outputs:
         from cvtimg.plotting import draw_pairs, save_plot
 
-        save_plot(task.outputs["--plot"], draw_pairs, found.points, labels, existing=old, overwrite=given.overwrite)
+        shown = {"existing": old, "levels": [factor.levels for factor in factors]}
+        save_plot(task.outputs["--plot"], draw_pairs, found.points, labels, **shown, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
         "n": given.number,

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 PLOT_SUFFIXES = (".png", ".svg")
 #: More axes than this would leave no room for their pairs.
 _MOST_AXES = 8
+#: As many levels have their names.
+_MOST_TICKS = 8
 _BINS, _FINE_BINS = 10, 60
 _Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
@@ -59,7 +61,13 @@ def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str) -> bytes:
 
 
 @chart
-def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing: NDArray[Any] | None = None) -> bytes:
+def draw_pairs(
+    points: NDArray[Any],
+    names: Sequence[str],
+    suffix: str,
+    existing: NDArray[Any] | None = None,
+    levels: Sequence[Sequence[str]] | None = None,
+) -> bytes:
     """Draw points in each pair of axes, and how many lie in each tenth of an axis.
 
     Parameters
@@ -72,6 +80,8 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
         Format of the file.
     existing : (L, d) array, optional
         Points to show in another color.
+    levels : sequence of d sequences of str, optional
+        Names of levels that share an axis from 0 to 1 evenly; none for other axes.
     """
     n_axes = min(points.shape[1], _MOST_AXES)
     with figure_file(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
@@ -88,6 +98,10 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
                     axes.plot(existing[:, right], existing[:, down], "x", color="C3", markersize=4, label="existing")
             else:
                 axes.set_axis_off()
+            if levels is not None and levels[right]:
+                axes.set_xticks(*_ticks(levels[right]))
+            if levels is not None and levels[down] and down > right:
+                axes.set_yticks(*_ticks(levels[down]))
             if down == n_axes - 1:
                 axes.set_xlabel(names[right], fontsize=8)
             if right == 0:
@@ -96,6 +110,12 @@ def draw_pairs(points: NDArray[Any], names: Sequence[str], suffix: str, existing
             handles, _ = grid[1, 0].get_legend_handles_labels()
             figure.legend(handles, ["new", "existing"], loc="upper right", fontsize=9)
     return content.getvalue()
+
+
+def _ticks(levels: Sequence[str]) -> tuple[list[float], list[str]]:
+    """Return where some of the levels are on their axis, and their names."""
+    every = -(-len(levels) // _MOST_TICKS)
+    return [(level + 0.5) / len(levels) for level in range(0, len(levels), every)], list(levels[::every])
 
 
 @chart
