@@ -61,8 +61,8 @@ QUALITIES = (84, 77, 70, 63)
 LOSSY = (0, 10, 20, 40, 80)
 #: Points of a curve at which bytes are compared.
 N_POINTS = 50
-#: Side and middles of the parts that --sheet shows.
-SHOWN, PLACES = 80, ((0.3, 0.3), (0.75, 0.6))
+#: Side of the parts that --sheet shows, and where their middles are, down and right.
+SHOWN, PLACE = 80, 0.3
 #: Standard deviations of the blurs of the second measure, and how much each counts.
 BLURS = {0.7: 1, 1.5: 2, 3.0: 4}
 
@@ -150,24 +150,17 @@ def pixels_of(file: bytes) -> Pixels:
 
 
 def shown(picture: Picture) -> list[Panel]:
-    """Return parts of a picture: as they are, of pngquant's file, and of that of cvtimg at the same score."""
+    """Return a part of a picture: as it is, of pngquant's file, and of that of cvtimg at the same score."""
     pixels = picture.pixels
     file = as_png(pixels, 256)
     theirs = pixels_of(file)
     ours = quantize(pixels, quality=VisualQuality(pixels)(theirs))
     sizes = {"pngquant": len(file), "cvtimg": len(encode_image(".png", ours.content[0], palette=ours.content[1]))}
     captions = ["original", *(f"{name}, {size / 1000:.0f} kB" for name, size in sizes.items())]
-    panels = []
-    for down, right in PLACES:
-        top, left = (
-            max(0, round(share * n) - SHOWN // 2) for share, n in zip((down, right), pixels.shape, strict=False)
-        )
-        place = np.s_[top : top + SHOWN, left : left + SHOWN]
-        panels += [
-            Panel(image[place], (caption,))
-            for image, caption in zip((pixels, theirs, ours.image), captions, strict=True)
-        ]
-    return panels
+    top, left = (max(0, round(PLACE * n) - SHOWN // 2) for n in pixels.shape[:2])
+    part = np.s_[top : top + SHOWN, left : left + SHOWN]
+    images = (pixels, theirs, ours.image)
+    return [Panel(image[part], (caption,)) for image, caption in zip(images, captions, strict=True)]
 
 
 def pngs_of(pixels: Pixels, names: Sequence[str] | None) -> dict[str, list[bytes]]:
