@@ -103,11 +103,10 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         mask=given.mask,
         nodata=given.nodata,
         volume=partial(_count_in_volume, given=given) if given.volume and given.objects else given.volume,
+        track=given.track,
         on_pages=partial(check_room, task.outputs),
         on_stage=stopwatch.lap,
     )
-    if given.track:
-        found = found.tracked()
     results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
     axes = found.pages.axes if found.pages else ""
     in_volume = given.volume and given.objects and found.pages is not None

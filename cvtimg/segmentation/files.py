@@ -52,12 +52,7 @@ class DividedFile:
 
     def tracked(self) -> DividedFile:
         """Return labels that keep their number from frame to frame."""
-        axes = self.pages.axes if self.pages else ""
-        if not axes.startswith("T"):
-            raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
         n_frames = self.pages.shape[0] if self.pages else 1
-        if len(self.results) > n_frames:
-            raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
         frames = self.labels.reshape(n_frames, -1, *self.labels.shape[1:])
         return replace(self, labels=track_labels(frames).reshape(self.labels.shape))
 
@@ -69,16 +64,19 @@ def divide_file(
     mask: StrPath | None = None,
     nodata: float | None = None,
     volume: bool | DivideVolume = False,
+    track: bool = False,
     on_pages: Callable[[int], None] = lambda n_pages: None,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> DividedFile:
     """Divide the picture of a file, or each of its pages, or with `volume` all pages together."""
     # With `volume=True`, the same generators divide all pages, as if they were one image; a function gets the planes of
-    # each frame as a volume. Pixels without data, black in the image `mask`, or transparent have label 0. `on_pages` is
-    # called with the number of pages, if there are several, before any is divided; `on_stage` with the name of each
-    # stage that is done.
+    # each frame as a volume. With `track`, labels keep their number from frame to frame. Pixels without data, black in
+    # the image `mask`, or transparent have label 0. `on_pages` is called with the number of pages, if there are several,
+    # before any is divided; `on_stage` with the name of each stage that is done.
     header = image_info(source)
     pages = read_pages(source).joined() if header.has_pages else None
+    if track:
+        _check_frames(pages, in_volumes=callable(volume))
     if pages is None or len(pages.images) == 1:
         if callable(volume):
             raise ValueError("is one image, and a volume has several planes")
@@ -99,7 +97,16 @@ def divide_file(
     each = _divided_volumes(parts, pages, volume) if callable(volume) else (divide(*part) for part in parts)
     found = DividedFile.of(header, pages, seen, each)
     on_stage("cluster")
-    return found
+    return found.tracked() if track else found
+
+
+def _check_frames(pages: Pages | None, *, in_volumes: bool) -> None:
+    """Refuse stacks without frames to track objects along."""
+    axes = pages.axes if pages and len(pages.images) > 1 else ""
+    if not axes.startswith("T"):
+        raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
+    if axes != "T" and not in_volumes:
+        raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
 
 
 def _divided_volumes(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -227,3 +228,24 @@ def test_what_has_no_room_for_pages_says_so(
     assert main(command) in (1, 2)
     assert reason in capsys.readouterr().err
     assert {path.name for path in Path().iterdir()} == {"rgb.tif", "gray.tif"}
+
+
+@pytest.mark.parametrize(
+    ("axes", "options", "message"),
+    [
+        ("ZYX", ["--volume"], "needs the size of voxels; name it by --pixel-size, such as 0.3x0.3x2um"),
+        ("ZYX", ["--volume", "--pixel-size", "0.3um"], "of which only 0.3 um is known"),
+        ("QZYX", ["--volume", "--pixel-size", "1x1x2um"], r"has the axes QZYX, where \(T\)ZYX is expected"),
+        ("ZYX", ["--track"], "has the axes ZYX, without T to track objects along; --axes names them"),
+        ("TZYX", ["--track"], "has the axes TZYX: objects are tracked with --volume, or in one plane, --z N"),
+        ("YX", ["--volume", "--pixel-size", "1x1x2um"], "is one image, and a volume has several planes"),
+    ],
+)
+def test_what_a_stack_lacks_for_volumes_and_tracks_is_one_line(
+    axes: str, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shape = (2, 3, 8, 8)[-len(axes) :]
+    tifffile.imwrite("s.tif", np.zeros(shape, np.uint8), photometric="minisblack", metadata={"axes": axes})
+    assert main(["segment", "s.tif", "--objects", "-o", "l.tif", *options]) == 1
+    assert re.search(f"^cvtimg: s.tif: .*{message}", capsys.readouterr().err)
+    assert not Path("l.tif").exists()
