@@ -71,8 +71,8 @@ def divide_file(
     """Divide the picture of a file, or each of its pages, or with `volume` all pages together."""
     # With `volume=True`, the same generators divide all pages, as if they were one image; a function gets the planes of
     # each frame as a volume. With `track`, labels keep their number from frame to frame. Pixels without data, black in
-    # the image `mask`, or transparent have label 0. `on_pages` is called with the number of pages, if there are several,
-    # before any is divided; `on_stage` with the name of each stage that is done.
+    # the image `mask`, or transparent have label 0. `on_pages` is called with the number of several pages
+    # before any is divided, `on_stage` with the name of each stage that is done.
     header = image_info(source)
     pages = read_pages(source).joined() if header.has_pages else None
     if track:
