@@ -7,6 +7,7 @@ gain and an offset for their exposures.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -80,15 +81,24 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
 
     values, known = versions.values.copy(), versions.known.copy()
     found = Alignment.none(versions.n_versions)
-    models = list(found.models)
+    models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
     for version in range(1, versions.n_versions):
+        moving = _pyramid(versions, version)
+        both = versions.known[:, :, 0] & versions.known[:, :, version]
+        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _FEWEST:
+            stuck += [f"images[{version}]"] if known[:, :, version].any() else []
+            continue
         with threadpool_limits(1, user_api="blas"):  # the matrices are small
-            found.transforms[version], models[version] = _transform(fixed, _pyramid(versions, version), model)
+            found.transforms[version], models[version] = _transform(fixed, moving, model)
         bands = versions.version_of == version
         values[:, :, bands], known[:, :, version] = _moved(
             versions.bands(version), versions.known[:, :, version], found.transforms[version]
         )
+    if stuck:
+        why = "one of them is of one color, or they know no pixels in common"
+        names = ", ".join(stuck)
+        warnings.warn(f"{names} cannot be aligned with images[0] and stay in place: {why}", UserWarning, stacklevel=4)
     return versions.moved(values, known), Alignment(found.transforms, tuple(models))
 
 
@@ -133,8 +143,6 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
 
 def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_Doubles, str]:
     """(3, 3) transform from pixels of one image to those of another, and its model."""
-    if fixed[-1].is_flat or moving[-1].is_flat:
-        return np.eye(3), "translation"
     wanted = "euclidean" if model == "auto" else model
     transform = _whole_shift(fixed[-1], moving[-1])
     doubled = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])  # centers of pixels lie at 2 x + 1/2 of the finer level

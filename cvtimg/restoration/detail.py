@@ -97,7 +97,7 @@ _OWN_FROM = 3
 #: Blur, in pixels, over which these are compared with the first, and the least share of pixels that both must know.
 _NEAR_BY, _FEW = 1.5, 0.02
 #: How much what is not noise counts, and its size, as a part of noise, from which on it surely is not.
-_STRICT, _SURE = 24.0, 1.5
+_STRICT, _SURE = 48.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,7 +221,7 @@ def _fused(
     for version, share in enumerate(evidence.trust):
         sigma = float(np.sqrt(variance / share))
         known, values = versions.known[:, :, version], versions.bands(version)
-        moved = not np.array_equal(transforms[version], np.eye(3))
+        moved = version > 0 and evidence.aligned
         if moved and own:
             source = evidence.given
             values, seen = own_pixels(source.bands(version), source.known[:, :, version], transforms[version], estimate)
@@ -229,7 +229,7 @@ def _fused(
         weight = known * np.float32(share)
         if moved:
             noise = variance * (1 / share + 1 / evidence.trust[0])
-            weight *= _agreeing(values - first, known & first_known, noise, sigma**2)
+            weight *= _agreeing(values - first, known & first_known, noise)
         if white is not None:
             own_ends = clipped_ends(values[known], estimate[known], sigma, white)
             # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
@@ -242,12 +242,12 @@ def _fused(
     return fill(total, weights), weights
 
 
-def _agreeing(apart: Floats, known: NDArray[np.bool_], noise: float, own: float) -> Floats:
-    """(H, W) weight, 0..1, of a version: its `own` variance of noise as a part of that and of what is not noise."""
+def _agreeing(apart: Floats, known: NDArray[np.bool_], noise: float) -> Floats:
+    """(H, W) weight, 0..1, of a version: the variance of `noise` as a part of that and of what is not noise."""
     from scipy.ndimage import gaussian_filter
 
     share = gaussian_filter(known.astype(np.float32), _NEAR_BY)
     squares = gaussian_filter(np.where(known, np.square(apart).mean(axis=2), 0), _NEAR_BY)
     near = np.divide(squares, share, out=np.zeros_like(squares), where=share > _FEW)
     excess = np.maximum(near - noise, 0)
-    return np.float32(own) / (own + _STRICT * excess**2 / (excess + _SURE * noise))
+    return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))

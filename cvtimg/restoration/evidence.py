@@ -127,6 +127,7 @@ class Evidence:
     shared: SharedNoise | None  # what pixels share of the noise of weight 1; None if it is white
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
+    aligned: bool  # whether versions were put in place
 
     def variances(self, data: Versions, gain: float = 1.0) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
@@ -166,7 +167,7 @@ def prepare(
         fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), leaves_out=hidden != "none")
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels)
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels, bool(align))
 
 
 def _fitting(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import assign, pack
+from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import noise_of_bands
@@ -88,8 +89,12 @@ class Kinds:
         sample = sample - mean
         _, axes = np.linalg.eigh((sample.T @ sample).astype(np.float64))
         basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
-        generators = tessellate(sample @ basis, n_generators, effort="fast", rng=rng).generators
-        return cls(mean, basis, generators)
+        points = sample @ basis
+        try:
+            found = tessellate(points, n_generators, effort="fast", rng=rng)
+        except TooFewSamplesError:  # of flat colors; to count them first would take time
+            found = tessellate(points, len(np.unique(points, axis=0)), effort="fast", rng=rng)
+        return cls(mean, basis, found.generators)
 
     def features(self, bordered: Floats) -> Floats:
         """(N, D) features of the patches of an image with a border of `REACH` pixels."""

@@ -72,7 +72,8 @@ def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDA
 
 def test_flat_versions_are_left_where_they_are() -> None:
     flat = np.full((20, 20), 0.5)
-    _, found = align(stack_versions([flat, flat]))
+    with pytest.warns(UserWarning, match=r"images\[1\] cannot be aligned"):
+        _, found = align(stack_versions([flat, flat]))
     np.testing.assert_array_equal(found.transforms, np.tile(np.eye(3), (2, 1, 1)))
 
 
@@ -188,3 +189,20 @@ def test_aligned_versions_may_have_different_sizes(photograph: NDArray[Any]) -> 
     found = restore([first, smaller, larger], 4, masks=masks, align=True, effort="fast")
     assert found.image.shape == first.shape
     np.testing.assert_allclose(found.shifts, [[0, 0], [4, -2], [-3, 1]], atol=0.1)
+
+
+def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(photograph: NDArray[Any]) -> None:
+    image = photograph[20:84, 20:100]
+    masks = np.zeros((2, *image.shape[:2]), np.bool_)
+    masks[0, :30], masks[1, 34:] = True, True
+    with pytest.warns(UserWarning, match=r"images\[1\] cannot be aligned with images\[0\]"):
+        _, found = align(stack_versions([image, image], list(masks)))
+    assert (found.transforms == np.eye(3)).all()
+
+
+@pytest.mark.slow
+def test_clean_frames_after_a_noisy_one_count_in_full(photograph: NDArray[Any]) -> None:
+    clean = photograph[20:116, 20:132]
+    noisy = np.clip(clean + np.random.default_rng(0).normal(0, 12, clean.shape), 0, 255).astype(np.uint8)
+    image = restore([noisy, clean, clean], detail=True, align=True, effort="fast").image
+    assert psnr(image / 255, clean / 255) > 37

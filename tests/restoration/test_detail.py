@@ -184,3 +184,8 @@ def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
     found = restored(versions, masks=known)
     best = restored([noisy(clean, 0.05, seed) for seed in range(3)])
     assert psnr(found, clean) > psnr(best, clean) - 2
+
+
+def test_an_image_of_one_color_stays_as_it_is() -> None:
+    flat = np.full((24, 32, 3), 80, np.uint8)
+    np.testing.assert_array_equal(restore([flat, flat, flat], detail=True, effort="fast").image, flat)
