@@ -4,11 +4,12 @@ All get the same triangles. pyacvd clusters vertices, so its input is subdivided
 it has 20 vertices or more per point. Energy (E n, for area 1; less is better) is measured alike for all, with the same
 million samples of the fine surface. The blob is where a sum of Gaussians is constant, as marching cubes find it.
 
-A cube, a part with a hole and a boss, a sheet and a bowl have edges or borders: how far from the surface results are is
-measured by pymeshlab, in both directions and by the diagonal. Edge lengths of pymeshlab and mmgs are found by trial,
-and the seconds of the trial that was taken are shown. Needs pyacvd, pymeshlab, mmgpy, trimesh and manifold3d.
+Others have edges or borders: a cube, a part with a hole and a boss, a sheet, a bowl, and six models more, of which the
+fading fold has a crease that ends within a face. How far from the surface results are is measured by pymeshlab, in both
+directions and by the diagonal. Edge lengths of pymeshlab and mmgs are found by trial, and the seconds of the trial that
+was taken are shown. Needs pyacvd, pymeshlab, mmgpy, trimesh and manifold3d.
 
-    python benchmarks/surfaces.py [--quick] [--effort best]
+    python benchmarks/surfaces.py [--quick] [--effort best] [--only cube gear]
 """
 
 from __future__ import annotations
@@ -77,6 +78,40 @@ def shapes() -> dict[str, Mesh]:
     meshes = {"cube": trimesh.creation.box(), "part": part, "bowl": bowl}
     found = {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in meshes.items()}
     return found | {"sheet": (sheet[0], sheet[1].astype(np.int32))}
+
+
+def models() -> dict[str, Mesh]:
+    """Make six models more: with edges of many angles, thin walls, borders, and creases that end in a face."""
+    import shapely
+    import trimesh
+
+    def extruded(ring: Points, height: float, holes: tuple[Points, ...] = ()) -> Any:
+        return trimesh.creation.extrude_polygon(shapely.Polygon(ring, holes), height)
+
+    def circle(n: int, radius: float, x: float = 0.0, y: float = 0.0) -> Points:
+        turns = 2 * np.pi * np.arange(n) / n
+        return np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns)], axis=1)
+
+    turns = 2 * np.pi * np.arange(96) / 96
+    gear = np.where(np.arange(96) // 4 % 2, 1.0, 0.8)[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    bracket = np.array([[0, 0], [2, 0], [2, 0.3], [0.3, 0.3], [0.3, 1.5], [0, 1.5]])
+    # The fold is sharp at one end of the sheet, and flat from its middle on.
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 1, 41), indexing="ij"))
+    number = np.arange(81 * 41).reshape(81, 41)
+    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    fold = np.stack([x, y, np.clip(1 - x, 0, None) * (1 - np.abs(2 * y - 1))], axis=1)
+    dome = trimesh.creation.icosphere(4).slice_plane([0, 0, 0.1], [0, 0, 1], cap=True)
+    solids = {
+        "gear": extruded(gear, 0.4, (circle(64, 0.3),)),
+        "bracket": extruded(bracket, 1),
+        "nut": extruded(circle(6, 1), 0.7, (circle(96, 0.5),)),
+        "pyramid": trimesh.convex.convex_hull(np.vstack([np.c_[circle(4, 1), np.zeros(4)], [[0, 0, 1]]])),
+        "dome": dome,
+    }
+    found = {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in solids.items()}
+    return found | {
+        "fading fold": (fold, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32))
+    }
 
 
 def samples(mesh: Mesh, n: int) -> Points:
@@ -218,15 +253,17 @@ def main() -> None:
     """Run all methods, print a table and write the results."""
     read = parser(__doc__)
     read.add_argument("--effort", default="balanced", choices=("fast", "balanced", "best"))
+    read.add_argument("--only", nargs="*", help="names of surfaces, all by default")
     options = read.parse_args()
     pin_threads(1)
     rows = []
-    surfaces = {"torus": torus(), "blob": blob()} | shapes()
+    surfaces = {"torus": torus(), "blob": blob()} | shapes() | models()
+    surfaces = {name: mesh for name, mesh in surfaces.items() if name in (options.only or surfaces)}
     methods = {
         "cvtimg": lambda mesh, n: ours(mesh, n, options.effort), "pyacvd": pyacvd, "pymeshlab": pymeshlab, "mmgs": mmgs
     }  # fmt: skip
     for make in methods.values():
-        make(surfaces["torus"], 100)  # imports and compiles
+        make(torus(), 100)  # imports and compiles
     for name, mesh in surfaces.items():
         places = samples(mesh, SAMPLES // 10 if options.quick else SAMPLES)
         counts = COUNTS if name in ("torus", "blob") else (2_000,)
