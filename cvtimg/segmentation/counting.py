@@ -346,13 +346,15 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, minimum_filter1d
 
     rest, found = contrast > threshold, np.zeros(contrast.shape, np.bool_)
-    for _ in range(_N_PEELS):
+    for n_left in reversed(range(_N_PEELS)):
         pieces, n_pieces = label(rest)
         if not n_pieces:
             break
         levels = np.append(np.float32(np.inf), _quantiles(contrast[rest], pieces[rest] - 1, n_pieces))
         core = rest & (contrast > 0.5 * levels[pieces])
         found |= core
+        if not n_left:
+            break
         rest &= ~binary_dilation(core, iterations=2)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
