@@ -198,7 +198,7 @@ def _sizes(n: int, is_even: bool, levels: int | None) -> list[int]:
     if levels is not None:
         check_at_least("levels", levels, 1, "the number of grids, from the coarsest to that of n points")
     coarsest, sizes = _COARSEST if is_even else _COARSEST_WEIGHTED, [n]
-    while (coarser := (sizes[-1] + 9) // 4) * 4 >= 4 * coarsest and len(sizes) != levels:
+    while (coarser := (sizes[-1] + 9) // 4) >= coarsest and len(sizes) != levels:
         if is_even and twist(sizes[-1]) and not twist(coarser):
             break
         sizes.append(coarser)

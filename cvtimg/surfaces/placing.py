@@ -39,6 +39,7 @@ from cvtimg.surfaces.surface import Surface, TriangulatedSurface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
 Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 #: Edges of the fine triangles that points are taken from, by the distances of points.
@@ -187,25 +188,29 @@ def surface_points(
     weight = as_density(density)
     if tolerance is None:
         return place(None)
-    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
-    depth = check_positive("tolerance", tolerance) * diagonal
-    most = limits_within(mesh, find_features(mesh, angle, np.full(len(mesh.points), apart), kept), depth, n)
+    depth = check_positive("tolerance", tolerance)
+    lines = find_features(mesh, angle, np.full(len(mesh.points), apart), kept)
+    return _near_surface(place, mesh, lines, depth * float(np.linalg.norm(np.ptp(mesh.points, axis=0))), n)
+
+
+def _near_surface(
+    place: Callable[[Values], SurfacePoints], mesh: SurfaceTriangulation, features: Mask, depth: float, n: int
+) -> SurfacePoints:
+    """Place points, given the largest distances (N,) between them, until triangles are within a depth of the mesh."""
+    most = limits_within(mesh, features, depth, n)
     n_least = least_number(mesh, most)
     check_in_range("n", n, n > n_least, f"more than about {n_least}, which the tolerance asks for")
     best, least = None, np.inf
     for _ in range(_TRIALS):
         found = place(most)
-        far, apart_there = _distances(mesh, found)
+        far, apart = _distances(mesh, found)
         if far.max() < least:
             best, least = found, float(far.max())
-        most = np.minimum(most, apart_there * np.where(far > depth, _AIM * depth / np.maximum(far, depth), np.inf))
+        most = np.minimum(most, apart * np.where(far > depth, _AIM * depth / np.maximum(far, depth), np.inf))
         if least <= depth or least_number(mesh, most) >= n:
             break
     if least > depth:
-        warn(
-            f"triangles are up to {least / diagonal:.1e} of the diagonal from the surface: more points come nearer",
-            stacklevel=3,
-        )
+        warn(f"triangles are up to {least / depth:.3g} times the tolerance away: more points come nearer", stacklevel=4)
     assert best is not None
     return best
 

@@ -175,7 +175,7 @@ def test_points_are_closer_where_a_tolerance_asks_for_it() -> None:
     assert farthest(None) > 0.003 > farthest(0.003)
     with pytest.raises(ValueError, match=r"n=300 must be more than about .*, which the tolerance asks for"):
         farthest(1e-5)
-    with pytest.warns(UserWarning, match="of the diagonal from the surface: more points come nearer"):
+    with pytest.warns(UserWarning, match="times the tolerance away: more points come nearer"):
         farthest(0.0011)
 
 
