@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,8 @@ class MeshContent:
     tags: NDArray[np.int32]  # (T,)
     sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, or triangles of the surface
     qualities: NDArray[np.float64] | None = None  # (T,)
+    side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
+    names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
 
     @property
     def places(self) -> NDArray[np.float64]:
@@ -102,11 +104,16 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
         kind, name, inside = ("line", "border", None) if mesh.cells.shape[1] == 3 else ("triangle", "surface", "inside")
         cells = [(kind, mesh.sides), *cells]
-        tags = [np.ones(len(mesh.sides), np.int32), mesh.tags]
+        of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
+        tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
         dimension = mesh.sides.shape[1] - 1
-        names = {inside or str(tag): np.array([tag, dimension + 1]) for tag in np.unique(mesh.tags)}
-        names = {name: np.array([1, dimension]), **names}
+        keys = [
+            *((dimension, tag) for tag in np.unique(of_sides)),
+            *((dimension + 1, tag) for tag in np.unique(mesh.tags)),
+        ]
+        usual = {dimension: name, dimension + 1: inside}
+        names = {mesh.names.get(key) or usual[key[0]] or str(key[1]): np.array(key[::-1]) for key in keys}
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
         meshio.Mesh(mesh.places, cells, cell_data=data, field_data=names).write(part, **_MESHIO[suffix])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
@@ -35,6 +37,10 @@ class Mesh(ReadOnly):
         Whether vertices came to rest before the moves of the effort were spent.
     n_wanted : int or None
         The number of vertices that was asked for; `len(points)` is this number, unless it says otherwise.
+    edge_tags : (E,) int32 array or None
+        Which of `edges` have names: 1 for those without, then 2, 3, ...
+    names : dict
+        Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
     """
 
     points: NDArray[np.float64]
@@ -44,6 +50,8 @@ class Mesh(ReadOnly):
     energies: tuple[float, ...]
     converged: bool
     n_wanted: int | None
+    edge_tags: NDArray[np.int32] | None = None
+    names: Mapping[tuple[int, int], str] = field(default_factory=dict)
 
     @property
     def energy(self) -> float:
@@ -69,6 +77,50 @@ class Mesh(ReadOnly):
         """Measure how good the mesh is; Voronoi cells are clipped exactly to it."""
         return measure_mesh(self.points, self.triangles)
 
+    def named(
+        self,
+        *,
+        regions: Mapping[int, str] | None = None,
+        borders: Mapping[str, Callable[[NDArray[np.float64]], ArrayLike]] | None = None,
+    ) -> Mesh:
+        """Name regions, and parts of the borders, for .msh files: physical groups that solvers read.
+
+        Parameters
+        ----------
+        regions : dict, optional
+            From labels in `tags` to names.
+        borders : dict, optional
+            From names to functions that tell which of the middles (E, 2) of border edges belong to them; the first that
+            takes an edge has it.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        ValueError
+            If no triangle has a label, or a name no edge.
+
+        Examples
+        --------
+        >>> from cvtimg import mesh_region
+        >>> mesh = mesh_region([[0, 0], [2, 0], [2, 1], [0, 1]], n=60)
+        >>> mesh = mesh.named(regions={1: "water"}, borders={"inlet": lambda p: p[:, 0] == 0})
+        >>> mesh.names
+        {(2, 1): 'water', (1, 2): 'inlet'}
+        """
+        names = {(2, tag): name for tag, name in (regions or {}).items()}
+        for _, tag in names:
+            check_that(f"regions has {tag}, which", bool((self.tags == tag).any()), "be a label in tags")
+        middles = self.points[self.edges].mean(axis=1)
+        tags = np.ones(len(self.edges), np.int32)
+        for tag, (name, tells) in enumerate((borders or {}).items(), 2):
+            chosen = np.asarray(tells(middles), bool) & (tags == 1)
+            check_that(f"borders has {name!r}, which", bool(chosen.any()), "be true for the middle of some edge")
+            tags[chosen], names[1, tag] = tag, name
+        return replace(self, edge_tags=tags, names=names)
+
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the mesh to a file; the suffix picks the format.
 
@@ -87,7 +139,9 @@ class Mesh(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        content = MeshContent(self.points, self.triangles, self.tags, self.edges, self.qualities)
+        content = MeshContent(
+            self.points, self.triangles, self.tags, self.edges, self.qualities, self.edge_tags, self.names
+        )
         write_mesh(path, content, overwrite)
 
     def _repr_html_(self) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cvtimg import mesh_labels
+from cvtimg.halfedges import boundary_edges
 from cvtimg.meshes import Mesh
 
 
@@ -50,3 +51,19 @@ def test_an_existing_file_stays(mesh: Mesh, tmp_path: Path) -> None:
     mesh.save(tmp_path / "a.obj", overwrite=True)
     with pytest.raises(ValueError, match=r"suffix='\.xyz' must be one of"):
         mesh.save(tmp_path / "a.xyz")
+
+
+def test_solvers_read_the_names_of_regions_and_borders(mesh: Mesh, tmp_path: Path) -> None:
+    skfem = pytest.importorskip("skfem")
+    named = mesh.named(regions={3: "left"}, borders={"top": lambda p: p[:, 1] == 0, "rest": lambda p: p[:, 1] > 0})
+    named.save(tmp_path / "a.msh")
+    found = skfem.MeshTri.load(tmp_path / "a.msh")
+    assert found.boundaries is not None
+    assert found.subdomains is not None
+    assert np.allclose(found.p[1, found.facets[:, found.boundaries["top"]]], 0)
+    assert len(found.boundaries["top"]) + len(found.boundaries["rest"]) == len(boundary_edges(mesh.triangles))
+    assert len(found.subdomains["left"]) == (mesh.tags == 3).sum()
+    with pytest.raises(ValueError, match="borders has 'none', which must be true for the middle of some edge"):
+        mesh.named(borders={"none": lambda p: p[:, 0] < -1})
+    with pytest.raises(ValueError, match="regions has 9, which must be a label in tags"):
+        mesh.named(regions={9: "none"})
