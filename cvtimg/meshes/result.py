@@ -38,7 +38,7 @@ class Mesh(ReadOnly):
     n_wanted : int or None
         The number of vertices that was asked for; `len(points)` is this number, unless it says otherwise.
     edge_tags : (E,) int32 array or None
-        Which of `edges` have names: 1 for those without, then 2, 3, ...
+        Of each of `edges`: 1 where it has no name, otherwise a number beyond all `tags`, for readers mix them up.
     names : dict
         Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
     """
@@ -114,11 +114,11 @@ class Mesh(ReadOnly):
         for _, tag in names:
             check_that(f"regions has {tag}, which", bool((self.tags == tag).any()), "be a label in tags")
         middles = self.points[self.edges].mean(axis=1)
-        tags = np.ones(len(self.edges), np.int32)
-        for tag, (name, tells) in enumerate((borders or {}).items(), 2):
-            chosen = np.asarray(tells(middles), bool) & (tags == 1)
+        tags, unnamed = np.ones(len(self.edges), np.int32), np.ones(len(self.edges), bool)
+        for tag, (name, tells) in enumerate((borders or {}).items(), int(self.tags.max()) + 1):
+            chosen = np.asarray(tells(middles), bool) & unnamed
             check_that(f"borders has {name!r}, which", bool(chosen.any()), "be true for the middle of some edge")
-            tags[chosen], names[1, tag] = tag, name
+            tags[chosen], unnamed[chosen], names[1, tag] = tag, False, name
         return replace(self, edge_tags=tags, names=names)
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
