@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import plan_alone, read_beside, run_plan
 from cvtimg.options.record import Given
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cvtimg.designs.factors import Factor
 
 EXAMPLES = """\
   cvtimg design -n 20 -d 3
@@ -41,26 +47,12 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.designs.expressions import computed
-    from cvtimg.designs.factors import Factor, read_factors, read_runs
     from cvtimg.files.text_tables import csv_text
-    from cvtimg.tables.files import read_table
 
-    factors = read_beside(given.bounds, read_factors) if given.bounds else given.axis
-    if given.dimensions is not None:
-        factors = [Factor(f"x{axis + 1}") for axis in range(given.dimensions)]
-    old = None
-    if given.existing is not None:
-        is_array = given.existing.suffix.lower() == ".npy"
-        old = read_beside(given.existing, lambda path: read_table(path).rows if is_array else read_runs(path, factors))
+    factors = _factors(given)
+    old = _existing(given, factors)
     stopwatch.lap("read")
-    names = [factor.name for factor in factors if not factor.is_category]
-    functions: dict[str, Any] = {
-        option: computed(f"--{option}", text, names)
-        for option, text in (("feasible", given.feasible), ("density", given.density))
-        if text is not None
-    }
-    arguments = given.arguments | functions
+    arguments = given.arguments | _functions(given, factors)
     if given.latin:  # the default, as far as it can be
         arguments["latin"] = None
     found = cvtimg.design(given.number, factors, existing=old, **arguments)
@@ -91,3 +83,30 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **{name: value for name, value in figures.items() if name != "energy"},
         "points": None if "-o" in task.outputs else table,
     }
+
+
+def _factors(given: Given) -> list[Factor]:
+    from cvtimg.designs.factors import Factor, read_factors
+
+    if given.dimensions is not None:
+        return [Factor(f"x{axis + 1}") for axis in range(given.dimensions)]
+    return read_beside(given.bounds, read_factors) if given.bounds else list(given.axis)
+
+
+def _existing(given: Given, factors: list[Factor]) -> NDArray[np.float64] | None:
+    from cvtimg.designs.factors import read_runs
+    from cvtimg.tables.files import read_table
+
+    if given.existing is None:
+        return None
+    is_array = given.existing.suffix.lower() == ".npy"
+    return read_beside(given.existing, lambda path: read_table(path).rows if is_array else read_runs(path, factors))
+
+
+def _functions(given: Given, factors: list[Factor]) -> dict[str, Any]:
+    """Return what computes the expressions of factors that are given."""
+    from cvtimg.designs.expressions import computed
+
+    names = [factor.name for factor in factors if not factor.is_category]
+    texts = {"feasible": given.feasible, "density": given.density}
+    return {option: computed(f"--{option}", text, names) for option, text in texts.items() if text is not None}

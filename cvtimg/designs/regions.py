@@ -1,0 +1,124 @@
+"""The part of a box where points may lie, and samples of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_density, check_returned, check_shape, check_that
+from cvtimg.designs.cells import sobol_samples
+from cvtimg.designs.factors import Factor
+from cvtimg.designs.polytopes import Polytope
+
+_Floats = NDArray[np.float64]
+
+#: The least and the most samples in all.
+_FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
+#: Where fewer of the samples are feasible, they are spread over a smaller box.
+_ENOUGH = 0.1
+
+
+class Region:
+    """The part of the unit cube where points may lie, and how densely."""
+
+    def __init__(self, axes: list[Factor], constraints: Any, feasible: Any, density: Any) -> None:
+        self.axes = axes
+        self._low, self._high = (np.array([getattr(axis, end) for axis in axes]) for end in ("low", "high"))
+        self._limits = self._linear(constraints)
+        self._feasible, self._density = feasible, density
+        limits = {"density": density, "feasible": feasible, "constraints": self._limits}
+        self.given = [name for name, limit in limits.items() if limit is not None]
+        self.is_box = not self.given
+        self.may_be_latin = density is None and (self._limits is None or not self._limits.is_equal.any())
+
+    def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
+        """Draw samples (m, d), of about so many, and their weights, if they differ."""
+        n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
+        if self._limits is not None:
+            samples = self._limits.samples(n, rng).astype(np.float32)
+            samples = samples if self._feasible is None else samples[self._is_feasible(samples)]
+        else:
+            samples = sobol_samples(n, len(self.axes), rng)
+            samples = samples if self._feasible is None else _feasible_samples(samples, self._is_feasible, rng)
+        if self._density is None or not len(samples):
+            return samples, None
+        weights = self._called("density", self._density, samples).astype(np.float64)
+        # Only their ratios count, and sums must be finite.
+        weights = np.ldexp(weights, -np.frexp(np.max(weights))[1])
+        check_density(weights, len(samples))
+        return samples[weights > 0], weights[weights > 0]
+
+    def allows(self, places: _Floats) -> NDArray[np.bool_]:
+        """Tell which of (m, d) places are in the region."""
+        is_allowed = np.ones(len(places), bool) if self._limits is None else self._limits.contains(places)
+        return is_allowed if self._feasible is None else is_allowed & self._is_feasible(places)
+
+    def mended(self, places: _Floats, *, samples: NDArray[np.float32]) -> _Floats:
+        """Move centers of mass (n, d) that are not in the region into it."""
+        if self._limits is not None:
+            places = self._limits.onto_planes(places)
+        outside = np.zeros(len(places), bool) if self._feasible is None else ~self._is_feasible(places)
+        if outside.any():
+            from scipy.spatial import cKDTree
+
+            places = places.copy()
+            places[outside] = samples[cKDTree(samples).query(places[outside])[1]]
+        return places
+
+    def _is_feasible(self, places: NDArray[Any]) -> NDArray[np.bool_]:
+        return self._called("feasible", self._feasible, places).astype(bool)
+
+    def _called(self, name: str, function: Any, places: NDArray[Any]) -> NDArray[Any]:
+        units = self._low + places * (self._high - self._low)
+        columns = [axis.numbers(column) for axis, column in zip(self.axes, units.T, strict=True)]
+        values = np.asarray(function(np.stack(columns, axis=1)))
+        check_returned(name, values, len(places))
+        return values
+
+    def _linear(self, constraints: Any) -> Polytope | None:
+        """Return linear constraints in the unit cube, with that of mixtures."""
+        parts = np.array([axis.is_component for axis in self.axes], np.float64)
+        rows, low, high = [parts[None]], np.ones(1), np.ones(1)
+        if not parts.any():
+            rows, low, high = [np.empty((0, len(parts)))], np.empty(0), np.empty(0)
+        if constraints is not None:
+            given = np.atleast_2d(np.asarray(constraints.A, np.float64))
+            check_shape("constraints.A", given.shape, given.shape[1] == len(parts), f"(k, {len(parts)})")
+            rows.append(given)
+            low, high = (
+                np.append(ends, np.broadcast_to(new, len(given)))
+                for ends, new in ((low, constraints.lb), (high, constraints.ub))
+            )
+        every = np.concatenate(rows)
+        if not len(every):
+            return None
+        has_levels = [bool(axis.levels) for axis in self.axes]
+        check_that("constraints", not every[:, has_levels].any(), "be on axes without levels")
+        start = every @ self._low
+        return Polytope(every * (self._high - self._low), low - start, high - start)
+
+
+def _feasible_samples(
+    samples: NDArray[np.float32], is_feasible: Callable[[Any], NDArray[np.bool_]], rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Leave samples that are feasible; where few are, spread all of them over the box around those, and again."""
+    n_dims = samples.shape[1]
+    start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples
+    while True:
+        places = (start + tried * size).astype(np.float32)
+        found = places[is_feasible(places)]
+        if len(found) == 0 and len(tried) < _MANY_SAMPLES:
+            tried = sobol_samples(_MANY_SAMPLES, n_dims, rng)
+            continue
+        if len(found) == 0 or len(found) > _ENOUGH * len(tried):
+            return found
+        # There may be more beyond the outermost ones, by about the distance between samples.
+        margin = 3 * np.ptp(found, axis=0) / len(found) + size * len(tried) ** (-1 / n_dims)
+        corner = np.clip(found.min(axis=0) - margin, 0, 1)
+        smaller = np.clip(found.max(axis=0) + margin, 0, 1) - corner
+        if smaller.prod() > size.prod() / 2:
+            return found
+        start, size, tried = corner, smaller, samples
