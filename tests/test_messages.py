@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -104,12 +105,15 @@ def test_rows_without_a_value_can_be_dropped_by_elbow(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
-@pytest.mark.parametrize("command", [["quantize", "a.png", "-k", "2", "-o", "-"], ["info", "a.png"]])
-def test_a_full_standard_output_is_named(tmp_path: Path, command: list[str]) -> None:
+@pytest.mark.parametrize(
+    "command", [["quantize", "a.png", "-k", "2", "-o", "-"], ["info", "a.png"], ["design", "-n", "4", "-d", "1"]]
+)
+def test_a_full_standard_output_is_named(tmp_path: Path, command: str) -> None:
     cvtimg.write_image(tmp_path / "a.png", IMAGE)
+    environ = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "cvtimg", *command],
-            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
+            [sys.executable, "-P", "-m", "cvtimg", *command.split()],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120, env=environ,
         )  # fmt: skip
     assert (done.returncode, done.stderr) == (1, "cvtimg: standard output: no space left on device\n")

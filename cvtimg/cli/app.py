@@ -32,23 +32,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         from cvtimg.cli.commands import command_of
 
-        return int(command_of(given)(standalone_mode=False) or 0)
+        status = int(command_of(given)(standalone_mode=False) or 0)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # the reader has what it wanted
+        _end_output()
+        return 1
     except KeyboardInterrupt:
         print("cvtimg: interrupted", file=sys.stderr)
         return 130
     except Exception as error:  # no traceback reaches a user
         from cvtimg.cli.commands import explain
 
-        return explain(error, given)
+        status = explain(error, given)
+        _end_output()
+        return status
 
 
 def _tell(text: str) -> int:
     try:
         print(text, flush=True)
-    except OSError:  # the reader closed the pipe early
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
+    except OSError:
+        _end_output()
         return 1
     return 0
+
+
+def _end_output() -> None:
+    """Let go what is printed if nobody can have it, or Python complains of it at the end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError), open(os.devnull, "w") as nowhere:  # noqa: PTH123
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _silence_libraries() -> None:

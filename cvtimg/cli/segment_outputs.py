@@ -251,8 +251,7 @@ def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> No
     tables = _tables_of_volumes(subjects) if in_volume else [subject.table for subject in subjects]
     rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     name = os.fsencode(subjects[0].source.name).decode(errors="replace")  # it need not be valid text
-    image = np.full(len(rows["label"]), name)
-    write_table(path, {"image": image} | rows, overwrite=overwrite)
+    write_table(path, rows, image=name, overwrite=overwrite)
 
 
 def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[Any]]]:

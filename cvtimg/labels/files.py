@@ -121,8 +121,12 @@ def label_colors(n_labels: int) -> NDArray[np.uint8]:
     return np.rint(np.array(colors) * 255).astype(np.uint8)
 
 
-def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: bool = False) -> None:
+def write_table(
+    path: StrPath, table: Mapping[str, NDArray[Any]], *, image: str | None = None, overwrite: bool = False
+) -> None:
     """Write columns of numbers or text, such as those of `region_table`, as .csv with a line of names, or as .parquet.
+
+    With `image`, the first column has that name in each row, so that tables of several images can be joined.
 
     Raises
     ------
@@ -140,6 +144,8 @@ def write_table(path: StrPath, table: Mapping[str, NDArray[Any]], *, overwrite: 
     1,12.5
     2,3
     """
+    if image is not None:
+        table = {"image": np.full(len(next(iter(table.values()))), image), **table}
     if Path(path).suffix.lower() == ".parquet":
         _write_parquet(path, table, overwrite)
         return

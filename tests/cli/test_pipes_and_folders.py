@@ -114,12 +114,14 @@ def test_what_cannot_be_read_from_standard_input_is_one_line(fed: Fed, content: 
 
 
 @posix
-def test_a_reader_that_leaves_early_gets_no_complaint(here: Path) -> None:
+@pytest.mark.parametrize("words", [["quantize", "a.png", "-k", "4", "-o", "-"], ["palette", "a.png", "-k", "4"]])
+def test_a_reader_that_leaves_early_gets_no_complaint(here: Path, words: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
+    environ = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with os.fdopen(writer, "w") as out:
-        command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "a.png", "-k", "4", "-o", "-"]
-        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, check=False, timeout=60)
+        command = [sys.executable, "-P", "-m", "cvtimg", *words]
+        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, env=environ, check=False, timeout=60)
     assert (done.returncode, done.stderr) == (1, b"")
 
 

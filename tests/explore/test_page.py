@@ -10,9 +10,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from visits import Visit, served, without_history
 
+from cvtimg import read_image, write_image
 from cvtimg.explore import TABS
 
 pytestmark = pytest.mark.slow
@@ -217,6 +219,9 @@ def test_all_tabs_are_accessible_also_while_and_after_they_fail(
     one.choose("colors", aim="palette")
     one.until("document.getElementById('problem').textContent")
     check_access(one, "no palette")
+    photo = read_image(folder / "photo.png")
+    write_image(folder / "large.png", np.tile(photo, (4, 4, 1)), overwrite=True)
+    one.page.set_input_files("#open", str(folder / "large.png"))
     one.choose("restore", way="detail", effort="best")
     one.until("!document.getElementById('share').hidden")
     check_access(one, "working")

@@ -15,7 +15,7 @@ export const send = async (address, body = "") => (await get(address, body)).jso
 
 export class Link {
 	constructor(receive, lost, back) {
-		Object.assign(this, {receive, lost, back, seq: 0, newest: 0, gone: false, sent: new Map()}); // newest: of drafts and results
+		Object.assign(this, {receive, lost, back, seq: 0, newest: 0, gone: false, sent: new Map(), drafting: 0, next: null}); // newest: of drafts and results
 		this.connect();
 	}
 
@@ -25,7 +25,7 @@ export class Link {
 		this.ready = new Promise(done => { this.socket.onopen = () => { done(); if (this.gone) { this.gone = false; this.back(); } }; });
 		this.socket.onmessage = event => this.take(event.data);
 		this.socket.onclose = () => { // a machine that slept, or a server that ended
-			if (!this.gone) { this.gone = true; this.sent.clear(); this.lost(); }
+			if (!this.gone) { this.gone = true; this.sent.clear(); this.drafting = 0; this.next = null; this.lost(); }
 			setTimeout(() => this.connect(), 1500);
 		};
 	}
@@ -34,7 +34,10 @@ export class Link {
 
 	async ask(lane, request, about = {}) {
 		if (this.gone) return;
+		if (lane === "draft" && this.drafting) { this.next = [lane, request, about]; return; } // else they are painted late, one after the other
+		if (lane === "exact") this.goOn();
 		const seq = ++this.seq;
+		if (lane === "draft") this.drafting = seq;
 		if (lane !== "before") this.newest = seq;
 		this.sent.set(seq, {lane, request, ...about});
 		for (const old of this.sent.keys()) if (old < seq - 300) this.sent.delete(old);
@@ -43,9 +46,16 @@ export class Link {
 		return seq;
 	}
 
+	goOn() { // with the newest of the drafts that waited
+		const {next} = this;
+		Object.assign(this, {drafting: 0, next: null});
+		if (next) this.ask(...next);
+	}
+
 	take(data) {
 		const reply = typeof data === "string" ? JSON.parse(data) : unpacked(data);
 		const asked = this.sent.get(reply.seq);
+		if (reply.seq === this.drafting && reply.share === undefined) requestAnimationFrame(() => { if (reply.seq === this.drafting) this.goOn(); });
 		if (!asked) { if (reply.error) this.receive(reply, {}); return; }
 		// A result is wanted only for the settings that are shown; of drafts the newest so far.
 		if (asked.lane === "exact" && reply.seq !== this.newest) return;

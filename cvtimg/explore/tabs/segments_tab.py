@@ -15,7 +15,7 @@ from cvtimg.explore.calls import Call, Named, literal
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Indexed, Window
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import MASK, Request, Tab, brushes, reading
 from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
 from cvtimg.plotting import contour_drawing, draw_edges
@@ -93,7 +93,8 @@ class SegmentsTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the labels, drawings of them, and a table."""
-        return [*_outputs(None if _has_objects(request.settings) else 0), *self.map_outputs(request)]
+        ignore, name = None if _has_objects(request.settings) else 0, Path(request.picture.name).name
+        return [*_outputs(ignore, name), *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
@@ -247,18 +248,19 @@ def _write_contours(divided: Divided, path: Path) -> None:
     write_contours(path, contour_drawing(find_contours(divided.labels), divided.labels, divided.image))
 
 
-def _write_table(divided: Divided, path: Path) -> None:
-    write_table(path, region_table(divided.labels, divided.image))
+def _write_table(divided: Divided, path: Path, image: str) -> None:
+    write_table(path, region_table(divided.labels, divided.image), image=image)
 
 
-def _outputs(ignore: int | None) -> tuple[Output, ...]:
-    """Return the files; borders of the label to ignore are not drawn."""
+def _outputs(ignore: int | None, name: str) -> tuple[Output, ...]:
+    """Return the files, of an image of this name; borders of the label to ignore are not drawn."""
     edges = f"labels, ignore={ignore}"
     overlay = f"cvtimg.write_image({{}}, cvtimg.plotting.draw_edges(image, {edges}))"
     mean = "cvtimg.write_image({}, cvtimg.labels.mean_picture(labels, image), alpha=False)"
     contours = "drawing = cvtimg.plotting.contour_drawing(cvtimg.find_contours(labels), labels, image)\n"
     contours += "cvtimg.labels.write_contours({}, drawing)"
-    table = "cvtimg.labels.write_table({}, cvtimg.labels.region_table(labels, image))"
+    called = quoted(name).replace("{", "{{").replace("}", "}}")
+    table = f"cvtimg.labels.write_table({{}}, cvtimg.labels.region_table(labels, image), image={called})"
     over, lines = partial(_write_overlay, ignore=ignore), partial(_write_edges, ignore=ignore)
     return (
         Output("Labels, PNG", "-o", "{}-labels.png", _write_labels, "cvtimg.labels.write_labels({}, labels)"),
@@ -266,5 +268,5 @@ def _outputs(ignore: int | None) -> tuple[Output, ...]:
         Output("Mean colors, PNG", "--mean", "{}-mean.png", _write_mean, mean),
         Output("Edges, PNG", "--edges", "{}-edges.png", lines, f"cvtimg.write_image({{}}, cvtimg.find_edges({edges}))"),
         Output("Contours, SVG", "--contours", "{}-contours.svg", _write_contours, contours),
-        Output("Table of segments, CSV", "--table", "{}-table.csv", _write_table, table),
+        Output("Table of segments, CSV", "--table", "{}-table.csv", partial(_write_table, image=name), table),
     )
