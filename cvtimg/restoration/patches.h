@@ -187,8 +187,9 @@ INLINE void make_filter(float *restrict covariance, ptrdiff_t size, float varian
             memset(row + k, 0, sizeof pivot[r]);
         }
         invert_small(pivot);
-        for (ptrdiff_t r = 0; r < ROWS_AT_ONCE * ROWS_AT_ONCE; r++)
-            pivot[0][r] = -pivot[0][r];
+        for (int r = 0; r < ROWS_AT_ONCE; r++)
+            for (int j = 0; j < ROWS_AT_ONCE; j++)
+                pivot[r][j] = -pivot[r][j];
         multiply(pivot[0], ROWS_AT_ONCE, 1, ROWS_AT_ONCE, ROWS_AT_ONCE, rows, columns, solved, 0, 0);
         multiply(rows, 1, columns, columns, ROWS_AT_ONCE, solved, columns, covariance, 1, 1);
         for (int r = 0; r < ROWS_AT_ONCE; r++) {
