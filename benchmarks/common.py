@@ -192,6 +192,16 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
     print(f"\n**{title}**\n\n{markdown_table(header, rows)}", flush=True)
 
 
+def print_means(title: str, names: Sequence[str], found: Sequence[Mapping[str, float]], form: str) -> None:
+    """Print the values that were found of each name, and their means."""
+    means = {key: statistics.mean(one[key] for one in found) for key in found[0]}
+    rows = [
+        [name, *(f"{value:{form}}" for value in one.values())]
+        for name, one in zip([*names, "mean"], [*found, means], strict=True)
+    ]
+    print_table(title, ("", *means), rows)
+
+
 def progress(text: str) -> None:
     """Say on stderr what is being measured, if somebody looks: one line that is written over."""
     if sys.stderr.isatty():

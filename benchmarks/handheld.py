@@ -11,14 +11,13 @@ the truth, or by BM3D, which is told the noise, where its package, which is not 
 
 from __future__ import annotations
 
-import statistics
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
 import numpy as np
-from common import machine, parser, pin_threads, print_table, timed, write_results
+from common import machine, parser, pin_threads, print_means, timed, write_results
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import map_coordinates
@@ -131,11 +130,7 @@ def main() -> None:
     for sigma in SIGMAS:
         for n_frames in COUNTS:
             found = [measured(scene(path), sigma, n_frames) for path in paths]
-            table = [
-                [path.stem, *(f"{value:.4g}" for value in one.values())] for path, one in zip(paths, found, strict=True)
-            ]
-            table.append(["mean", *(f"{statistics.mean(one[key] for one in found):.4g}" for key in found[0])])
-            print_table(f"{n_frames} frames, noise {sigma}", ("", *found[0]), table)
+            print_means(f"{n_frames} frames, noise {sigma}", [path.stem for path in paths], found, ".4g")
             about = {"frames": n_frames, "noise": sigma}
             rows += [{**about, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
     write_results("handheld", {"quick": given.quick}, rows)

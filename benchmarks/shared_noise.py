@@ -9,13 +9,12 @@ or is told that it is white; the strength of OpenCV's non-local means is the bes
 from __future__ import annotations
 
 import io
-import statistics
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
-from common import machine, parser, pin_threads, print_table, write_results
+from common import machine, parser, pin_threads, print_means, write_results
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import convolve, gaussian_filter
@@ -121,11 +120,7 @@ def main() -> None:
         for path in paths:
             clean, noisy = spoil(middle(path), np.random.default_rng(0))
             found.append(measured(clean, as_bytes(noisy)))
-        table = [
-            [path.stem, *(f"{value:.2f}" for value in one.values())] for path, one in zip(paths, found, strict=True)
-        ]
-        table.append(["mean", *(f"{statistics.mean(one[key] for one in found):.2f}" for key in found[0])])
-        print_table(f"{name}: PSNR, dB", ("", *found[0]), table)
+        print_means(f"{name}: PSNR, dB", [path.stem for path in paths], found, ".2f")
         rows += [{"noise": name, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
     write_results("shared_noise", {"quick": given.quick}, rows)
 
