@@ -349,11 +349,8 @@ def own_pixels(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floa
     from scipy.ndimage import map_coordinates, spline_filter
 
     sources = [spline_filter(band, 3, np.float32, mode="nearest") for band in estimate.T]
-    moved, still_known, inverse = (
-        np.zeros_like(bands),
-        np.zeros_like(known),
-        np.asarray(np.linalg.inv(transform), np.float64),
-    )
+    moved, still_known = np.zeros_like(bands), np.zeros_like(known)
+    inverse = np.asarray(np.linalg.inv(transform), np.float64)
     last = np.array(known.shape)[:, None, None] - 1
     for rows, at in _places(transform, known.shape):
         nearest = np.rint(at).astype(np.intp)
