@@ -145,9 +145,8 @@ def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools]) -> Versions:
 
 
 def _stacked(versions: Versions, rows: slice | NDArray[np.intp]) -> Floats:
-    """(S, h, W, C) values of some rows; the bands of a version follow each other."""
-    values = versions.values[rows]
-    return np.moveaxis(values.reshape(*values.shape[:2], versions.n_versions, -1), 2, 0)
+    """(S, h, W, C) values of some rows."""
+    return np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
 
 
 def _scales(versions: Versions, noise: NDArray[np.float64]) -> Floats:

@@ -79,7 +79,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     # Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
     from threadpoolctl import threadpool_limits
 
-    values, known = versions.values.copy(), versions.known.copy()
+    values, known = list(versions.stack), versions.known.copy()
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
@@ -91,10 +91,10 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
             continue
         with threadpool_limits(1, user_api="blas"):  # the matrices are small
             found.transforms[version], models[version] = _transform(fixed, moving, model)
-        bands = versions.version_of == version
-        values[:, :, bands], known[:, :, version] = _moved(
+        moved, known[:, :, version] = _moved(
             versions.bands(version), versions.known[:, :, version], found.transforms[version]
         )
+        values[version] = moved.astype(np.float16 if versions.dtypes[version].itemsize == 1 else np.float32)
     if stuck:
         why = "one of them is of one color, or they know no pixels in common"
         names = ", ".join(stuck)

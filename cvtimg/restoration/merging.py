@@ -143,6 +143,10 @@ def measured(
     versions: Versions, trust: _Doubles, labels: NDArray[np.int32], n_generators: int
 ) -> tuple[_Doubles, _Doubles]:
     """(K, D) means of segments in versions, and (K, D) the weight behind them."""
-    rows = versions.values.reshape(labels.size, -1)
-    loads = versions.weights(trust).reshape(rows.shape)
-    return masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1])))
+    found = []
+    for version, share in enumerate(trust):
+        rows = versions.bands(version).reshape(labels.size, -1)
+        loads = np.broadcast_to(versions.known[:, :, version].reshape(-1, 1) * share, rows.shape)
+        found.append(masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1]))))
+    means, masses = zip(*found, strict=True)
+    return np.concatenate(means, axis=1), np.concatenate(masses, axis=1)

@@ -48,9 +48,9 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
 
 def _alone(versions: Versions) -> list[_Doubles]:
     """(C,) noise in each band, of each version by itself; all measured in one way, so that they compare."""
-    seen = [(versions.bands(s), versions.known[:, :, s]) for s in range(versions.n_versions)]
-    scattered = [_off_the_ends(scattered_noise, values, known, versions.white) for values, known in seen]
-    quiet = [_off_the_ends(_quiet_noise, values, known, versions.white) for values, known in seen]
+    known, white = np.moveaxis(versions.known, 2, 0), versions.white
+    scattered = [_off_the_ends(scattered_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
+    quiet = [_off_the_ends(_quiet_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
     if any(np.isnan(sigmas).any() for sigmas in quiet):
         return scattered
     # Single outliers are everywhere, in quiet blocks too.
@@ -107,10 +107,11 @@ def _by_differences(versions: Versions, alone: _Doubles) -> _Doubles:
 def _variance_between(versions: Versions, one: int, other: int, alone: _Doubles) -> _Doubles | None:
     """(C,) variance of the difference of two versions where both know a pixel; None if there are few."""
     step = max(1, versions.known[:, :, 0].size // _SAMPLED)
-    both = (versions.known[:, :, one] & versions.known[:, :, other])[::step]
+    rows = slice(None, None, step)
+    both = versions.known[rows, :, one] & versions.known[rows, :, other]
     if np.count_nonzero(both) < _ENOUGH_PIXELS:
         return None
-    left, right = versions.bands(one)[::step][both], versions.bands(other)[::step][both]
+    left, right = versions.bands(one, rows)[both], versions.bands(other, rows)[both]
     found = np.empty(left.shape[1])
     for band in range(len(found)):
         apart, mean = left[:, band] - right[:, band], (left[:, band] + right[:, band]) / 2

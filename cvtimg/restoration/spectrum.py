@@ -89,13 +89,15 @@ class SharedNoise:
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
     # Versions that are in place differ by noise alone.
-    values = [versions.bands(number) for number in range(versions.n_versions)]
-    known = [versions.known[:, :, number] for number in range(versions.n_versions)]
-    white, share = versions.white, _QUIET
-    if in_place and len(values) > 1:
-        values = [(one - other) * np.float32(np.sqrt(0.5)) for one, other in pairwise(values)]
-        known, white, share = [one & other for one, other in pairwise(known)], None, 1.0
-    found = [_measured(*one, white, share) for one in zip(values, known, strict=True)]
+    known = np.moveaxis(versions.known, 2, 0)
+    if in_place and len(known) > 1:
+        pairs = pairwise(range(len(known)))
+        apart = (
+            ((versions.bands(a) - versions.bands(b)) * np.float32(np.sqrt(0.5)), known[a] & known[b]) for a, b in pairs
+        )
+        found = [_measured(*one, None, 1.0) for one in apart]
+    else:
+        found = [_measured(versions.bands(s), seen, versions.white, _QUIET) for s, seen in enumerate(known)]
     told = [powers for powers in found if powers is not None]
     powers = np.mean(told, axis=0) if told else None
     return None if powers is None or _is_white(powers) else SharedNoise(_autocovariance(powers))

@@ -26,7 +26,9 @@ _FINEST_NOISE = 1 / 256
 class Versions:
     """Versions of one picture, stacked."""
 
-    values: Floats  # (H, W, D): all bands of all versions in the working color space; 0 where unknown
+    #: (H, W, C) each: values in the working color space, in the smallest type at hand, for many versions take much
+    #: memory; of any value where unknown
+    stack: tuple[NDArray[Any], ...]
     known: NDArray[np.bool_]  # (H, W, S): which pixels each version knows
     version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
@@ -48,9 +50,16 @@ class Versions:
         """(H, W) number of versions that know each pixel."""
         return self.known.sum(axis=2, dtype=np.int32)
 
-    def bands(self, version: int) -> Floats:
-        """(H, W, C) values of one version."""
-        return self.values[:, :, self.version_of == version]
+    @property
+    def values(self) -> Floats:
+        """(H, W, D) values of all bands of all versions."""
+        return np.concatenate([self.bands(version) for version in range(self.n_versions)], axis=2)
+
+    def bands(self, version: int, rows: Any = slice(None)) -> Floats:
+        """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
+        values = self.stack[version][rows].astype(np.float32)
+        values[~self.known[rows, :, version]] = 0
+        return values
 
     def weights(self, trust: NDArray[np.float64]) -> Floats:
         """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
@@ -58,28 +67,27 @@ class Versions:
 
     def only(self, version: int) -> Versions:
         """Return one version by itself."""
-        bands = self.version_of == version
-        return Versions(
-            self.values[:, :, bands],
-            self.known[:, :, [version]],
-            np.zeros(np.count_nonzero(bands), np.intp),
-            (self.dtypes[version],),
-            self.grey,
-            self.white,
+        return replace(
+            self,
+            stack=(self.stack[version],),
+            known=self.known[:, :, [version]],
+            version_of=np.zeros(self.stack[version].shape[2], np.intp),
+            dtypes=(self.dtypes[version],),
         )
 
-    def moved(self, values: Floats, known: NDArray[np.bool_]) -> Versions:
+    def moved(self, values: Sequence[Floats], known: NDArray[np.bool_]) -> Versions:
         """Return other values at other places, of the same kind."""
-        return replace(self, values=values, known=known)
+        return replace(self, stack=tuple(values), known=known)
 
     def knowing(self, known: NDArray[np.bool_]) -> Versions:
         """Return the same versions where they are still known."""
-        return self.moved(np.where(known[:, :, self.version_of], self.values, np.float32(0)), known)
+        return replace(self, known=known)
 
     @property
     def rounding(self) -> float:
         """Standard deviation that no noise is taken to be below."""
-        return _FINEST_NOISE * (float(np.ptp(self.values)) or 1.0)
+        ends = [(float(values.min()), float(values.max())) for values in self.stack]
+        return _FINEST_NOISE * (max(high for _, high in ends) - min(low for low, _ in ends) or 1.0)
 
 
 def stack_versions(
@@ -116,7 +124,7 @@ def stack_versions(
     dtypes = tuple(values.dtype for values, _ in read)
     grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
-    return Versions(np.concatenate(placed, axis=2), known, version_of, dtypes, grey, white)
+    return Versions(tuple(placed), known, version_of, dtypes, grey, white)
 
 
 def _check_same(what: str, found: Sequence[object]) -> None:
@@ -144,6 +152,8 @@ def _fitted(
     values: NDArray[Any], known: NDArray[np.bool_], size: tuple[int, ...]
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Cut or add rows and columns at the lower right so that (H, W, C) values have a size; what is added is unknown."""
+    if known.shape == size:
+        return values, known
     values, known = values[: size[0], : size[1]], known[: size[0], : size[1]]
     more = [(0, wanted - has) for wanted, has in zip(size, known.shape, strict=True)]
     return np.pad(values, [*more, (0, 0)]), np.pad(known, more)
@@ -169,10 +179,14 @@ def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> 
     return values, known
 
 
-def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> Floats:
+def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> NDArray[Any]:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
-    rows = np.where(known[:, :, None], values, 0).reshape(-1, values.shape[2])
-    if rows.dtype.kind == "f" and space != "rgb":
+    if not known.all():
+        values = np.where(known[:, :, None], values, values.dtype.type(0))
+    if space == "rgb":
+        return values if values.dtype.itemsize <= 2 else values.astype(np.float32)
+    rows = values.reshape(-1, values.shape[2])
+    if rows.dtype.kind == "f":
         rows = np.clip(rows, 0, 1)  # noise leaves the gamut, and the other spaces need it
     places = to_space(rows, space).reshape(values.shape)
     return np.where(known[:, :, None], places, 0).astype(np.float32)
@@ -180,11 +194,9 @@ def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> 
 
 def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
     """Average the known pixels of each version."""
-    values = np.empty_like(versions.values)
-    for version in range(versions.n_versions):
-        own = versions.version_of == version
-        values[:, :, own] = averaged(versions.bands(version), averaging, versions.known[:, :, version])
-    return versions.moved(values, versions.known)
+    known = np.moveaxis(versions.known, 2, 0)
+    values = [averaged(versions.bands(version), averaging, seen) for version, seen in enumerate(known)]
+    return versions.moved([one.astype(np.float32) for one in values], versions.known)
 
 
 def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -225,10 +237,11 @@ def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> t
     from scipy.ndimage import gaussian_filter
 
     n_bands = np.count_nonzero(versions.version_of == 0)
-    weight: Floats = (versions.known * trust.astype(np.float32)).sum(axis=2)
+    weight = np.zeros(versions.known.shape[:2], np.float32)
     total = np.zeros((*weight.shape, n_bands), np.float32)
-    for version in range(versions.n_versions):
-        total += np.float32(trust[version]) * versions.bands(version)
+    for version, share in enumerate(trust.astype(np.float32)):
+        weight += share * versions.known[:, :, version]
+        total += share * versions.bands(version)
     if blur:
         return fill(gaussian_filter(total, (blur, blur, 0)), gaussian_filter(weight, blur)), weight
     return fill(total, weight), weight
