@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, plan_each
+from cvtimg.batch import Row, Stopwatch, Task, check_suffix, plan_each
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
 from cvtimg.cli.running import run_plan
 from cvtimg.options.mesh_options import GRADE
@@ -34,9 +34,14 @@ def mesh(given: Given) -> int:
 
     Stacks of voxels are filled with tetrahedra (experimental); they take -n or --edge-length, and -o .vtu or .msh.
 
-    The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-mesh.vtu beside it.
+    The suffix of -o picks the format; with --order 2 .vtu, .msh, or by meshio .inp, .xdmf and more. Without -o and
+    --out-dir, one input gives NAME-mesh.vtu beside it.
     """
     output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
+    if given.order == 2:
+        from cvtimg.meshes.files import suffixes
+
+        check_suffix("--order 2", Path(output), suffixes("triangle6"))
     outputs = {"-o": output, "--plot": given.plot}
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])
     return run_plan(plan, _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
@@ -82,6 +87,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "below_30": float((each.least_angles < 30).mean()),
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
+        **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
         **(asdict(found.measures()) if given.measures else {}),
     }
 
@@ -104,7 +110,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
     from cvtimg.meshes import mesh_volume
 
     flat = {"--size": given.size, "--plot": given.plot}
-    flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size}
+    flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     if not is_mask:

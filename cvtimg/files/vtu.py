@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: VTK's numbers of kinds of cells.
-TRIANGLE, POLYGON, TETRAHEDRON = 5, 7, 10
+TRIANGLE, POLYGON, TETRAHEDRON, TRIANGLE6 = 5, 7, 10, 22
 _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 

@@ -145,7 +145,7 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
     chain = np.where(number == 0, first[of_chain], last[of_chain]).astype(np.int32)
     chain[is_inner] = len(nodes) + np.arange(len(own))
     points = np.concatenate([nodes, inner])
-    if outline.mask is not None:
+    if outline.mask is not None and not outline.on_lines:
         sweeps = _cross(places[:-1], places[1:])
         sweeps[stops[:-1]] = 0
         swept = np.interp(at_chain, along, np.append(0, np.cumsum(sweeps)))
@@ -153,7 +153,7 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
     at_edge = np.flatnonzero(of_chain[1:] == of_chain[:-1])
     edges = np.stack([chain[at_edge], chain[at_edge + 1]], axis=1)
     of_line = of_chain[at_edge]
-    if outline.areas is not None:
+    if outline.areas is not None and not outline.on_lines:
         ends_of_open = np.unique(np.concatenate([first[~is_closed], last[~is_closed]]))
         rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
         points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)

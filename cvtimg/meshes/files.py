@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
-from cvtimg.files.vtu import TETRAHEDRON, TRIANGLE, vtu_content
+from cvtimg.files.vtu import TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, write_whole
 
 #: What meshio is asked for, beside the formats below, and how.
@@ -27,6 +27,10 @@ _MESHIO: dict[str, dict[str, Any]] = {
     ".vtk": {},
     ".xdmf": {"data_format": "XML"},
 }
+#: Those that have no triangles with six nodes.
+_STRAIGHT = (".obj", ".ply", ".stl", ".mesh", ".off")
+#: Cells, and what is on their sides: VTK's number and meshio's name.
+_CELLS = {"triangle": (TRIANGLE, "line"), "tetra": (TETRAHEDRON, "triangle"), "triangle6": (TRIANGLE6, "line3")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,12 +38,17 @@ class MeshContent:
     """What files hold of a mesh of triangles or tetrahedra."""
 
     points: NDArray[np.float64]  # (N, 2) or (N, 3)
-    cells: NDArray[np.int32]  # (T, 3) or (T, 4)
+    cells: NDArray[np.int32]  # (T, 3), (T, 4), or (T, 6) for triangles with nodes in the middle of edges
     tags: NDArray[np.int32]  # (T,)
-    sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, or triangles of the surface
+    sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, with their middle, or triangles of the surface
     qualities: NDArray[np.float64] | None = None  # (T,)
     side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
+
+    @property
+    def kind(self) -> str:
+        """What cells are, as meshio calls them."""
+        return {3: "triangle", 4: "tetra", 6: "triangle6"}[self.cells.shape[1]]
 
     @property
     def places(self) -> NDArray[np.float64]:
@@ -47,9 +56,10 @@ class MeshContent:
         return np.pad(self.points, ((0, 0), (0, 3 - self.points.shape[1])))
 
 
-def suffixes() -> tuple[str, ...]:
-    """Return the suffixes of files that meshes of triangles are written to."""
-    return (*MESH_FORMATS, *_MESHIO)
+def suffixes(kind: str = "triangle") -> tuple[str, ...]:
+    """Return the suffixes of files that meshes of triangles, or of "triangle6", are written to."""
+    found = (*MESH_FORMATS, *_MESHIO)
+    return found if kind == "triangle" else tuple(suffix for suffix in found if suffix not in _STRAIGHT)
 
 
 def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple[str, ...] | None = None) -> None:
@@ -64,7 +74,7 @@ def _vtu(mesh: MeshContent) -> bytes:
     n_corners = mesh.cells.shape[1]
     values: dict[str, NDArray[Any]] = {} if mesh.qualities is None else {"tag": mesh.tags, "quality": mesh.qualities}
     ends = n_corners * np.arange(1, len(mesh.cells) + 1)
-    return vtu_content(mesh.places, mesh.cells, ends, TRIANGLE if n_corners == 3 else TETRAHEDRON, values)
+    return vtu_content(mesh.places, mesh.cells, ends, _CELLS[mesh.kind][0], values)
 
 
 def _obj(mesh: MeshContent) -> bytes:
@@ -98,16 +108,15 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         import meshio
     except ImportError as error:
         raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
-    cells, data, names = [("triangle" if mesh.cells.shape[1] == 3 else "tetra", mesh.cells)], {"tag": [mesh.tags]}, {}
+    cells, data, names = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}, {}
     if suffix == ".msh" and len(
         mesh.sides
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
-        kind, name, inside = ("line", "border", None) if mesh.cells.shape[1] == 3 else ("triangle", "surface", "inside")
-        cells = [(kind, mesh.sides), *cells]
+        cells = [(_CELLS[mesh.kind][1], mesh.sides), *cells]
+        dimension, name, inside = (2, "surface", "inside") if mesh.kind == "tetra" else (1, "border", None)
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        dimension = mesh.sides.shape[1] - 1
         keys = [
             *((dimension, tag) for tag in np.unique(of_sides)),
             *((dimension + 1, tag) for tag in np.unique(mesh.tags)),

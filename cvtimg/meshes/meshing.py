@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
+    check_in_range,
     check_labels,
     check_non_negative,
     check_places,
@@ -30,6 +31,7 @@ from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
 from cvtimg.meshes.projection import project_to_borders
+from cvtimg.meshes.quadratic import quadratic
 from cvtimg.meshes.relaxation import Relaxed, relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike, size_field
@@ -113,6 +115,7 @@ def mesh_region(
     fixed: ArrayLike | None = None,
     metric: MatrixFunction | None = None,
     boundary: str = "placed",
+    order: int = 1,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -147,6 +150,9 @@ def mesh_region(
         How vertices come to the boundary: placed there first, by sizes; or, as in the lecture cited below, generators
         whose cells reach the boundary are projected to it after each round of Lloyd's method. The latter is there to be
         compared with: its meshes are less regular, and the number of vertices is met only nearly.
+    order : {1, 2}
+        With 2, triangles have six nodes, and sides on the boundary bend with it: `Mesh.quadratic`. `n` is still the
+        number of vertices.
     effort : {"fast", "balanced", "best"}
         How long vertices move.
     rng : int or numpy.random.Generator
@@ -193,13 +199,13 @@ def mesh_region(
     """
     least = check_non_negative("min_size", min_size)
     optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
-    outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least)
+    outline = _of_order(order, outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least))
     check_choice("boundary", boundary, BOUNDARIES)
     wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     if boundary == "projected":
         check_that("metric", metric is None, "not be given with boundary='projected'")
-        return _projected(outline, wanted, fixed, np.random.default_rng(rng))
-    return _mesh(outline, wanted, fixed, effort, rng)
+        return _bent(_projected(outline, wanted, fixed, np.random.default_rng(rng)), outline)
+    return _bent(_mesh(outline, wanted, fixed, effort, rng), outline)
 
 
 @hints_at_keywords
@@ -213,6 +219,7 @@ def mesh_labels(
     grade: float = 0.2,
     min_size: float = 0.0,
     tolerance: float = _TOLERANCE,
+    order: int = 1,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -224,7 +231,7 @@ def mesh_labels(
         Segment of each pixel; 0 for what is not meshed.
     image : (H, W) or (H, W, C) array, optional
         The segmented image, for borders between the centers of pixels, as `cvtimg.find_contours` has them.
-    n, edge_length, size, grade, min_size, effort, rng
+    n, edge_length, size, grade, min_size, order, effort, rng
         As in `mesh_region`.
     tolerance : float
         How far borders may be moved to make them smoother, in pixels; 0 for the sides of pixels.
@@ -250,9 +257,9 @@ def mesh_labels(
     """
     segments = check_labels("labels", labels)
     least = check_non_negative("min_size", min_size)
-    outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
+    outline = _of_order(order, label_outline(segments, image, check_non_negative("tolerance", tolerance)))
     wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter)
-    return _mesh(outline, wanted, None, effort, rng)
+    return _bent(_mesh(outline, wanted, None, effort, rng), outline)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -288,6 +295,19 @@ class _Wanted:
         otherwise = 1.0 if given else diameter / _PARTS
         wanted = next((each for each in (edge_length, size) if each is not None), otherwise)
         return cls(n, wanted, float(grade), least, metric)
+
+
+def _of_order(order: int, outline: Outline) -> Outline:
+    check_in_range("order", order, order in (1, 2), "1 or 2")
+    return replace(outline, on_lines=order == 2)
+
+
+def _bent(mesh: Mesh, outline: Outline) -> Mesh:
+    """Give triangles six nodes where sides shall bend with an outline."""
+    if not outline.on_lines:
+        return mesh
+    found = quadratic(mesh.points, mesh.triangles, mesh.edges, outline)
+    return replace(mesh, points=found.nodes[: len(mesh.points)], quadratic=found)
 
 
 def _mesh(

@@ -45,6 +45,7 @@ class Outline:
     contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
     polygons: Any = None  # What it is the outline of, if that is polygons of shapely
+    on_lines: bool = False  # Whether vertices stay on the lines, since elements bend with these
 
     @property
     def diameter(self) -> float:

@@ -13,8 +13,9 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
-from cvtimg.meshes.files import MeshContent, write_mesh
+from cvtimg.meshes.files import MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
+from cvtimg.meshes.quadratic import QuadraticTriangles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +42,8 @@ class Mesh(ReadOnly):
         Of each of `edges`: 1 where it has no name, otherwise a number beyond all `tags`, for readers mix them up.
     names : dict
         Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
+    quadratic : QuadraticTriangles or None
+        The triangles with six nodes, if ``order=2`` was asked for.
     """
 
     points: NDArray[np.float64]
@@ -52,6 +55,7 @@ class Mesh(ReadOnly):
     n_wanted: int | None
     edge_tags: NDArray[np.int32] | None = None
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    quadratic: QuadraticTriangles | None = None
 
     @property
     def energy(self) -> float:
@@ -60,8 +64,9 @@ class Mesh(ReadOnly):
 
     @property
     def area(self) -> float:
-        """Area of all triangles."""
-        return float(measure_triangles(self.points, self.triangles).areas.sum())
+        """Area of all triangles, with sides that bend if they have six nodes."""
+        found = measure_triangles(self.points, self.triangles) if self.quadratic is None else self.quadratic
+        return float(found.areas.sum())
 
     @property
     def qualities(self) -> NDArray[np.float64]:
@@ -128,7 +133,8 @@ class Mesh(ReadOnly):
         ----------
         path : str or path-like
             .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
-            (a group for each tag), .ply or .stl; other formats need meshio.
+            (a group for each tag), .ply or .stl; other formats need meshio. With six nodes, .vtu, .msh or what meshio
+            writes them to, such as .inp and .xdmf.
         overwrite : bool
             Replace an existing file.
 
@@ -139,10 +145,12 @@ class Mesh(ReadOnly):
         OSError
             If the file cannot be written.
         """
-        content = MeshContent(
-            self.points, self.triangles, self.tags, self.edges, self.qualities, self.edge_tags, self.names
+        six = self.quadratic
+        points, cells, sides = (
+            (self.points, self.triangles, self.edges) if six is None else (six.nodes, six.triangles, six.edges)
         )
-        write_mesh(path, content, overwrite)
+        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names)
+        write_mesh(path, content, overwrite, suffixes(content.kind))
 
     def _repr_html_(self) -> str:
         """Draw the triangles, or only the borders of many, with y down as in images."""

@@ -49,6 +49,9 @@ MESH = (
     passed("min_size", Real(0), "Least size; smaller details are left out.", metavar="H", default=0.0).on_page(
         "Least edge", slider=(0, 20), step=0.5, unit="px", most=1000
     ),
+    passed(
+        "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
+    ),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),

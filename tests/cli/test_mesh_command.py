@@ -97,7 +97,12 @@ def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.C
 
 def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["mesh", "labels.png", "-n", "90", "--label", "2", "-o", "a.vtu", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["area"] == pytest.approx((cvtimg.read_image("labels.png") == 2).sum())
+    row = json.loads(capsys.readouterr().out)
+    assert row["area"] == pytest.approx((cvtimg.read_image("labels.png") == 2).sum())
+    assert "n_straight" not in row
+    assert main(["mesh", "labels.png", "-n", "90", "--label", "2", "-o", "c.vtu", "--order", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["n_straight"] == 0
+    assert len(meshio.read("c.vtu").cells_dict["triangle6"]) == row["triangles"]
     assert main(["mesh", "labels.png", "-n", "90", "--label", "9", "-o", "b.vtu"]) == 1
     assert "labels.png: holds no label 9" in capsys.readouterr().err
 
@@ -112,6 +117,7 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "cross.csv", "-n", "9"], 1, "cross.csv: polygons must not cross themselves"),
         (["mesh", "hole.wkt", "-n", "9"], 1, "hole.wkt: a hole at (5, 5) must lie inside"),
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
+        (["mesh", "mask.png", "--order", "2", "-o", "a.stl"], 2, "--order 2: 'a.stl' must end in one of .vtu, .msh"),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons; --label is for images of labels"),

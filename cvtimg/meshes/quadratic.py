@@ -1,0 +1,191 @@
+"""Triangles with six nodes, whose sides on borders are parabolas through the outline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.extras import optional
+from cvtimg._shared.records import ReadOnly
+from cvtimg.halfedges import edge_keys, measure_triangles
+from cvtimg.labels.contours import OUTSIDE
+from cvtimg.meshes.outlines import Outline
+
+Points = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+#: Vertices farther from the outline than this, by its diameter, were put in the middle of edges, and move to it.
+_OFF = 1e-8
+#: The ends of an edge are no farther from their line than this part of its length, and the way between them along the
+#: line is no longer than this multiple of it; otherwise the line is another's.
+_NEAR, _AROUND = 0.3, 2.0
+#: The Jacobian of a curved triangle is nowhere below this part of its mean, nor is the area of one whose corners move
+#: below this part of what it was.
+_LEAST = 0.1
+#: Edges that are made straight take area from a segment: rounds of giving it back.
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuadraticTriangles(ReadOnly):
+    """Triangles with six nodes.
+
+    Attributes
+    ----------
+    nodes : (M, 2) float64 array
+        The vertices of the mesh, and then one node for each edge: on a border it is on the outline, halfway between the
+        ends, elsewhere in the middle.
+    triangles : (T, 6) int32 array
+        Indices of nodes: the corners, and the nodes of the edges from the first to the second, from that to the third,
+        and back; the order of VTK, Gmsh and Abaqus.
+    edges : (E, 3) int32 array
+        The ends and the node of each edge on a border, as in `Mesh.edges`.
+    n_straight : int
+        Number of edges on borders that were kept straight, for a triangle would have folded over, or nearly.
+    """
+
+    nodes: Points
+    triangles: Indices
+    edges: Indices
+    n_straight: int
+
+    @property
+    def jacobians(self) -> Points:
+        """Bernstein coefficients (T, 6) of the determinants of Jacobians, between which these lie everywhere."""
+        return _jacobians(self.nodes, self.triangles)
+
+    @property
+    def areas(self) -> NDArray[np.float64]:
+        """Areas of triangles (T,)."""
+        return self.jacobians.mean(axis=1) / 2
+
+
+def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outline) -> QuadraticTriangles:
+    """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
+    n = len(points)
+    half_edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    keys, first, own = np.unique(edge_keys(half_edges, n), return_index=True, return_inverse=True)
+    number = (n + np.searchsorted(keys, edge_keys(edges, n))).astype(np.int32)
+    all_six = np.concatenate([triangles, (n + own.reshape(-1, 3)).astype(np.int32)], axis=1)
+    with_middles = np.concatenate([edges, number[:, None]], axis=1)
+    ways = _Ways.of(outline, points[edges])
+    places = _snapped(points, triangles, edges, ways)
+    nodes = np.concatenate([places, places[half_edges[first]].mean(axis=1)])
+    nodes[number[ways.found]] = ways.middles[ways.found]
+    straight = ~ways.found | _straighten(nodes, all_six, with_middles)
+    for _ in range(_ROUNDS if outline.areas is not None else 0):
+        moved = _with_areas(nodes, with_middles, outline, ways, straight)
+        folded = _straighten(moved, all_six, with_middles)
+        if (_jacobians(moved, all_six) <= 0).any():  # so narrow are triangles there
+            break
+        nodes, straight = moved, straight | folded
+        if not folded.any():
+            break
+    return QuadraticTriangles(nodes, all_six, with_middles, int(straight.sum()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ways:
+    """Where edges are along the lines of an outline."""
+
+    line: NDArray[np.intp]  # (E,)
+    ends: Points  # (E, 2, 2): the places on the lines nearest to the ends
+    middles: Points  # (E, 2): the places halfway between these
+    off: NDArray[np.bool_]  # (E, 2): ends that are not on the line
+    last: NDArray[np.bool_]  # (E, 2): ends that are ends of the line, too
+    found: NDArray[np.bool_]  # (E,): edges that follow their line
+    back: NDArray[np.bool_]  # (E,): edges that run against it
+
+    @classmethod
+    def of(cls, outline: Outline, ends: Points) -> _Ways:
+        shapely = optional("shapely", "mesh")
+
+        line_of_part = np.repeat(np.arange(len(outline.lines)), [len(line) - 1 for line in outline.lines])
+        line = line_of_part[outline.segments().nearest(shapely.points(ends.mean(axis=1)))]
+        strings = np.array([shapely.LineString(line) for line in outline.lines])[line]
+        places = shapely.points(ends)
+        along = shapely.line_locate_point(strings[:, None], places)
+        gaps = shapely.distance(strings[:, None], places)
+        lengths, closed = shapely.length(strings), shapely.is_closed(strings)
+        ways = np.diff(along, axis=1)[:, 0]
+        ways -= np.where(closed, np.rint(ways / lengths) * lengths, 0)
+        middles = along[:, 0] + ways / 2
+        middles -= np.where(closed, np.floor(middles / lengths) * lengths, 0)
+        chords = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+
+        def at(where: NDArray[np.float64]) -> Points:
+            found: Points = shapely.get_coordinates(shapely.line_interpolate_point(strings, where))
+            return found
+
+        return cls(
+            line,
+            np.stack([at(along[:, 0]), at(along[:, 1])], axis=1),
+            at(middles),
+            gaps > _OFF * outline.diameter,
+            ((along == 0) | (along == lengths[:, None])) & ~closed[:, None],
+            (gaps <= _NEAR * chords[:, None]).all(axis=1) & (np.abs(ways) <= _AROUND * chords),
+            ways < 0,
+        )
+
+
+def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) -> Points:
+    """Move vertices that are off the outline to it, but where a triangle would get too small."""
+    moves = ways.off & ways.found[:, None]
+    moved = points.copy()
+    moved[edges[moves]] = ways.ends[moves]
+    least = _LEAST * measure_triangles(points, triangles).areas
+    while (small := _twice_areas(moved[triangles]) / 2 < least).any():
+        moved[triangles[small]] = points[triangles[small]]
+    return moved
+
+
+def _straighten(nodes: Points, triangles: Indices, edges: Indices) -> NDArray[np.bool_]:
+    """Make edges straight, in place, where triangles fold over or nearly; return which (E,)."""
+    straight = np.zeros(len(edges), bool)
+    while True:
+        found = _jacobians(nodes, triangles)
+        bad = np.zeros(len(nodes), bool)
+        bad[triangles[found.min(axis=1) < _LEAST * found.mean(axis=1), 3:]] = True
+        bad = bad[edges[:, 2]] & ~straight
+        if not bad.any():
+            return straight
+        nodes[edges[bad, 2]] = nodes[edges[bad, :2]].mean(axis=1)
+        straight |= bad
+
+
+def _with_areas(nodes: Points, edges: Indices, outline: Outline, ways: _Ways, straight: NDArray[np.bool_]) -> Points:
+    """Move nodes on borders, but for those of straight edges, by the least that gives segments their areas."""
+    assert outline.areas is not None
+    ends = np.where(ways.back[:, None], edges[:, 1::-1], edges[:, :2])
+    a, b, middle = *ends.T, edges[:, 2]
+    chords = (nodes[a] + nodes[b]) / 2
+    # A parabola encloses 4/3 of what the two chords over its middle do: so these do, too, with the middle farther out.
+    farther = nodes.copy()
+    farther[middle] = chords + 4 / 3 * (nodes[middle] - chords)
+    halves = np.stack([np.concatenate([a, middle]), np.concatenate([middle, b])], axis=1)
+    still = edges[straight | (outline.sides[ways.line] == OUTSIDE).any(axis=1)].ravel()
+    kept = outline.areas.kept(farther, halves, np.tile(ways.line, 2), np.unique(edges[:, :2][ways.last]), still)
+    chords = (kept[a] + kept[b]) / 2
+    kept[middle] = chords + 3 / 4 * (kept[middle] - chords)
+    return kept
+
+
+def _jacobians(nodes: Points, triangles: Indices) -> Points:
+    """Bernstein coefficients (T, 6) of the determinants of Jacobians: at corners, and between each two of them."""
+    corners, middles = nodes[triangles[:, :3]], nodes[triangles[:, 3:]]
+    (a, b, c), (ab, bc, ca) = (
+        each.transpose(1, 0, 2) for each in (corners, 2 * middles - (corners + np.roll(corners, -1, axis=1)) / 2)
+    )
+    # Derivatives at the corners on the way from a to b, and from a to c, which are linear in between.
+    u, v = 2 * np.stack([ab - a, b - ab, bc - ca]), 2 * np.stack([ca - a, bc - ab, c - ca])
+    both = u[:, None, :, 0] * v[None, :, :, 1] - u[:, None, :, 1] * v[None, :, :, 0]
+    pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]
+    return np.stack([(both[i, j] + both[j, i]) / 2 for i, j in pairs], axis=1)
+
+
+def _twice_areas(corners: Points) -> NDArray[np.float64]:
+    """Twice the areas of triangles (T, 3, 2), negative where they go clockwise."""
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
