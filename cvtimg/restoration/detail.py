@@ -121,7 +121,7 @@ def denoise_versions(
     from scipy.ndimage import gaussian_filter
     from threadpoolctl import threadpool_limits
 
-    n_generators = n_generators or _AUTO_KINDS
+    n_generators = n_generators or min(_AUTO_KINDS, evidence.versions.coverage.size)
     versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     passes = _PASSES[affordable_effort(versions.coverage.size) if effort == "auto" else effort]

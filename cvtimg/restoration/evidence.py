@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +30,8 @@ _SIDE = 16
 #: Windows tell something if they have this part of the upper quartile of power, more than this times that of noise, and
 #: this share of known pixels; and if there are this many of them.
 _LEAST_POWER, _OVER_NOISE, _LEAST_KNOWN, _LEAST_WINDOWS = 0.25, 1.0, 0.3, 100
+#: This many windows tell of another image, if the misfit is above this.
+_FEW_WINDOWS, _ANOTHER = 20, 1.0
 #: And if both versions have like power there, to within this logarithm: where one is painted over, they have not.
 _ALIKE = 0.5
 #: A version fits another if in the median of these windows, what they differ by is below this part of what there is.
@@ -57,10 +60,13 @@ def misfits(versions: Versions, noise: NDArray[np.float64], shared: SharedNoise 
             gain = np.median((theirs / ours)[tells])  # of a longer exposure
             with np.errstate(invalid="ignore"):
                 tells &= np.abs(np.log(gain * ours / theirs)) < _ALIKE
-            if np.count_nonzero(tells) >= _LEAST_WINDOWS:
+            n_windows = np.count_nonzero(tells)
+            if n_windows >= _FEW_WINDOWS:
                 apart = _means(np.square(structure[one][0] * np.float32(np.sqrt(gain)) - structure[other][0]), both)
                 parts = 2 * (apart - gain * noisy[one] - noisy[other]) / (gain * ours + theirs)
-                found[one, other] = found[other, one] = max(np.median(parts[tells]), 0)
+                part = max(np.median(parts[tells]), 0)
+                if n_windows >= _LEAST_WINDOWS or part > _ANOTHER:
+                    found[one, other] = found[other, one] = part
     return found
 
 
@@ -152,6 +158,8 @@ def prepare(
 ) -> Evidence:
     """Measure the noise of versions, put them in place, and leave out where they disagree; options as in `restore`."""
     # Noise is measured before any interpolation, which smooths it; `level` is its standard deviation, if given.
+    if align and given.n_versions == 1:
+        warnings.warn(f"align={align!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
     shared = None if white else shared_noise(given, in_place=align is None)
     noise = noise_of(given, alike=not channels)
     if level is not None:
@@ -168,6 +176,19 @@ def prepare(
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels, bool(align))
+
+
+def without_copies(versions: Versions) -> Versions:
+    """Warn of versions that are copies of one before, and leave them out: their noise is not independent."""
+    copies, known = [], versions.known.copy()
+    for one, other in combinations(range(versions.n_versions), 2):
+        same = np.array_equal(versions.known[:, :, one], versions.known[:, :, other])
+        if same and known[:, :, other].any() and np.array_equal(versions.bands(one), versions.bands(other)):
+            copies.append(f"images[{other}] is a copy of images[{one}]")
+            known[:, :, other] = False
+    if copies:
+        warnings.warn(f"{', '.join(copies)} and counts once", UserWarning, stacklevel=3)
+    return versions.knowing(known) if copies else versions
 
 
 def _fitting(

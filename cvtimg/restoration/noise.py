@@ -51,7 +51,7 @@ def _alone(versions: Versions) -> list[_Doubles]:
     known, white = np.moveaxis(versions.known, 2, 0), versions.white
     scattered = [_off_the_ends(scattered_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
     quiet = [_off_the_ends(_quiet_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
-    if any(np.isnan(sigmas).any() for sigmas in quiet):
+    if any(np.isnan(sigmas).any() and seen.any() for sigmas, seen in zip(quiet, known, strict=True)):
         return scattered
     # Single outliers are everywhere, in quiet blocks too.
     return [np.fmin(one, other) for one, other in zip(quiet, scattered, strict=True)]

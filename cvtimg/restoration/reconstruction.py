@@ -24,7 +24,7 @@ from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoise_versions
-from cvtimg.restoration.evidence import prepare
+from cvtimg.restoration.evidence import prepare, without_copies
 from cvtimg.restoration.merging import Merging, level_of, merge_versions
 from cvtimg.restoration.recognition import is_drawing
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
@@ -191,6 +191,8 @@ def restore(
         f"detail={detail!r}", bool(detail), channels=channels, averaging=average, edge_weight=cost, volume_power=power
     )
     given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha, any_size=bool(model))
+    if detail:
+        given = without_copies(given)
     with part(0, prepared := _PREPARED if model is None else _ALIGNED):
         evidence = prepare(
             given,

@@ -90,14 +90,15 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
     # Versions that are in place differ by noise alone.
     known = np.moveaxis(versions.known, 2, 0)
-    if in_place and len(known) > 1:
-        pairs = pairwise(range(len(known)))
+    numbers = np.flatnonzero(known.any(axis=(1, 2))).tolist()
+    if in_place and len(numbers) > 1:
+        pairs = pairwise(numbers)
         apart = (
             ((versions.bands(a) - versions.bands(b)) * np.float32(np.sqrt(0.5)), known[a] & known[b]) for a, b in pairs
         )
         found = [_measured(*one, None, 1.0) for one in apart]
     else:
-        found = [_measured(versions.bands(s), seen, versions.white, _QUIET) for s, seen in enumerate(known)]
+        found = [_measured(versions.bands(s), known[s], versions.white, _QUIET) for s in numbers]
     told = [powers for powers in found if powers is not None]
     powers = np.mean(told, axis=0) if told else None
     return None if powers is None or _is_white(powers) else SharedNoise(_autocovariance(powers))

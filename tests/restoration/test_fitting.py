@@ -101,3 +101,26 @@ def test_a_version_without_a_known_pixel_is_no_hang() -> None:
     image = RNG.integers(0, 256, (30, 40), np.uint8)
     result = restore([image, image], 3, masks=[None, np.zeros((30, 40))], align=True)
     np.testing.assert_array_equal(result.coverage, 1)
+
+
+def test_one_version_to_align_is_told() -> None:
+    with pytest.warns(UserWarning, match="align='auto' has nothing to align: there is one version"):
+        restore([noisy(np.full((8, 9), 90))], 1, align=True, edge_weight=0, effort="fast")
+
+
+def test_a_copy_is_told_and_counts_once_for_detail(photograph: NDArray[Any]) -> None:
+    image = noisy(photograph[:40, :40])
+    with pytest.warns(UserWarning, match=r"images\[1\] is a copy of images\[0\] and counts once"):
+        twice = restore([image, image], detail=True, effort="fast")
+    np.testing.assert_array_equal(twice.image, restore([image], detail=True, effort="fast").image)
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_detail_takes_images_of_few_pixels(size: int) -> None:
+    assert restore([noisy(np.full((size, size), 90))], detail=True).image.shape == (size, size)
+
+
+def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> None:
+    small = photograph[40:136, 40:136]
+    found = misfit(noisy(small), noisy(small), noisy(small[::-1]))
+    np.testing.assert_allclose(found[0], [0, 0, 2], atol=0.3)

@@ -183,7 +183,7 @@ def test_detail_brings_a_photograph_back_better_than_blur_or_flat_segments(photo
 
 def test_detail_leaves_a_picture_without_noise_as_it_is(photograph: NDArray[Any]) -> None:
     clean = photograph[:64, 64:128]
-    assert np.abs(restore([clean, clean], 8, detail=True).image.astype(int) - clean).max() <= 1
+    assert np.abs(restore([clean], 8, detail=True, noise=0.5).image.astype(int) - clean).max() <= 1
 
 
 def test_energies_never_rise() -> None:
@@ -248,7 +248,7 @@ def test_an_edge_weight_means_the_same_at_every_depth() -> None:
 
 
 def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: NDArray[Any]) -> None:
-    versions = [photograph[:48, :48].copy(), photograph[:48, :48].copy()]
+    versions = [photograph[:48, :48].copy(), photograph[:48, :48] // 2 * 2]
     for options in ({}, {"detail": True}):
         one, other = (restore(versions, 8, rng=3, **options) for _ in range(2))
         assert one.image.tobytes() == other.image.tobytes()
