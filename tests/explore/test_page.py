@@ -217,13 +217,11 @@ def test_all_tabs_are_accessible_also_while_and_after_they_fail(
     one.choose("colors", aim="palette")
     one.until("document.getElementById('problem').textContent")
     check_access(one, "no palette")
+    one.page.set_input_files("#open", str(folder / "large.png"))  # so that it has not ended while it is looked at
+    one.until("document.getElementById('pictures').options.length === 2")
     one.choose("restore", way="detail", effort="best")
     one.until("!document.getElementById('share').hidden")
     check_access(one, "working")
-    one.settled()  # it may have ended while it was looked at
-    one.choose("restore", effort="fast")
-    one.settled()
-    one.choose("restore", effort="best")
     one.page.click("#cancel")
     check_access(one, "canceled")
     one.page.evaluate("document.getElementById('keys').showModal()")
@@ -380,6 +378,9 @@ def test_several_versions_are_restored_together(visit: Go, folder: Path) -> None
     one.page.uncheck("#controls .control:first-child input >> nth=0")
     one.settled()
     assert "photo.png" not in one.page.inner_text("#command").partition(" -o ")[0]
+    one.page.set_input_files("#open", str(folder / "large.png"))  # of another subject
+    one.settled()
+    one.until("document.getElementById('command').textContent.startsWith('cvtimg restore large.png')")
 
 
 def test_a_and_b_are_compared_and_swapped(visit: Go) -> None:

@@ -5,7 +5,10 @@ import {Curve} from "/curve.js";
 import {Editor} from "/editor.js";
 import {Globe} from "/globe.js";
 import {Link, get, send} from "/link.js";
+import {Recipes} from "/recipes.js";
 import {Shades, hex} from "/shades.js";
+import {arrived, linkTo, taken} from "/sharing.js";
+import {Steps} from "/steps.js";
 import {Viewer} from "/viewer.js";
 
 const $ = id => document.getElementById(id);
@@ -13,7 +16,7 @@ const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
 const state = {tabs: [], tab: "colors", settings: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
-let past = [], future = [], recent = {}, last = null, before = null, result = "", kept = null, other = null, timer = 0, started = 0, share = 0, frame = 0;
+let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file));
@@ -29,6 +32,8 @@ const globe = new Globe(viewer, () => { const {columns, name} = circles(); retur
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
 const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
+const steps = new Steps($("undo"), $("redo"), () => ({tab: state.tab, settings: state.settings}), choose);
+const recipes = new Recipes(report);
 const editor = new Editor(viewer, () => settings()[editor.control.name], text => change(editor.control.name, [...settings()[editor.control.name], text], false));
 Object.assign(controls, {editor, edit});
 const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
@@ -53,7 +58,7 @@ function back() {
 
 function keep() {
 	if (!state.keep) return;
-	const {tab, settings, palettes, pictures, picture} = state;
+	const {tab, settings, palettes, pictures, picture} = state, {past, future} = steps;
 	const now = {tab, settings, palettes, past, future, pictures: pictures.map(one => one.id), shown: picture?.id};
 	try { sessionStorage.page = JSON.stringify(now); } catch { // many strokes: without steps back
 		try { sessionStorage.page = JSON.stringify({...now, past: [], future: []}); } catch { delete sessionStorage.page; }
@@ -68,9 +73,7 @@ async function found() {
 	}
 	state.palettes = then.palettes;
 	for (const [name, values] of Object.entries(then.settings)) Object.assign(state.settings[name] ?? {}, values);
-	[past, future] = [then.past, then.future];
-	$("undo").disabled = !past.length;
-	$("redo").disabled = !future.length;
+	steps.take(then.past, then.future);
 	const shown = state.pictures.find(one => one.id === then.shown);
 	state.tab = then.tab;
 	if (shown) show(shown); else showTab(then.tab);
@@ -79,37 +82,18 @@ async function found() {
 // Choosing
 
 function change(name, value, live, more = {}) {
-	const now = performance.now();
-	const goes = typeof value === "object" ? recent.live : now - recent.time < 1000;
-	if (recent.name !== name || !goes) remember(); // a drag is one step back
-	recent = {name, time: now, live};
+	steps.before(name, value, live);
 	if (name === "start" && value === "hand" && last?.facts.counts) more = {colors: shades.hexes}; // begins with what is seen
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
 	if (name !== "seen") state.spot = shades.spot = -1;
 	if (name === "space" && state.tab === "colors") measure();
 	drawControls();
-	want(now, live ? REST : AT_ONCE);
+	want(performance.now(), live ? REST : AT_ONCE);
 }
 
-function remember() {
-	const now = JSON.stringify({tab: state.tab, settings: state.settings});
-	if (past.at(-1) === now) return;
-	past.push(now);
-	if (past.length > 100) past.shift();
-	future = [];
-	$("undo").disabled = false;
-	$("redo").disabled = true;
-}
-
-function travel(from, to) {
-	if (!from.length) return;
-	recent = {};
-	to.push(JSON.stringify({tab: state.tab, settings: state.settings}));
-	const then = JSON.parse(from.pop()), moved = then.tab !== state.tab;
-	state.settings = then.settings;
-	$("undo").disabled = !past.length;
-	$("redo").disabled = !future.length;
-	if (moved) showTab(then.tab); else { drawControls(); want(performance.now(), AT_ONCE); }
+function choose({tab, settings}) { // what a step back finds
+	state.settings = settings;
+	if (tab !== state.tab) showTab(tab); else { drawControls(); want(); }
 }
 
 function edit(control, mode) { // what the pointer does on the picture: the same again ends it
@@ -163,10 +147,7 @@ function want(t0 = performance.now(), rest = AT_ONCE) {
 	keep.timer = setTimeout(keep, REST);
 	if (!subject() || link.gone) return;
 	clearTimeout(timer);
-	result = "";
-	$("download").ariaDisabled = "true";
-	$("copyimage").disabled = true;
-	$("download").removeAttribute("href");
+	recipes.withdraw();
 	want.t0 ??= t0;
 	want.rest = rest;
 	if (!frame) frame = requestAnimationFrame(() => { // at most one draft a frame
@@ -216,7 +197,7 @@ function moved() { // finer pixels of what is now in sight
 	moved.timer = setTimeout(() => {
 		if (!state.picture || !before || sheet()) return;
 		if (before.window[4] > 1) link.ask("before", original(), {main: true});
-		if (last?.window?.[4] > 1 && result) wantExact();
+		if (last?.window?.[4] > 1 && recipes.result) wantExact();
 	}, 150);
 }
 
@@ -226,7 +207,7 @@ function receive(reply, about) {
 		problem(reply.error);
 		if (about.lane === "before") return;
 		stopCounting();
-		$("recipe").hidden = $("save").hidden = true; // what was asked for has none
+		recipes.hide(); // what was asked for has none
 		$("facts").textContent = "";
 		return;
 	}
@@ -235,14 +216,13 @@ function receive(reply, about) {
 	if (reply.share !== undefined) { share = reply.share; return; }
 	if (reply.bytes !== undefined) { stopCounting(); facts(reply.bytes); return; }
 	problem("");
-	recipes(reply.recipes);
+	recipes.show(reply.recipes, state.tab);
 	if (reply.none) return;
 	last = reply;
-	result = about.lane === "exact" ? reply.result : "";
 	$("stage").classList.toggle("old", about.lane === "draft");
 	const drawn = repaint();
 	drawShades();
-	if (result) { stopCounting(); offer(); }
+	if (about.lane === "exact") { stopCounting(); recipes.offer(reply.result); }
 	facts();
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
@@ -307,7 +287,7 @@ function drawShades() {
 function facts(bytes) {
 	if (!last) { $("facts").textContent = ""; return; }
 	const {width, height, distinct} = subject(), f = last.facts, parts = sheet() ? [] : [`${width} × ${height}`];
-	const draft = result ? "" : "≈ ";
+	const draft = recipes.result ? "" : "≈ ";
 	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
 	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segments`);
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
@@ -333,89 +313,14 @@ function report(text) { // of a file; it stays until it is read
 	$("troubles").append(line);
 }
 
-function recipes(list) {
-	const select = $("output"), chosen = recipes.tab === state.tab ? select.value : "";
-	recipes.tab = state.tab;
-	recipes.list = list;
-	if ([...select.options].map(one => one.value).join() !== list.map(one => one.key).join()) {
-		select.replaceChildren(...list.map(one => new Option(one.label, one.key)));
-	}
-	select.value = list.some(one => one.key === chosen) ? chosen : list[0].key;
-	$("recipe").hidden = $("save").hidden = false;
-	showRecipe();
-}
-
-function showRecipe() {
-	const one = recipes.list.find(recipe => recipe.key === $("output").value);
-	for (const name of ["command", "python", "folder"]) $(name).textContent = one[name] ?? "";
-	$("many").hidden = !one.folder;
-	$("copylink").textContent = "Copy link";
-	const {command} = JSON.parse(one.settings);
-	$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`;
-	if (result) offer();
-}
-
-function offer() {
-	$("copyimage").hidden = !recipes.list.some(recipe => recipe.file.endsWith(".png"));
-	$("copyimage").textContent = "Copy";
-	$("copyimage").disabled = false;
-	$("download").href = "#";
-	$("download").ariaDisabled = "false";
-}
-
-async function copyImage() {
-	const one = recipes.list.find(recipe => recipe.file.endsWith(".png"));
-	const pixels = get(`/file/${result}/${one.key}`).then(async answer => new Blob([await answer.arrayBuffer()], {type: "image/png"}));
-	try { await navigator.clipboard.write([new ClipboardItem({"image/png": pixels})]); $("copyimage").textContent = "Copied"; } catch (error) { report(error.message); }
-}
-
-async function download(event) {
-	event.preventDefault();
-	if (!result) return;
-	const one = recipes.list.find(recipe => recipe.key === $("output").value);
-	try {
-		const answer = await get(`/file/${result}/${one.key}`), href = URL.createObjectURL(await answer.blob());
-		element("a", {href, download: one.file}).click();
-		setTimeout(() => URL.revokeObjectURL(href), 60_000);
-	} catch (error) { report(`${one.file}: ${error.message}`); }
-}
-
-// Settings in a link, which an open page takes, and in a file, which the command takes
-
-const shared = () => `${location.origin}/#settings=${encodeURIComponent(JSON.stringify({tab: state.tab, settings: ownSettings()}))}`;
-
-function ownSettings() { // what is chosen, but for open images
-	const own = tab().controls.filter(({kind, of, name, default: usual}) => !(kind === "files" && of === "pictures") && JSON.stringify(settings()[name]) !== JSON.stringify(usual));
-	return Object.fromEntries(own.map(({name}) => [name, settings()[name]]));
-}
-
 function takeShared() {
-	const text = sharedText();
-	if (!text || !state.tabs.length) return;
-	delete sessionStorage.shared;
-	let given;
-	try { given = JSON.parse(decodeURIComponent(text)); } catch { return report("The settings of this link cannot be read."); }
-	const one = state.tabs.find(each => each.name === given?.tab), entries = Object.entries(given?.settings ?? {});
-	const wrong = one && entries.find(([name, value]) => !fits(one.controls.find(control => control.name === name), value));
-	if (!one || wrong) return report(one ? `The link's setting ${wrong[0]} is not known here.` : "The link's tab is not known here.");
-	remember();
-	state.settings[one.name] = {...state.settings[one.name], ...defaults(one.controls.filter(control => control.of !== "pictures")), ...given.settings};
-	showTab(one.name);
-}
-
-// A page that may not enter yet keeps the link until it may.
-function sharedText() {
-	const found = location.hash.match(/^#settings=(.+)/);
-	if (found) { sessionStorage.shared = found[1]; history.replaceState(null, "", "/"); }
-	return sessionStorage.shared;
-}
-
-const fits = (control, value) => control && (control.auto && value === "auto" || typeof value === typeof control.default && Array.isArray(value) === Array.isArray(control.default) || control.auto && typeof value === "number");
-
-function saveSettings() {
-	const one = recipes.list.find(recipe => recipe.key === $("output").value), href = URL.createObjectURL(new Blob([one.settings + "\n"], {type: "application/json"}));
-	element("a", {href, download: `${JSON.parse(one.settings).command}.json`}).click();
-	setTimeout(() => URL.revokeObjectURL(href), 60_000);
+	if (!arrived() || !state.tabs.length) return;
+	try {
+		const {name, settings} = taken(state.tabs);
+		steps.remember();
+		state.settings[name] = {...state.settings[name], ...settings};
+		showTab(name);
+	} catch (error) { report(error.message); }
 }
 
 function showTab(name) {
@@ -423,7 +328,7 @@ function showTab(name) {
 	state.tab = name;
 	state.spot = shades.spot = -1;
 	last = null;
-	result = "";
+	recipes.withdraw();
 	for (const button of $("tabs").children) {
 		const on = button.dataset.tab === name;
 		button.ariaSelected = on;
@@ -432,7 +337,8 @@ function showTab(name) {
 	$("panel").setAttribute("aria-labelledby", `tab-${name}`);
 	$("about").textContent = tab().about;
 	$("energy").hidden = name !== "colors" || !state.picture;
-	$("shades").hidden = $("recipe").hidden = $("save").hidden = true;
+	$("shades").hidden = true;
+	recipes.hide();
 	$("note").textContent = "";
 	problem("");
 	if (name === "restore" && !settings().versions.length) state.settings.restore = {...settings(), versions: sameSize().map(one => one.id)};
@@ -479,12 +385,11 @@ async function openPalette(file) {
 
 function added(picture) {
 	state.pictures.push(picture);
-	const restoring = state.tab === "restore";
-	if (restoring && sameSize().includes(picture)) state.settings.restore = {...settings(), versions: [...settings().versions, picture.id]};
 	$("pictures").append(Object.assign(new Option(picture.name, picture.id), {title: picture.path}));
 	$("pictures").hidden = false;
 	$("against").append(new Option(picture.name, picture.id));
-	if (!restoring || !state.picture) show(picture); else { drawControls(); want(); }
+	const isVersion = state.tab === "restore" && state.picture && sameSize().includes(picture);
+	if (isVersion) change("versions", [...settings().versions, picture.id], false); else show(picture);
 }
 
 function show(picture) {
@@ -498,6 +403,7 @@ function show(picture) {
 	$("against").querySelector("[value=A]")?.remove();
 	$("against").value = "original";
 	$("swap").disabled = true;
+	if (!state.settings.restore.versions.includes(picture.id)) state.settings.restore = {...state.settings.restore, versions: []}; // of another subject
 	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
 	link.ask("before", original(), {main: true});
 	showTab(state.tab);
@@ -517,8 +423,8 @@ async function measure() {
 // A and B
 
 function keepA() {
-	if (!last || !result || sheet()) return;
-	kept = {last, look: look(), result, tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
+	if (!last || !recipes.result || sheet()) return;
+	kept = {last, look: look(), tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
 	if (!$("against").querySelector("[value=A]")) $("against").options[0].after(new Option("A", "A"));
 	$("against").value = "A";
 	$("swap").disabled = false;
@@ -529,7 +435,7 @@ function keepA() {
 function swapA() {
 	if (!kept || !last) return;
 	const then = kept;
-	remember();
+	steps.remember();
 	kept = {last, look: look(), tab: state.tab, settings: JSON.stringify(state.settings), name: `${tab().title}, ${last.facts.k}`};
 	state.settings = JSON.parse(then.settings);
 	showTab(then.tab);
@@ -562,8 +468,6 @@ $("against").onchange = event => {
 	showLeft();
 	repaint();
 };
-$("undo").onclick = () => travel(past, future);
-$("redo").onclick = () => travel(future, past);
 $("keep").onclick = keepA;
 $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
@@ -571,13 +475,9 @@ $("again").onclick = () => change("start", "image", false, {k: Math.max(settings
 $("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
 $("frame").oninput = () => { setFrame(Number($("frame").value)); link.ask("before", original(), {main: true}); want(); };
 $("fill").onchange = repaint;
-$("output").onchange = showRecipe;
-$("download").onclick = download;
 $("cancel").onclick = cancel;
-$("copyimage").onclick = copyImage;
 $("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
-$("copylink").onclick = async () => { await navigator.clipboard.writeText(shared()); $("copylink").textContent = "Copied"; };
-$("savesettings").onclick = saveSettings;
+$("copylink").onclick = async () => { await navigator.clipboard.writeText(linkTo(tab(), settings())); $("copylink").textContent = "Copied"; };
 addEventListener("hashchange", takeShared);
 addEventListener("pagehide", keep);
 $("forget").onclick = forget;
@@ -600,7 +500,7 @@ const KEYS = {
 addEventListener("keydown", event => {
 	const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
 	if (event.ctrlKey || event.metaKey) {
-		const act = {z: () => event.shiftKey ? travel(future, past) : travel(past, future), y: () => travel(future, past), o: () => $("open").click(), s: () => result && $("download").click()}[key];
+		const act = {z: () => event.shiftKey ? steps.forward() : steps.back(), y: () => steps.forward(), o: () => $("open").click(), s: () => recipes.result && $("download").click()}[key];
 		if (!act || (key === "z" && event.target.matches("input[type=number]"))) return;
 		event.preventDefault();
 		return act();
@@ -619,7 +519,7 @@ async function forget() {
 }
 
 async function start() {
-	sharedText();
+	arrived();
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
 	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
@@ -632,7 +532,7 @@ async function start() {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);
 		button.dataset.tab = one.name;
 		button.setAttribute("aria-controls", "panel");
-		button.onclick = () => { remember(); showTab(one.name); };
+		button.onclick = () => { steps.remember(); showTab(one.name); };
 		$("tabs").append(button);
 	}
 	$("tabs").addEventListener("keydown", event => {

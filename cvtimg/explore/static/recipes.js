@@ -1,0 +1,85 @@
+// What can be had of a result: its files, and the command, the lines of Python and the settings that make them.
+
+import {element} from "/controls.js";
+import {get} from "/link.js";
+
+const $ = id => document.getElementById(id);
+
+export class Recipes {
+	// report(text): tells of a file that could not be had
+	constructor(report) {
+		Object.assign(this, {report, list: [], tab: "", result: ""});
+		$("output").onchange = () => this.showChosen();
+		$("download").onclick = event => { event.preventDefault(); this.download(); };
+		$("copyimage").onclick = () => this.copyImage();
+		$("savesettings").onclick = () => this.saveSettings();
+	}
+
+	get chosen() { return this.list.find(one => one.key === $("output").value); }
+	get image() { return this.list.find(one => one.file.endsWith(".png")); }
+
+	show(list, tab) {
+		const select = $("output"), chosen = this.tab === tab ? select.value : "";
+		Object.assign(this, {list, tab});
+		if ([...select.options].map(one => one.value).join() !== list.map(one => one.key).join()) {
+			select.replaceChildren(...list.map(one => new Option(one.label, one.key)));
+		}
+		select.value = list.some(one => one.key === chosen) ? chosen : list[0].key;
+		$("recipe").hidden = $("save").hidden = false;
+		this.showChosen();
+	}
+
+	showChosen() {
+		const {chosen} = this, {command} = JSON.parse(chosen.settings);
+		for (const name of ["command", "python", "folder"]) $(name).textContent = chosen[name] ?? "";
+		$("many").hidden = !chosen.folder;
+		$("copylink").textContent = "Copy link";
+		$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`;
+		if (this.result) this.offer(this.result);
+	}
+
+	hide() { $("recipe").hidden = $("save").hidden = true; }
+
+	offer(result) {
+		this.result = result;
+		$("copyimage").hidden = !this.image;
+		$("copyimage").textContent = "Copy";
+		$("copyimage").disabled = false;
+		$("download").href = "#";
+		$("download").ariaDisabled = "false";
+	}
+
+	withdraw() {
+		this.result = "";
+		$("copyimage").disabled = true;
+		$("download").removeAttribute("href");
+		$("download").ariaDisabled = "true";
+	}
+
+	file(recipe) { return get(`/file/${this.result}/${recipe.key}`); }
+
+	async copyImage() {
+		const pixels = this.file(this.image).then(async answer => new Blob([await answer.arrayBuffer()], {type: "image/png"}));
+		try {
+			await navigator.clipboard.write([new ClipboardItem({"image/png": pixels})]);
+			$("copyimage").textContent = "Copied";
+		} catch (error) { this.report(error.message); }
+	}
+
+	async download() {
+		const {chosen} = this;
+		if (!this.result) return;
+		try { save(chosen.file, await (await this.file(chosen)).blob()); } catch (error) { this.report(`${chosen.file}: ${error.message}`); }
+	}
+
+	saveSettings() {
+		const {settings} = this.chosen;
+		save(`${JSON.parse(settings).command}.json`, new Blob([`${settings}\n`], {type: "application/json"}));
+	}
+}
+
+function save(download, blob) {
+	const href = URL.createObjectURL(blob);
+	element("a", {href, download}).click();
+	setTimeout(() => URL.revokeObjectURL(href), 60_000);
+}
