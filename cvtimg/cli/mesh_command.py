@@ -58,6 +58,8 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     making = given.arguments
     if is_polygon and given.label is not None:
         raise ValueError("has polygons; --label is for images of labels")
+    if given.keep_points and not is_polygon:
+        raise ValueError("has pixels; --keep-points is for polygons")
     region = read_region(task.source) if is_polygon else None
     labels, is_mask = (None, False) if is_polygon else read_segments(task.source, given.label)
     if labels is not None and labels.ndim == 3:
@@ -66,7 +68,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     sizes = None if given.size is None else read_size(given.size)
     stopwatch.lap("read")
     if labels is None:
-        found = cvtimg.mesh_region(region, size=sizes, **making)
+        found = cvtimg.mesh_region(region, size=sizes, keep_points=given.keep_points, **making)
     elif is_mask:
         found = cvtimg.mesh_region(labels > 0, size=sizes, **making)
     else:

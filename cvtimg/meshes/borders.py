@@ -13,14 +13,15 @@ from cvtimg._shared.progress import first_few
 from cvtimg.halfedges import edge_keys
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
-from cvtimg.meshes.outlines import Outline, divided, divided_steps, turns_of
+from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
 from cvtimg.meshes.sliding import Tracks, places_at
 from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
 
-#: A closed smooth line of a polygon has at least so many edges.
-_ROUND = 6
+#: A closed smooth line of a polygon has at least so many edges; another is curved if it is longer than the way between
+#: its ends by this factor.
+_ROUND, _CURVED = 6, 1 + 1e-6
 #: A line is sampled at steps of at most this part of an edge.
 _STEP = 0.34
 #: Steps that are too long are divided in so many parts at most at once, since sizes may be tiny at one end only.
@@ -45,12 +46,18 @@ _SMOOTH = 20.0
 
 
 def place_on_borders(
-    outline: Outline, field: Field, grade: float, min_size: float, share: float = 1.0, most: float = np.inf
+    outline: Outline,
+    field: Field,
+    grade: float,
+    min_size: float,
+    share: float = 1.0,
+    most: float = np.inf,
+    on_curves: int = 2,
 ) -> tuple[Borders, Field]:
     """Place vertices on the lines of an outline; return them with the field that follows their edges.
 
     There are as many as sizes ask for, times `share`. Where crowded borders come to more than `most`, that is all that
-    is found out.
+    is found out. Curves of polygons have `on_curves` edges at least: with two, they can enclose what they should.
 
     Raises
     ------
@@ -58,7 +65,7 @@ def place_on_borders(
         If edges cross however short they are.
     """
     for round_ in first_few(range(_ROUNDS)):
-        borders, lines = _spaced(outline, field, share)
+        borders, lines = _spaced(outline, field, share, on_curves)
         if len(borders.points) > most:
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
@@ -121,7 +128,7 @@ class _Lines:
         return wider
 
 
-def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lines]:
+def _spaced(outline: Outline, field: Field, share: float, on_curves: int) -> tuple[Borders, _Lines]:
     """Place vertices at equal steps, in the metric, along each line."""
     places, line_of = sampled(outline.lines, field)
     starts = np.flatnonzero(np.append(True, np.diff(line_of) > 0))
@@ -132,7 +139,13 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
     along = np.append(0, np.cumsum(lengths))
     totals = along[stops] - along[starts]
     is_closed = (places[starts] == places[stops]).all(axis=1)
-    least = np.where(is_closed, 3 if outline.mask is not None else _ROUND, 1)
+    far = np.linalg.norm(steps, axis=1)
+    far[stops[:-1]] = 1  # so that lines are apart
+    until = np.append(0, np.cumsum(far))
+    least = np.where(is_closed, 3, 1)
+    if outline.mask is None:
+        is_curved = until[stops] - until[starts] > _CURVED * np.linalg.norm(places[stops] - places[starts], axis=1)
+        least = np.where(is_closed, _ROUND, np.where(is_curved, on_curves, 1))
     n_edges = np.maximum(np.rint(totals * share).astype(np.intp), least)
     # The points of each line in order: its first node, its inner points, its last node.
     of_chain, number = divided(n_edges + 1)
@@ -146,7 +159,7 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
     chain[is_inner] = len(nodes) + np.arange(len(own))
     points = np.concatenate([nodes, inner])
     if outline.mask is not None and not outline.on_lines:
-        sweeps = _cross(places[:-1], places[1:])
+        sweeps = cross(places[:-1], places[1:])
         sweeps[stops[:-1]] = 0
         swept = np.interp(at_chain, along, np.append(0, np.cumsum(sweeps)))
         points[len(nodes) :] += _outwards(points[chain], swept)[is_inner]
@@ -165,9 +178,6 @@ def _spaced(outline: Outline, field: Field, share: float) -> tuple[Borders, _Lin
         return borders, lines
     at_inner = np.flatnonzero(is_inner)
     before, after = points[chain[at_inner - 1]], points[chain[at_inner + 1]]
-    far = np.linalg.norm(places[1:] - places[:-1], axis=1)
-    far[stops[:-1]] = 1  # so that lines are apart
-    until = np.append(0, np.cumsum(far))
     tracks = Tracks.of(
         (len(nodes) + np.arange(len(own))).astype(np.int32),
         np.interp(at_chain[is_inner], along, until),
@@ -185,15 +195,11 @@ def _outwards(points: Points, swept: NDArray[np.float64]) -> Points:
 
     `swept` is twice the area that the curve has swept over, around the origin, until each point.
     """
-    missing = np.append((np.diff(swept) - _cross(points[:-1], points[1:])) / 2, 0)
+    missing = np.append((np.diff(swept) - cross(points[:-1], points[1:])) / 2, 0)
     chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-300)
     shifts = np.clip((missing + np.roll(missing, 1)) / lengths, -_MOST_OUTWARDS, _MOST_OUTWARDS)
     return shifts[:, None] * np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths[:, None]
-
-
-def _cross(a: Points, b: Points) -> NDArray[np.float64]:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
@@ -251,7 +257,7 @@ def _crossing(
     apart = (edges[one][:, :, None] != edges[other][:, None, :]).all(axis=(1, 2))
     one, other = one[apart], other[apart]
     (a, b), (c, d) = (points[edges[which]].transpose(1, 0, 2) for which in (one, other))
-    divided = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0) & (_cross(d - c, a - c) * _cross(d - c, b - c) < 0)
+    divided = (cross(b - a, c - a) * cross(b - a, d - a) < 0) & (cross(d - c, a - c) * cross(d - c, b - c) < 0)
     return one[divided]
 
 

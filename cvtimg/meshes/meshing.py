@@ -26,6 +26,7 @@ from cvtimg._shared.progress import each, first_few, part, tell
 from cvtimg.halfedges import edge_keys, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
+from cvtimg.meshes.curves import Curves
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.mending import mend
@@ -113,6 +114,7 @@ def mesh_region(
     grade: float = 0.2,
     min_size: float = 0.0,
     fixed: ArrayLike | None = None,
+    keep_points: bool = False,
     metric: MatrixFunction | None = None,
     boundary: str = "placed",
     order: int = 1,
@@ -142,6 +144,9 @@ def mesh_region(
         The least size, and the size of details of polygons that are left out.
     fixed : (F, 2) array, optional
         Points of the region that become vertices.
+    keep_points : bool
+        Make all points of polygons vertices, and not only corners: none is cut off. `n` must be large enough for them.
+        Angles are small where points are near to each other.
     metric : callable, optional
         From (M, 2) points to (M, 2, 2) positive definite matrices, by which all edges should have length 1, for edges
         that are longer in some directions; with `n`, only its ratios count. `HuangMetric` makes one of a Hessian.
@@ -161,7 +166,7 @@ def mesh_region(
     Returns
     -------
     Mesh
-        With exactly `n` vertices, if that is given.
+        With exactly `n` vertices, if that is given, and with the area of the region within 1e-6, as in the notes.
 
     Raises
     ------
@@ -177,8 +182,10 @@ def mesh_region(
     of mass of their cells, with density size^-4, while edges flip. In the end vertices move a little so that edges are
     even; those on the boundary of a polygon slide along it, but for corners. Where angles below 30 degrees are left at
     borders, edges there are split, as in Delaunay refinement, and vertices inside move; with `n`, others are taken away
-    where edges are short. Angles that the borders themselves have stay. Small meshes of one size are made several
-    times, with more or fewer vertices on the boundary, and the most regular one is returned.
+    where edges are short. Angles that the borders themselves have stay. Last, vertices move off the boundary of
+    polygons, along its normals, by as much as edges cut off, so that areas stay; but not with ``order=2`` or
+    ``boundary="projected"``. Small meshes of one size are made several times, with more or fewer vertices on the
+    boundary, and the most regular one is returned.
 
     References
     ----------
@@ -199,7 +206,8 @@ def mesh_region(
     """
     least = check_non_negative("min_size", min_size)
     optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
-    outline = _of_order(order, outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least))
+    outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least, keep_points=keep_points)
+    outline = _of_order(order, outline)
     check_choice("boundary", boundary, BOUNDARIES)
     wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     if boundary == "projected":
@@ -316,15 +324,17 @@ def _mesh(
     check_choice("effort", effort, EFFORTS)
     settings = EFFORTS[effort]
     random = np.random.default_rng(rng)
-    outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
+    still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
+    outline, alone = with_points(outline, still)
+    curves = Curves(outline, still) if outline.mask is None and not outline.on_lines else None
     meshes: list[Mesh] = []
     is_small = wanted.n is not None and wanted.n <= _SMALL  # else there is one trial, or it is short
     for trial in each(range(settings.trials)) if is_small else range(settings.trials):
         with part(0, 1 if is_small or effort != "best" else _BEST):
-            meshes += _made(outline, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
+            meshes += _made(outline, curves, wanted, alone, settings, random, _SHARES[trial % len(_SHARES)])
         if len(meshes) == 1 and effort == "best":  # where sizes vary, more moves are not always better
             with part(_BEST, 1):
-                meshes += _made(outline, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
+                meshes += _made(outline, curves, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
             return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
         if len(meshes) == 1:
             break
@@ -350,7 +360,13 @@ def _warn_of_small_angles(mesh: Mesh) -> None:
 
 
 def _made(
-    outline: Outline, wanted: _Wanted, alone: Points, settings: MeshEffort, random: np.random.Generator, share: float
+    outline: Outline,
+    curves: Curves | None,
+    wanted: _Wanted,
+    alone: Points,
+    settings: MeshEffort,
+    random: np.random.Generator,
+    share: float,
 ) -> list[Mesh]:
     """Make a mesh once, with a share of the vertices that borders should have.
 
@@ -372,7 +388,7 @@ def _made(
         for sweep in range(n_sweeps):
             tell(_RELAXED + (_EVEN - _RELAXED) * sweep / n_sweeps)
             if is_tried and sweep in _CANDIDATES:
-                made.append(_result(mesh, relaxed, wanted.n))
+                made.append(_result(mesh, curves, relaxed, wanted.n))
             mesh.even(field.metric(mesh.points))
             mesh.flip(None)
         for _ in range(_SMOOTHING if varies else 0):
@@ -386,11 +402,14 @@ def _made(
         rounds = settings.mends if np.isscalar(wanted.size) else 0
         with part(_EVEN, 1):
             mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
-    return [*made, _result(mesh, relaxed, wanted.n)]
+    return [*made, _result(mesh, curves, relaxed, wanted.n)]
 
 
-def _result(mesh: PlaneTriangulation, relaxed: Relaxed, n: int | None) -> Mesh:
-    return Mesh(
+def _result(mesh: PlaneTriangulation, curves: Curves | None, relaxed: Relaxed, n: int | None) -> Mesh:
+    state = mesh.state()
+    if curves is not None:
+        curves.keep_areas(mesh)
+    found = Mesh(
         mesh.points.copy(),
         mesh.triangles.copy(),
         mesh.tags,
@@ -399,6 +418,8 @@ def _result(mesh: PlaneTriangulation, relaxed: Relaxed, n: int | None) -> Mesh:
         relaxed.converged,
         n,
     )
+    mesh.restore(state)
+    return found
 
 
 def _projected(outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, rng: np.random.Generator) -> Mesh:
@@ -437,16 +458,19 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
         check_that(
             "sizes", fits, f"ask for at most {_MOST_VERTICES} vertices, which memory holds, not {start.count:.3g}"
         )
-    factor, grade, before = 1.0, wanted.grade, np.inf
+    factor, grade, before, on_curves = 1.0, wanted.grade, np.inf, 2
     for _ in first_few(range(_ROUNDS), 0.5):
         field = start.scaled(factor).limited(grade, wanted.least)
-        borders, field = place_on_borders(outline, field, grade, wanted.least, share, _TOO_MANY * most)
+        borders, field = place_on_borders(outline, field, grade, wanted.least, share, _TOO_MANY * most, on_curves)
         borders, field = _with_alone(borders, field, alone, grade)
         if wanted.n is None:
             return borders, field
         ratio = _number(borders, field) / wanted.n
         if abs(ratio - 1) < _NEAR:
             break
+        if len(borders.points) > most and on_curves == 2:  # areas are given up before angles
+            on_curves = 1
+            continue
         factor *= ratio**0.5
         if len(borders.points) > most:
             if grade >= _STEEPEST or ratio > _TOO_MANY:
@@ -458,7 +482,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     # The coarsest first: where the border needs too many by any sizes, that is known at once.
     for coarser in first_few((_COARSER[-1], *_COARSER) if len(borders.points) > most else ()):
         field = start.scaled(coarser * factor)
-        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most)
+        borders, field = place_on_borders(outline, field, _STEEPEST, wanted.least, share, most, on_curves=1)
         borders, field = _with_alone(borders, field, alone, _STEEPEST)
         if (len(borders.points) > most) == (coarser == _COARSER[-1]):
             break

@@ -82,14 +82,18 @@ class Outline:
         return shapely.STRtree(shapely.linestrings(np.concatenate(parts)))
 
 
-def outline_of(region: Region, *, tolerance: float, min_size: float) -> Outline:
-    """Return the outline of a region: contours of masks may move by a tolerance, polygons lose details."""
+def outline_of(region: Region, *, tolerance: float, min_size: float, keep_points: bool) -> Outline:
+    """Return the outline of a region: contours of masks may move by a tolerance, polygons lose details.
+
+    All points that polygons have then are corners, if they are to be kept.
+    """
     check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
+        check_that("keep_points", not keep_points, "be False: contours of masks have no points to keep")
         return label_outline(region.mask.astype(np.int32), None, tolerance)
     if isinstance(region, Box) and any(region.periodic):
         raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
-    return _polygon_outline(PolygonRegion(region.outline()), 0 if isinstance(region, Box) else min_size)
+    return _polygon_outline(PolygonRegion(region.outline()), 0 if isinstance(region, Box) else min_size, keep_points)
 
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
@@ -126,7 +130,7 @@ def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> NDArra
     return np.stack([padded[at[:, 1], at[:, 0]] for at in sides], axis=1).astype(np.intp)
 
 
-def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
+def _polygon_outline(region: PolygonRegion, min_size: float, keep_points: bool) -> Outline:
     shapely = optional("shapely", "mesh")
 
     geometry = region.geometry
@@ -143,7 +147,8 @@ def _polygon_outline(region: PolygonRegion, min_size: float) -> Outline:
     rings = [ring if np.linalg.norm(ring[-2] - ring[0]) > apart else np.delete(ring, -2, axis=0) for ring in rings]
     rings = [ring for ring in rings if len(ring) > 3]
     check_that("region", len(rings) > 0, "be wider than 1e-9 of its diameter")
-    lines = [line for ring in rings for line in _split(ring, _polygon_corners(ring, rings))]
+    cuts = [np.arange(len(ring) - 1) if keep_points else _polygon_corners(ring, rings) for ring in rings]
+    lines = [line for ring, cut in zip(rings, cuts, strict=True) for line in _split(ring, cut)]
     sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
     return Outline(tuple(lines), sides, bounds, None, region.contains, polygons=geometry)
 
@@ -187,6 +192,11 @@ def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
     come, go = at - before, after - at
     turns = np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1))
     return np.abs(np.degrees(turns))
+
+
+def cross(a: Points, b: Points) -> NDArray[np.float64]:
+    """Cross products (N,) of vectors (N, 2)."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _densified(line: Points) -> Points:

@@ -85,10 +85,13 @@ class PlaneTriangulation(HalfEdges):
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
         return _meshes.sum_cells(self, metric)
 
-    def move(self, steps: Points) -> Points:
-        """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done."""
+    def move(self, steps: Points, fixed: NDArray[np.uint8] | None = None) -> Points:
+        """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done.
+
+        Those in `fixed` (N,) stay, if that is given, instead of those on borders.
+        """
         done = steps.copy()
-        _meshes.move(self, self.fixed, done)
+        _meshes.move(self, self.fixed if fixed is None else fixed, done)
         return done
 
     def even(self, metric: Points, share: float = 1.0) -> None:

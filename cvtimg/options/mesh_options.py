@@ -52,6 +52,7 @@ MESH = (
     passed(
         "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
     ),
+    switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),

@@ -121,6 +121,8 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons; --label is for images of labels"),
+        (["mesh", "mask.png", "--keep-points"], 1, "mask.png: has pixels; --keep-points is for polygons"),
+        (["mesh", "a.wkt", "--keep-points", "-n", "3"], 1, "-n 3 must be at least 4, the vertices that"),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
         (["mesh", "labels.png", "-n", "3"], 1, "-n 3 must be at least"),
     ],

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -76,3 +77,55 @@ def test_a_mask_keeps_its_area_and_fixed_points_on_its_border_stay() -> None:
     assert mesh.area == pytest.approx(mask.sum(), rel=1e-5)
     for place in fixed:
         assert (np.abs(mesh.points - place).max(axis=1) < 1e-12).any(), place
+
+
+def wave(n: int) -> shapely.Polygon:
+    """Bend a ring in and out, with a corner and a hole."""
+    turns = 2 * np.pi * np.arange(n) / n
+    radii = 1 + 0.2 * np.abs(np.sin(3.5 * turns)) + 0.1 * np.sin(9 * turns)
+    ring = radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    return shapely.Polygon(ring, [0.4 * ring[::-1]])
+
+
+CURVED = {
+    "box with round corners": shapely.box(1e5, 2e6, 1e5 + 4, 2e6 + 2).buffer(0.4),
+    "half a disk": shapely.intersection(shapely.Point(0, 0).buffer(1), shapely.box(-2, 0, 2, 2)),
+    "two disks": shapely.union(shapely.Point(0, 0).buffer(1, 30), shapely.Point(3, 0).buffer(0.6, 30)),
+    "wave": wave(300),
+}
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_polygons_keep_their_area_though_edges_cut_curves(name: str) -> None:
+    polygon = CURVED[name]
+    mesh = mesh_region(polygon, n=120, effort="fast")
+    areas = measure_triangles(mesh.points, mesh.triangles).areas
+    for part in shapely.get_parts(polygon):
+        inside = shapely.contains_xy(part.convex_hull.buffer(0.1), *mesh.points[mesh.triangles].mean(axis=1).T)
+        assert areas[inside].sum() == pytest.approx(part.area, rel=1e-6)
+    feet = shapely.get_coordinates(shapely.shortest_line(polygon.boundary, shapely.points(mesh.points)))[::2]
+    off, chords_off = (
+        shapely.hausdorff_distance(shapely.multilinestrings(ends[mesh.edges]), polygon.boundary, densify=0.2)
+        for ends in (mesh.points, feet)
+    )
+    assert off < 1.4 * chords_off
+
+
+def test_vertices_on_straight_sides_and_corners_stay() -> None:
+    box = CURVED["box with round corners"]
+    mesh = mesh_region(box, n=120, effort="fast")
+    left, low, right, high = box.bounds
+    x, y = mesh.points[mesh.boundary].T
+    on_sides = (x == left) | (x == right) | (y == low) | (y == high)
+    straight = 2 * (right - left - 0.8) + 2 * (high - low - 0.8)
+    assert on_sides.sum() > 0.8 * len(x) * straight / box.length
+    half = mesh_region(CURVED["half a disk"], n=50, effort="fast")
+    assert np.isin([[1, 0], [-1, 0]], half.points).all()
+
+
+def test_all_points_of_polygons_are_kept_where_asked() -> None:
+    coast = wave(150)
+    mesh = mesh_region(coast, n=600, keep_points=True, effort="fast")
+    places = {tuple(place) for place in mesh.points.tolist()}
+    assert all(tuple(place) in places for place in shapely.get_coordinates(coast).tolist())
+    assert mesh.area == pytest.approx(coast.area, rel=1e-12)

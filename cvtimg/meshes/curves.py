@@ -1,0 +1,126 @@
+"""Polygons keep their areas: vertices move off curves by as much as makes up for what edges cut off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.extras import optional
+from cvtimg.meshes.outlines import Outline, cross, turns_of
+from cvtimg.meshes.triangulation import FIXED, FREE, PlaneTriangulation
+
+Points = NDArray[np.float64]
+Values = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+#: What an edge cuts off, by its squared length: less than the first of these is nothing, more than the second no curve.
+_NOTHING, _MOST = 1e-9, 1.0
+#: Rounds of Newton's method: each leaves about the square of what was missing.
+_ROUNDS = 6
+#: Where a closed line turns by more, in degrees, at its start, that is a corner.
+_CORNER = 10.0
+
+
+class Curves:
+    """The lines around polygons, which edges of meshes are compared with.
+
+    Parameters
+    ----------
+    outline : Outline
+        Of polygons.
+    still : (S, 2) array
+        Points that must not move, beside corners.
+    """
+
+    def __init__(self, outline: Outline, still: Points) -> None:
+        lengths = np.array([len(line) for line in outline.lines])
+        self._sides, self._middle = outline.sides, outline.bounds.mean(axis=0)
+        self._places = np.concatenate(outline.lines) - self._middle
+        self._of_line = np.repeat(np.arange(len(lengths)), lengths)
+        self._stops = np.cumsum(lengths) - 1
+        self._starts = self._stops + 1 - lengths
+        # The straight parts, by the point where each starts; and what was swept over until there, around the middle.
+        inner = np.diff(self._of_line) == 0
+        self._parts, self._tree = np.flatnonzero(inner), outline.segments()
+        self._swept = np.append(0, np.cumsum(inner * cross(self._places[:-1], self._places[1:]) / 2))
+        first, last = (np.array([line[at] for line in outline.lines]) for at in (0, -1))
+        turns = turns_of(self._places[self._stops - 1], self._places[self._starts], self._places[self._starts + 1])
+        is_corner = (first != last).any(axis=1) | (turns > _CORNER)
+        self._still = np.concatenate([first[is_corner], last[is_corner], still])
+
+    def keep_areas(self, mesh: PlaneTriangulation) -> None:
+        """Move vertices along their normals by the area that edges cut off on both sides, so that none is lost.
+
+        Corners stay, and so do vertices on straight sides, unless one edge cuts off the turn from a side to the next.
+        """
+        chords = self._chords(mesh)
+        edges, cut = chords.edges, chords.cut_off(mesh.points)
+        is_cut = np.abs(cut) > _NOTHING * chords.squares(mesh.points)
+        into, out = np.zeros((2, len(mesh.points)), np.intp)
+        into[edges[:, 1]] = out[edges[:, 0]] = np.arange(len(edges))
+        free = chords.may_move & is_cut[into] & is_cut[out]
+        alone = edges[is_cut & ~free[edges].any(axis=1)]
+        free[alone] = chords.may_move[alone]
+        moved, n_free = np.flatnonzero(free), free[edges].sum(axis=1)
+        before, after = edges[into[moved], 0], edges[out[moved], 1]
+        steps = np.zeros_like(mesh.points)
+        steps[moved] = chords.feet[moved] - mesh.points[moved]
+        for _ in range(_ROUNDS if len(moved) else 0):
+            mesh.move(steps, np.where(free, FREE, FIXED).astype(np.uint8))
+            shares = np.where(n_free > 0, chords.cut_off(mesh.points) / np.maximum(n_free, 1), 0)
+            along = mesh.points[after] - mesh.points[before]
+            widths = 2 * (shares[into[moved]] + shares[out[moved]]) / (along**2).sum(axis=1)
+            steps[moved] = widths[:, None] * np.stack([along[:, 1], -along[:, 0]], axis=1)
+
+    def _chords(self, mesh: PlaneTriangulation) -> _Chords:
+        """Find the lines that edges are on: those that their ends, if they are no corners, are nearest to."""
+        points, half_edges = mesh.points, mesh.half_edges_on_borders()
+        edges = mesh.edges[half_edges]
+        on_border = np.unique(edges)
+        moving = on_border[~np.isin(points[on_border].view(np.complex128)[:, 0], self._still.view(np.complex128)[:, 0])]
+        may_move = np.zeros(len(points), bool)
+        may_move[moving] = True
+        part = self._parts[self._tree.nearest(optional("shapely", "mesh").points(points[moving]))]
+        start, step = self._places[part], self._places[part + 1] - self._places[part]
+        share = ((points[moving] - self._middle - start) * step).sum(axis=1) / (step**2).sum(axis=1)
+        share = np.clip(share, 0, 1)
+        feet, at, swept, line = points - self._middle, *np.zeros((2, len(points))), np.zeros(len(points), np.intp)
+        feet[moving], at[moving], line[moving] = start + share[:, None] * step, part + share, self._of_line[part]
+        swept[moving] = self._swept[part] + cross(start, feet[moving]) / 2
+        # An edge goes in the direction of its line, and has the left side of that to the left.
+        own = np.where(may_move[edges[:, 0]], line[edges[:, 0]], line[edges[:, 1]])
+        back = mesh.tags[half_edges // 3] != self._sides[own, 0]
+        edges[back] = edges[back, ::-1]
+        inner = may_move[edges]
+        (swept_a, at_a), (swept_b, at_b) = (
+            (np.where(inner[:, k], swept[edges[:, k]], self._swept[ends]), np.where(inner[:, k], at[edges[:, k]], ends))
+            for k, ends in enumerate((self._starts[own], self._stops[own]))
+        )
+        around = (self._swept[self._stops] - self._swept[self._starts])[own]
+        beside = swept_b - swept_a + np.where(at_b < at_a, around, 0)
+        known = inner.any(axis=1) & (~inner.all(axis=1) | (line[edges[:, 0]] == line[edges[:, 1]]))
+        return _Chords(edges, np.where(known, beside, np.nan), feet + self._middle, self._middle, may_move)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chords:
+    """Edges on borders, and the lines beside them."""
+
+    edges: NDArray[np.int32]  # (E, 2), in the direction of their lines
+    beside: Values  # (E,): area that the line sweeps over around the middle, from one foot to the other; NaN if unknown
+    feet: Points  # (N, 2): the points of lines nearest to vertices on borders
+    middle: Points  # (2,)
+    may_move: NDArray[np.bool_]  # (N,): vertices on borders, but for corners
+
+    def squares(self, points: Points) -> Values:
+        """Return the squared lengths (E,) of edges."""
+        return ((points[self.edges[:, 1]] - points[self.edges[:, 0]]) ** 2).sum(axis=1)
+
+    def cut_off(self, points: Points) -> Values:
+        """Return the areas (E,) between edges and lines, from foot to foot; 0 where that is unknown."""
+        a, b = self.edges.T
+        places, to_feet = points - self.middle, cross(self.feet - self.middle, points - self.middle)
+        cut = self.beside + (to_feet[b] - to_feet[a] - cross(places[a], places[b])) / 2
+        return np.where(np.abs(cut) < _MOST * self.squares(points), cut, 0)
