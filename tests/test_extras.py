@@ -22,7 +22,19 @@ from cvtimg._shared.extras import Extra, needs
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
-    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
+    *(
+        "aiohttp",
+        "astropy",
+        "av",
+        "dask",
+        "distributed",
+        "fsspec",
+        "imagecodecs",
+        "kneed",
+        "matplotlib",
+        "meshio",
+        "netCDF4",
+    ),
     *(
         "numexpr",
         "oxipng",
@@ -30,6 +42,7 @@ OPTIONAL = (
         "pyarrow",
         "pymetis",
         "pythoncdt",
+        "rawpy",
         "roifile",
         "shapely",
         "sklearn",
@@ -170,6 +183,8 @@ def test_commands_need_no_extra_for_their_own_job() -> None:
 NEED_EXTRAS = [
     ("quantize a.png -k 4 --optimize", 2, "--optimize needs oxipng: pip install 'cvtimg[oxipng]'"),
     ("quantize a.fits -k 4", 1, "a.fits: is a FITS file, which needs astropy: pip install 'cvtimg[fits]'"),
+    ("restore a.dng -o b.png", 1, "a.dng: needs rawpy: pip install 'cvtimg[raw]'"),
+    ("restore a.mp4 -o b.mp4", 1, "a.mp4: needs av: pip install 'cvtimg[films]'"),
     (
         "quantize lzw.tif -k 4",
         1,
@@ -198,7 +213,8 @@ def test_a_command_names_the_extra_that_it_needs() -> None:
     write_image("mask.png", mask)
     tifffile.imwrite("lzw.tif", DEEP, photometric="rgb", compression="lzw")
     Path("a.fits").write_bytes(b"SIMPLE  =                    T".ljust(2880))
-    Path("a.stl").write_bytes(b"solid\n")
+    for name in ("a.stl", "a.dng", "a.mp4"):
+        Path(name).write_bytes(b"solid\n")
     Path("a.zarr").mkdir()
     profile: Any = rgb_profile(value=1.0)
     from cvtimg.pictures.files import Metadata

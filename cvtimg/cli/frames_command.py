@@ -49,7 +49,7 @@ def _frames(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         film = replace(film, durations=(given.duration,) * len(film.images))
     stopwatch.lap("read")
     if "-o" in task.outputs:
-        _write_film(task.outputs["-o"], film, given.overwrite)
+        write_animation(task.outputs["-o"], film, given.overwrite)
     if "--sheet" in task.outputs:
         gaps = {} if given.cell else given.only("margin", "spacing")
         data, columns = task.outputs.get("--data"), given.sheet_columns
@@ -111,7 +111,7 @@ def _read(sources: Sequence[Path], given: Given) -> Frames:
     return Frames(tuple(images), durations, parts[0].plays if len(parts[0].images) > 1 else 0)
 
 
-def _write_film(path: Path, film: Frames, overwrite: bool) -> None:
+def write_animation(path: Path, film: Frames, overwrite: bool) -> None:
     """Write an animation; a .gif needs a palette."""
     from cvtimg import quantize_frames
     from cvtimg.pictures import write_frames

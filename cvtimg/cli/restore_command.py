@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cvtimg.pictures import Pages
     from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.reconstruction import Restoration
+    from cvtimg.segmentation import Averaging
 
 EXAMPLES = """\
   cvtimg restore scan_1.png scan_2.png scan_3.png -k 6 -o whole.png
@@ -31,6 +32,7 @@ EXAMPLES = """\
   cvtimg restore noisy.png --detail -o clean.png
   cvtimg restore a.tif b.tif --mask a-known.png --mask b-known.png -k 4 -o c.tif --labels c-labels.png
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
+  cvtimg restore film.gif -o clean.gif
 """
 COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds", "output")
 #: Versions in a row of the sheet.
@@ -56,6 +58,9 @@ def restore(given: Given) -> int:
 
     Pages of a file are versions if their axis has no name, or is the one that --merge names. Other pages, such as the
     planes of a stack, are restored one by one into a stack, -o FILE.tif; channels are bands of their pages.
+
+    Each frame of an animation or a film (.mp4 and others, without their sound), and each page along T, is restored from
+    --window of them around it, which are aligned; with -k, by itself.
     """
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
@@ -111,14 +116,24 @@ def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[s
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    from cvtimg.pictures import is_animated
+
+    if len(task.sources) == 1 and is_animated(task.source):
+        return _restore_film(task, stopwatch, given)
     versions, stack = _read(task.sources, given.mask or [], given.merge)
     if len(versions) > 1:
         _check_room(task.outputs, len(versions))
     stopwatch.lap("read")
-    done = [_restored(read, given) for read in versions]
+    if is_film := stack.axes == "T" and _from_others(given) and all(len(read.images) == 1 for read in versions):
+        pages, alpha = [read.images[0] for read in versions], versions[0].alpha
+        done: list[tuple[Restoration, list[str]]] = [
+            (result, []) for result in _restored_frames(pages, len(pages), given, alpha)
+        ]
+    else:
+        done = [_restored(read, given) for read in versions]
     stopwatch.lap("cluster")
     results, notes = [result for result, _ in done], [note for _, noted in done for note in noted]
-    if results[0].detail and not given.detail:
+    if results[0].detail and not given.detail and not is_film:
         notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
     notes += [*_given_twice(given.versions), *_write(task.outputs, results, versions[0], stack, given)]
     stopwatch.lap("write")
@@ -146,6 +161,64 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "converged": all(result.converged for result in results),
         **({"warning": "; ".join(dict.fromkeys(notes))} if notes else {}),
     }
+
+
+def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    """Restore the frames of an animation, or of a film, which is read and written frame by frame."""
+    from cvtimg.cli.frames_command import write_animation
+    from cvtimg.pictures import read_frames
+    from cvtimg.pictures.films import FILM_SUFFIXES, read_film, write_film
+    from cvtimg.pictures.formats.animated import FRAME_WRITERS
+
+    output, streamed = task.outputs["-o"], task.source.suffix.lower() in FILM_SUFFIXES
+    able = FILM_SUFFIXES if streamed else FRAME_WRITERS
+    if len(task.outputs) > 1 or given.mask or output.suffix.lower() not in able:
+        ways = f"-o FILE, where FILE ends in one of {', '.join(sorted(able))}, and no masks"
+        raise ValueError(f"has several frames, which take {ways}")
+    noise: list[float] = []
+
+    def told(results: Iterable[Restoration]) -> Iterator[NDArray[Any]]:
+        for result in results:
+            noise.append(float(result.noise[0]))
+            yield result.image
+
+    if streamed:
+        film = read_film(task.source)
+        write_film(
+            output, told(_restored_frames(film.images, film.n_frames, given)), film.rate, overwrite=given.overwrite
+        )
+        stopwatch.lap("cluster")
+    else:
+        frames = read_frames(task.source)
+        stopwatch.lap("read")
+        images = tuple(told(_restored_frames(frames.images, len(frames.images), given)))
+        stopwatch.lap("cluster")
+        write_animation(output, replace(frames, images=images), given.overwrite)
+        stopwatch.lap("write")
+    return {"frames": len(noise), "versions": given.window, "noise": noise}
+
+
+def _restored_frames(
+    images: Iterable[NDArray[Any]], n_frames: int, given: Given, alpha: bool | None = None
+) -> Iterator[Restoration]:
+    """Restore each frame of a film from those around it, or by itself where segments are asked for."""
+    from cvtimg import restore_frames
+    from cvtimg._shared.progress import tell
+
+    # Outliers would be whatever moves.
+    hidden = "motion" if given.hidden == "outliers" else given.hidden
+    own = {"alpha": alpha, "averaging": _averaging(given), "detail": _from_others(given), "align": given.motion}
+    how = {**given.arguments, **own, "hidden": hidden}
+    for number, result in enumerate(
+        restore_frames(images, window=given.window if own["detail"] else 1, **how), start=1
+    ):
+        tell(number / max(n_frames, number))
+        yield result
+
+
+def _from_others(given: Given) -> bool:
+    """Tell whether frames are restored with detail, which is what others have."""
+    return given.detail or _is_open(given)
 
 
 def _noise_like(result: Restoration) -> dict[str, Any]:
@@ -180,10 +253,8 @@ def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
 def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]:
     """Restore one image; also return what there is to say about it."""
     from cvtimg import restore
-    from cvtimg.segmentation import Averaging
 
     try:
-        averaging = None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             detail = given.detail or ("auto" if _is_open(given) else False)
@@ -191,7 +262,7 @@ def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]
             about: dict[str, Any] = {
                 "masks": read.masks,
                 "alpha": read.alpha,
-                "averaging": averaging,
+                "averaging": _averaging(given),
                 "align": align,
                 "detail": detail,
             }
@@ -199,6 +270,12 @@ def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     return result, [given.worded(_with_names(str(one.message), read)) for one in caught]
+
+
+def _averaging(given: Given) -> Averaging | None:
+    from cvtimg.segmentation import Averaging
+
+    return None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
 
 
 def _is_open(given: Given) -> bool:

@@ -10,7 +10,8 @@ from cvtimg.options.common import file
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
 
 FILM = replace(
-    common.IMAGES, help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
+    common.IMAGES,
+    help="An animation (GIF, APNG, WebP), a short film, images, a folder of them, or an array, .npy or .zarr.",
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import get_args
@@ -22,11 +23,19 @@ def _weights(text: str) -> list[float]:
     raise ValueError(f"{text!r} must be numbers > 0 with commas between them")
 
 
+def _outputs() -> Sequence[str]:
+    from cvtimg.pictures.films import FILM_SUFFIXES
+
+    return [*common.pictures(), *sorted(FILM_SUFFIXES)]
+
+
 RESTORE = (
     common.inputs(
         "Versions of one image, of one size unless aligned: files, folders or patterns.", "VERSION...", name="versions"
     ),
-    common.output("Write the restored image; - for standard output.", common.pictures, standard=".png", required=True),
+    common.output(
+        "Write the restored image, or film; - for standard output.", _outputs, standard=".png", required=True
+    ),
     Option(
         "number",
         Whole(1, common.MAX_COLORS - 1, auto=True),  # more segments no file of labels holds
@@ -42,6 +51,12 @@ RESTORE = (
         "merge",
         Choice(("T", "Z")),
         "Axis of a stack along which pages are versions of one image; others are restored page by page.",
+    ),
+    Option(
+        "window",
+        Whole(1, 31),
+        "Of an animation, a film or pages along T: number of frames from which each is restored, those around it.",
+        default=5,
     ),
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
         "Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0
@@ -87,10 +102,15 @@ RESTORE = (
     passed(
         "hidden",
         Choice(
-            ("outliers", "background", "none"),
-            {"outliers": "leave out outliers", "background": "leave out background", "none": "use all"},
+            ("outliers", "background", "motion", "none"),
+            {
+                "outliers": "leave out outliers",
+                "background": "leave out background",
+                "motion": "leave out what moved",
+                "none": "use all",
+            },
         ),
-        "Where versions disagree, leave out the outliers, or those that show the background, or none.",
+        "Where versions disagree, leave out the outliers, the background, what moved since the first, or none.",
         default="outliers",
     ).on_page("Disagreement"),
     passed(

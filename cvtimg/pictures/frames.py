@@ -16,12 +16,13 @@ from PIL import ImageFile
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.pictures.films import FILM_SUFFIXES, read_film
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading
+from cvtimg.pictures.formats.opening import check_size, named, open_picture, orientation, reading
 
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")
@@ -59,6 +60,8 @@ class Frames:
 
 def is_animated(path: StrPath) -> bool:
     """Return whether a file has several frames. Pages of a document do not count as frames."""
+    if _is_film(path):
+        return True
     with reading(path) as file, _opened(file) as image:
         return image is not None
 
@@ -69,7 +72,8 @@ def read_frames(path: StrPath) -> Frames:
     Parameters
     ----------
     path : str or path-like
-        GIF, APNG or WebP; any other image is read as one frame.
+        GIF, APNG or WebP, or a short film (.mp4, .mov, .mkv, .avi, .webm; with ``cvtimg[films]``); any other image is
+        read as one frame.
 
     Returns
     -------
@@ -96,12 +100,28 @@ def read_frames(path: StrPath) -> Frames:
     >>> again.durations, int(again.images[1].max())
     ((40.0, 60.0), 9)
     """
+    if _is_film(path):
+        return _all_of(path)
     with reading(path) as file:
         with _opened(file) as image:
             if image is not None:
                 return _decode_frames(image)
         file.seek(0)
         return Frames((decode(file).view(np.ndarray),), (0.0,), 1)
+
+
+def _is_film(path: StrPath) -> bool:
+    return Path(path).suffix.lower() in FILM_SUFFIXES
+
+
+def _all_of(path: StrPath) -> Frames:
+    """Read all frames of a film."""
+    film, images = read_film(path), []
+    with named(path):
+        for image in film.images:
+            images.append(image)
+            check_size(image[..., 0].size * len(images))
+    return Frames(tuple(images), (float(1000 / film.rate),) * len(images), 1)
 
 
 @contextmanager

@@ -26,6 +26,8 @@ _SIDES = (1, 3, 5)
 _FULL_ENOUGH = 0.3
 #: A pixel departs if more than this share of the known pixels of the 3 x 3 about it do.
 _MOST = 0.6
+#: Side of the windows of which no more than this share may depart from the first version, where motion is left out.
+_AROUND, _SOME = 7, 0.2
 #: Moved versions may differ by this part of the range of the pixels about.
 _SLACK = 0.5
 #: Pixels that are compared at once.
@@ -46,17 +48,29 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64], *, moved: b
     # two, nothing is left out. `noise`, (S,), is the standard deviation of the noise of each version, > 0.
     if versions.n_versions < 3 or versions.coverage.max() < 3:
         return versions
-    scales = _scales(versions, noise)
+    sample = _sample(versions)
+    scales = _scales(sample, sample.median, sample.known.sum(axis=0) >= 3, noise)
 
     def kept(part: _Part) -> _Bools:
-        median = part.median
-        slack = _SLACK * _relief(median) if moved else np.zeros(1, np.float32)
-        residuals = (values - median for values in part.values)
-        residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
-        departing = np.stack([part.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
-        departing &= part.known.sum(axis=0) >= 3
+        departing = part.departing(part.median, scales, moved=moved) & (part.known.sum(axis=0) >= 3)
         outvoted: _Bools = departing & (part.known & ~departing).any(axis=0)
         return part.known & ~outvoted
+
+    return _in_bands(versions, kept)
+
+
+def without_motion(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
+    """Leave out each version where it departs from the first, as it does where something moved by itself."""
+    from scipy.ndimage import uniform_filter
+
+    sample = _sample(versions)
+    scales = _scales(sample, sample.values[0], sample.known[0], np.hypot(noise, noise[0]))
+
+    def kept(part: _Part) -> _Bools:
+        departing = part.departing(part.values[0], scales, moved=moved) & part.known[0]
+        # What moves agrees with what is behind it at some pixels, by chance.
+        share = uniform_filter(departing.astype(np.float32), (0, _AROUND, _AROUND), mode="constant")
+        return part.known & ~(departing | (share > _SOME))
 
     return _in_bands(versions, kept)
 
@@ -89,6 +103,7 @@ def without_background(versions: Versions, noise: NDArray[np.float64], *, moved:
 HIDDEN: dict[str, Callable[..., Versions]] = {
     "outliers": without_outliers,
     "background": without_background,
+    "motion": without_motion,
     "none": lambda versions, noise, *, moved=False: versions,
 }
 
@@ -107,6 +122,13 @@ class _Part:
         count = self.known.sum(axis=0)[None, :, :, None]
         low, high = np.maximum((count - 1) // 2, 0), np.minimum(count // 2, len(ordered) - 1)
         return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
+
+    def departing(self, reference: Floats, scales: Floats, *, moved: bool) -> _Bools:
+        """(S, h, W) where each version departs from a reference, (h, W, C)."""
+        slack = _SLACK * _relief(reference) if moved else np.zeros(1, np.float32)
+        residuals = (values - reference for values in self.values)
+        residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
+        return np.stack([self.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
 
     def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
@@ -134,7 +156,7 @@ class _Part:
 def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools]) -> Versions:
     """Judge bands of rows, each with the rows around it that windows reach."""
     height, width = versions.known.shape[:2]
-    halo, step = max(_SIDES) // 2 + 1, max(1, _CHUNK // (width * versions.n_versions))
+    halo, step = max(_SIDES) // 2 + 1 + _AROUND // 2, max(1, _CHUNK // (width * versions.n_versions))
     known = versions.known.copy()
     for first in range(0, height, step):
         last = min(first + step, height)
@@ -149,20 +171,24 @@ def _stacked(versions: Versions, rows: slice | NDArray[np.intp]) -> Floats:
     return np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
 
 
-def _scales(versions: Versions, noise: NDArray[np.float64]) -> Floats:
-    """(S, sides, C) standard deviations by which the means of versions in windows depart from the median anyway."""
+def _sample(versions: Versions) -> _Part:
+    """Return rows that tell the usual departure."""
+    rows = _sampled_rows(versions)
+    return _Part(_stacked(versions, rows), np.moveaxis(versions.known[rows], 2, 0))
+
+
+def _scales(part: _Part, reference: Floats, judged: _Bools, noise: NDArray[np.float64]) -> Floats:
+    """(S, sides, C) standard deviations by which the means of versions in windows depart from a reference anyway."""
     # That is its noise, or more where versions differ all over: in exposure, or because they do not line up.
     from scipy.ndimage import uniform_filter
 
-    rows = _sampled_rows(versions)
-    part = _Part(_stacked(versions, rows), np.moveaxis(versions.known[rows], 2, 0))
-    median, judged = part.median, part.known & (part.known.sum(axis=0) >= 3)
     scales = np.empty((len(part.values), len(_SIDES), part.values.shape[3]), np.float32)
     for version, values in enumerate(part.values):
-        residual = np.where(judged[version, ..., None], values - median, np.float32(0))
+        seen = judged & part.known[version]
+        residual = np.where(seen[..., None], values - reference, np.float32(0))
         for number, side in enumerate(_SIDES):
             means = uniform_filter(residual, (side, side, 0)) if side > 1 else residual
-            known = means[judged[version]]
+            known = means[seen]
             usual = np.median(np.abs(known), axis=0) / (0.6745 * _ABOUT_MEDIAN) if len(known) else 0.0
             scales[version, number] = np.maximum(noise[version] / side, usual)
     return scales

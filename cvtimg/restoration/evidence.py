@@ -172,7 +172,7 @@ def prepare(
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise)
-        fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), leaves_out=hidden != "none")
+        fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), hidden=hidden)
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels, bool(align))
@@ -192,18 +192,20 @@ def without_copies(versions: Versions) -> Versions:
 
 
 def _fitting(
-    versions: Versions, noise: NDArray[np.float64], shared: SharedNoise | None, *, aligned: bool, leaves_out: bool
+    versions: Versions, noise: NDArray[np.float64], shared: SharedNoise | None, *, aligned: bool, hidden: str
 ) -> tuple[Versions, NDArray[np.float64]]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
+    # Where motion is hidden, they must fit the first.
     # Return also the (S,) misfit with that one.
     apart = misfits(versions, noise, shared)
-    reference = int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
+    reference = 0 if hidden == "motion" else int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
     is_out = apart[reference] > MOST_MISFIT
     if not is_out.any():
         return versions, apart[reference]
     numbers = np.flatnonzero(is_out).tolist()
     names = ", ".join(f"images[{number}]" for number in numbers)
     values = ", ".join(f"{apart[reference, number]:.2f}" for number in numbers)
+    leaves_out = hidden != "none"
     done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
     why = "no alignment was found" if aligned else "align=True moves them into place"
     warnings.warn(

@@ -91,13 +91,15 @@ def restore(
     channels : bool
         The versions are different channels of one scene, such as day and night: they share segments but no colors.
         They may differ in bands and type, and the image is that of the first.
-    hidden : {"outliers", "background", "none"} or None
+    hidden : {"outliers", "background", "motion", "none"} or None
         What to leave out where versions disagree by more than their noise. "outliers": what departs from the majority
         of three or more, such as cosmic rays, dust, passers-by and parts painted over; and if that happens, also where
         fewer know a pixel, what is likelier to be such an addition than what is around it. "background": versions that
         show the background, the most frequent color, where another shows something else; the result is the union of
-        what all versions show, whichever of them hide it. "none" or None: nothing. But for "none", versions that cannot
-        be laid over the others, as they are out of place or of something else, are left out altogether.
+        what all versions show, whichever of them hide it. "motion": what departs from the first version, as things that
+        move by themselves do; the result is the moment that the first shows. "none" or None: nothing. But for "none",
+        versions that cannot be laid over the others, as they are out of place or of something else, are left out
+        altogether.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. Floating point values are clipped to 0..1 except in "rgb".
     averaging : {"before", "after"} or Averaging, optional
@@ -146,6 +148,7 @@ def restore(
 
     See Also
     --------
+    restore_frames : Each frame of a film from those around it.
     cvtimg.segment : Segments of a single image.
 
     Notes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,14 @@ import numpy as np
 import pytest
 from damaging import card, damage, psnr
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import read_image, restore, write_image
+from cvtimg import quantize_frames, read_image, restore, write_image
 from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
+from cvtimg.pictures import Frames, Pages, read_frames, read_pages, write_frames, write_pages
+from cvtimg.pictures.films import write_film
 from cvtimg.segmentation import Averaging
 
 Run = Callable[..., tuple[int, str, str]]
@@ -199,3 +203,44 @@ def test_the_report_says_what_noise_is_like(run: Run, photograph: NDArray[Any]) 
     assert (white["noise_like"], white["noise"]) == ("white", [12.0])
     assert "noise_like" not in reported("-k", "4")
     assert run("photo.png", "-o", "no.png", "--noise", "0")[0] == 2
+
+
+def test_versions_are_upright_as_their_exif_says(run: Run) -> None:
+    for number in (1, 2, 3):
+        image = Image.open(f"rgb_{number}.png").transpose(Image.Transpose.ROTATE_90)
+        image.getexif()[0x0112] = 6
+        image.save(f"turned_{number}.png", exif=image.getexif())
+    words = ("-k", "2", "--effort", "fast", "--edge-weight", "0", "-o")
+    assert run("rgb_1.png", "turned_2.png", "turned_3.png", *words, "turned.png")[0] == 0
+    assert run("rgb_1.png", "rgb_2.png", "rgb_3.png", *words, "plain.png")[0] == 0
+    np.testing.assert_array_equal(read_image("turned.png"), read_image("plain.png"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["gif", "png", "tif", "mp4"])
+def test_films_stay_films_with_their_durations(run: Run, photograph: NDArray[Any], suffix: str) -> None:
+    rng = np.random.default_rng(0)
+    clean = [photograph[number : number + 48, 40:104] for number in range(3)]
+    images = tuple(np.clip(one + rng.normal(0, 12, one.shape), 0, 255).astype(np.uint8) for one in clean)
+    frames, name = Frames(images, (40.0, 70.0, 1000.0), 3), f"film.{suffix}"
+    if suffix == "mp4":
+        pytest.importorskip("av")
+        write_film(name, images, Fraction(24))
+    elif suffix == "tif":
+        write_pages(name, Pages(images, "T", (3,), "ome"))
+    elif suffix == "gif":
+        quantize_frames(frames, 256).save(name)
+    else:
+        write_frames(name, frames)
+    status, out, _ = run(name, "-o", f"out.{suffix}", "--window", "3", "--effort", "fast", "--json")
+    assert (status, json.loads(out)["input"]) == (0, name)
+    before, after = (read_pages(one) if suffix == "tif" else read_frames(one) for one in (name, f"out.{suffix}"))
+    for one, other, truth in zip(before.images, after.images, clean, strict=True):
+        assert psnr(other / 255, truth / 255) > psnr(one / 255, truth / 255) + 3
+    if isinstance(after, Frames):
+        assert isinstance(before, Frames)
+        assert (after.durations, after.plays) == (before.durations, before.plays)
+    else:
+        assert after.axes == "T"
+    assert run(name, "-o", "out.jpg")[0] == 1
+    assert not Path("out.jpg").exists()

@@ -13,7 +13,7 @@ from skimage.draw import disk, ellipse, line
 
 from cvtimg import read_image, restore
 from cvtimg.restoration import agreement
-from cvtimg.restoration.agreement import without_background, without_outliers
+from cvtimg.restoration.agreement import without_background, without_motion, without_outliers
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
@@ -105,7 +105,7 @@ def test_bands_of_rows_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> No
     clean, _ = card(64)
     versions, known = damage.damaged_versions(clean, 4, Damage(noise=0.1, holes=0.1, occlusions=2), seed=0)
     stack, noise = stack_versions(versions, known), np.full(4, 0.1)
-    for leave_out in (without_outliers, without_background):
+    for leave_out in (without_outliers, without_background, without_motion):
         whole = leave_out(stack, noise).known
         with monkeypatch.context() as patch:
             patch.setattr(agreement, "_CHUNK", 64 * 4 * 7)
@@ -140,8 +140,20 @@ def test_the_background_is_the_commonest_color() -> None:
     np.testing.assert_array_equal(result.left_out, np.where(which == 2, 2, 0))
 
 
-def test_hidden_is_one_of_three_words() -> None:
-    with pytest.raises(ValueError, match="hidden='all' must be one of outliers, background, none"):
+def test_with_motion_what_departs_from_the_first_is_left_out_whatever_most_show() -> None:
+    rng, truth = np.random.default_rng(0), np.zeros((40, 50, 5))
+    for number in range(5):
+        truth[8:20, 9 * number : 9 * number + 9, number] = 40  # moves on
+    noisy = [truth[..., number] + rng.normal(0, 5, (40, 50)) for number in range(5)]
+    kept = without_motion(stack_versions(noisy), np.full(5, 5.0)).known
+    moved = truth != truth[..., :1]
+    assert kept[..., 0].all()
+    assert kept[moved].mean() < 0.02
+    assert kept[~moved].mean() > 0.93
+
+
+def test_hidden_is_one_of_four_words() -> None:
+    with pytest.raises(ValueError, match="hidden='all' must be one of outliers, background, motion, none"):
         restore([np.eye(4)], 1, hidden="all")
 
 

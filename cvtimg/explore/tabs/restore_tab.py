@@ -41,7 +41,7 @@ class RestoreTab(Tab):
             label="Versions",
             of="pictures",
             most=32,
-            about="All of one size. Transparent pixels are missing.",
+            about="All of one size, unless they are aligned. Transparent pixels are missing.",
         ),
         Choice(
             name="way",
@@ -122,6 +122,8 @@ class RestoreTab(Tab):
         across, down = ((length - _DRAFT) // 2 // step for length in (right - left, bottom - top))
         rows, columns = (slice(start, start + _DRAFT) for start in (top + down * step, left + across * step))
         versions = [one.array[rows, columns] for one in _versions(request)]
+        if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
+            return None
         result: Restoration = self._call({**settings, "effort": "fast"}).run(versions)
         seen = request.picture.seen(request.window).pixels
         pixels = np.full((*seen.shape[:2], 4), 255, np.uint8)
@@ -146,9 +148,9 @@ def _versions(request: Request) -> list[Picture]:
     if len(versions) > 1 and any(one.page and not _are_versions(one.whole_file) for one in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
     sizes = {picture.size for picture in versions}
-    if len(sizes) > 1:
+    if len(sizes) > 1 and not request.settings["align"]:
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
-        raise UnfitRequestError(f"Versions must be of one size: {listed}")
+        raise UnfitRequestError(f"Versions must be of one size, or be aligned: {listed}")
     return versions
 
 

@@ -24,6 +24,7 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
+from cvtimg.pictures.formats.raw import RAW_SUFFIXES, developed
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -115,7 +116,7 @@ def _opened(source: Source) -> Iterator[BinaryIO]:
         with local_copy(source) as path:
             if path.is_dir():  # Windows would report "permission denied"
                 raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
-            with path.open("rb") as file:
+            with developed(path, check_size) if path.suffix.lower() in RAW_SUFFIXES else path.open("rb") as file:
                 # Some decoders need to seek, which pipes do not support.
                 yield file if file.seekable() else BytesIO(_all_of(file))
     elif isinstance(source, (bytes, bytearray, memoryview)):
