@@ -65,6 +65,8 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if labels is not None and labels.ndim == 3:
         stopwatch.lap("read")
         return _fill(task, stopwatch, labels, is_mask, given)
+    if given.layers and labels is not None and not is_mask:
+        raise ValueError("has labels; --layers is for masks and polygons: choose a label by --label")
     sizes = None if given.size is None else read_size(given.size)
     stopwatch.lap("read")
     if labels is None:
@@ -78,17 +80,19 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--plot" in task.outputs:
         _plot(found, task.outputs["--plot"], given, y_down=not is_polygon)
     stopwatch.lap("write")
-    each = measure_triangles(found.points, found.triangles)
+    inside = slice(None) if found.layers is None else found.layers == 0
+    each = measure_triangles(found.points, found.triangles[inside])
     return {
         "n": len(found.points),
         "n_wanted": found.n_wanted,
         "triangles": len(found.triangles),
-        "area": float(each.areas.sum()),
+        "area": found.area,
         "least_angle": float(each.least_angles.min()),
         "mean_quality": float(each.qualities.mean()),
         "below_30": float((each.least_angles < 30).mean()),
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
+        **({} if found.layers is None else {"in_layers": int((found.layers > 0).sum())}),
         **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
         **(asdict(found.measures()) if given.measures else {}),
     }
@@ -113,6 +117,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     flat = {"--size": given.size, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
+    flat["--layers"] = given.layers
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     if not is_mask:

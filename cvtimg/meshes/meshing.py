@@ -29,6 +29,7 @@ from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.curves import Curves
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.interior import place_inside
+from cvtimg.meshes.layers import Heights, Layers
 from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
 from cvtimg.meshes.projection import project_to_borders
@@ -118,6 +119,7 @@ def mesh_region(
     metric: MatrixFunction | None = None,
     boundary: str = "placed",
     order: int = 1,
+    layers: ArrayLike | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -158,6 +160,10 @@ def mesh_region(
     order : {1, 2}
         With 2, triangles have six nodes, and sides on the boundary bend with it: `Mesh.quadratic`. `n` is still the
         number of vertices.
+    layers : (3,) array_like, optional
+        Boundary layers: their number, the height of the first, and the growth of the next ones. Rows of vertices run
+        parallel to the boundary; inside of them edges are as long as without. Where there is no room, as in thin
+        places, layers are thinner, with a warning. Not with `metric`.
     effort : {"fast", "balanced", "best"}
         How long vertices move.
     rng : int or numpy.random.Generator
@@ -210,6 +216,11 @@ def mesh_region(
     outline = _of_order(order, outline)
     check_choice("boundary", boundary, BOUNDARIES)
     wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
+    if layers is not None:
+        check_that(
+            "layers", metric is None and boundary == "placed", "not be given with metric or boundary='projected'"
+        )
+        wanted = replace(wanted, layers=Heights.checked(layers))
     if boundary == "projected":
         check_that("metric", metric is None, "not be given with boundary='projected'")
         return _bent(_projected(outline, wanted, fixed, np.random.default_rng(rng)), outline)
@@ -279,6 +290,12 @@ class _Wanted:
     grade: float
     least: float
     metric: MatrixFunction | None
+    layers: Heights | None = None
+
+    @property
+    def rows(self) -> int:
+        """The number of vertices for each one on the border."""
+        return 1 if self.layers is None else 1 + self.layers.number
 
     @classmethod
     def checked(
@@ -327,7 +344,7 @@ def _mesh(
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     outline, alone = with_points(outline, still)
     curves = Curves(outline, still) if outline.mask is None and not outline.on_lines else None
-    meshes: list[Mesh] = []
+    meshes: list[tuple[Mesh, Layers | None]] = []
     is_small = wanted.n is not None and wanted.n <= _SMALL  # else there is one trial, or it is short
     for trial in each(range(settings.trials)) if is_small else range(settings.trials):
         with part(0, 1 if is_small or effort != "best" else _BEST):
@@ -335,13 +352,23 @@ def _mesh(
         if len(meshes) == 1 and effort == "best":  # where sizes vary, more moves are not always better
             with part(_BEST, 1):
                 meshes += _made(outline, curves, wanted, alone, EFFORTS["balanced"], np.random.default_rng(rng), 1.0)
-            return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
+            return _whole(*max(meshes, key=lambda made: float(made[0].qualities.mean())))
         if len(meshes) == 1:
             break
-    best = meshes[0] if len(meshes) == 1 else min(meshes, key=_irregularity)
+    best, layers = meshes[0] if len(meshes) == 1 else min(meshes, key=lambda made: _irregularity(made[0]))
     if wanted.n is not None and fixed is None and wanted.metric is None and np.isscalar(wanted.size):
         _warn_of_small_angles(best)
-    return best
+    return _whole(best, layers)
+
+
+def _whole(mesh: Mesh, layers: Layers | None) -> Mesh:
+    """Put layers around a mesh, and warn where they are thinner than wanted."""
+    if layers is None:
+        return mesh
+    if layers.thin:
+        share = f"{100 * layers.thin:.0f} %" if layers.thin > 0.01 else "1 %"
+        warn(f"layers are thinner along {share} of the border, at thin places or corners", stacklevel=5)
+    return layers.around(mesh)
 
 
 def _warn_of_small_angles(mesh: Mesh) -> None:
@@ -356,7 +383,10 @@ def _warn_of_small_angles(mesh: Mesh) -> None:
     if not is_corner.all():
         least = angles[angles < _NARROW][~is_corner].min()
         hint = "leave n out for as many as it needs"
-        warn(f"the border needs more than n={n} vertices: the least angle is {least:.1f} degrees; {hint}", stacklevel=5)
+        warn(
+            f"the border needs more than n={mesh.n_wanted} vertices: the least angle is {least:.1f} degrees; {hint}",
+            stacklevel=5,
+        )
 
 
 def _made(
@@ -367,14 +397,25 @@ def _made(
     settings: MeshEffort,
     random: np.random.Generator,
     share: float,
-) -> list[Mesh]:
-    """Make a mesh once, with a share of the vertices that borders should have.
+) -> list[tuple[Mesh, Layers | None]]:
+    """Make a mesh once, with a share of the vertices that borders should have, and the layers that belong around it.
 
     Small meshes of one size are returned as they are before edges are even, too.
     """
     with part(0, _ON_BORDERS[wanted.n is not None]):
         borders, field = _borders(outline, wanted, alone, share)
-    n = wanted.n if wanted.n is not None else _number(borders, field)
+    n = wanted.n if wanted.n is not None else _number(borders, field, wanted.layers)
+    layers: Layers | None = None
+    if wanted.layers is not None:
+        if curves is not None:  # layers are parallel to where vertices end
+            frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
+            curves.keep_areas(frame)
+            borders, curves = replace(borders, points=frame.points), None
+        layers = Layers.of(borders, wanted.layers)
+        borders, field = layers.inner(borders, field, wanted.grade)
+        least = layers.number + len(borders.points)
+        check_in_range("n", n, wanted.n is None or n >= least, f"at least {least}, the vertices of layers")
+        n = max(n - layers.number, len(borders.points))
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = PlaneTriangulation.constrained(borders, inner)
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
@@ -382,13 +423,13 @@ def _made(
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
     with part(_PLACED, _RELAXED if field.isotropic else 1):
         relaxed = relax(mesh, field.metric, isotropic=field.isotropic, most=moves, tolerance=settings.tolerance)
-    made: list[Mesh] = []
+    made: list[tuple[Mesh, Layers | None]] = []
     if field.isotropic:
         n_sweeps = settings.sweeps if varies else max(settings.sweeps, min(_MORE_SWEEPS, _WORK // n))
         for sweep in range(n_sweeps):
             tell(_RELAXED + (_EVEN - _RELAXED) * sweep / n_sweeps)
             if is_tried and sweep in _CANDIDATES:
-                made.append(_result(mesh, curves, relaxed, wanted.n))
+                made.append((_result(mesh, curves, relaxed, wanted.n), layers))
             mesh.even(field.metric(mesh.points))
             mesh.flip(None)
         for _ in range(_SMOOTHING if varies else 0):
@@ -397,12 +438,12 @@ def _made(
         if varies:
             mesh.even(field.metric(mesh.points), _EVEN_AGAIN)
             mesh.flip(None)
-        shortest = 0.0 if outline.mask is None else _SHORTEST
+        shortest = np.inf if layers is not None else 0.0 if outline.mask is None else _SHORTEST
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         rounds = settings.mends if np.isscalar(wanted.size) else 0
         with part(_EVEN, 1):
             mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
-    return [*made, _result(mesh, curves, relaxed, wanted.n)]
+    return [*made, (_result(mesh, curves, relaxed, wanted.n), layers)]
 
 
 def _result(mesh: PlaneTriangulation, curves: Curves | None, relaxed: Relaxed, n: int | None) -> Mesh:
@@ -426,7 +467,7 @@ def _projected(outline: Outline, wanted: _Wanted, fixed: ArrayLike | None, rng: 
     """Make a mesh in whose rounds vertices are projected to borders."""
     outline, alone = with_points(outline, np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2))
     placed, field = _borders(outline, wanted, alone, 1.0)
-    n = wanted.n if wanted.n is not None else _number(placed, field)
+    n = wanted.n if wanted.n is not None else _number(placed, field, None)
     ends = [line[[0, -1]] for line in outline.lines if (line[0] != line[-1]).any()]
     corners = np.unique(np.concatenate([alone, *ends]), axis=0)
     borders, inner = project_to_borders(outline, field, n, corners, rng)
@@ -447,7 +488,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
     The number on borders is by a share of what sizes ask for.
     """
     ends = np.concatenate([alone, *(line[[0, -1]] for line in outline.lines)])
-    most = np.inf if wanted.n is None else wanted.n
+    most = np.inf if wanted.n is None else wanted.n / wanted.rows
     _check_fits(outline, wanted, len(np.unique(ends, axis=0)))
     start: Field
     if wanted.metric is not None:
@@ -465,7 +506,7 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
         borders, field = _with_alone(borders, field, alone, grade)
         if wanted.n is None:
             return borders, field
-        ratio = _number(borders, field) / wanted.n
+        ratio = _number(borders, field, wanted.layers) / wanted.n
         if abs(ratio - 1) < _NEAR:
             break
         if len(borders.points) > most and on_curves == 2:  # areas are given up before angles
@@ -492,11 +533,11 @@ def _borders(outline: Outline, wanted: _Wanted, alone: Points, share: float) -> 
 
 def _check_fits(outline: Outline, wanted: _Wanted, n_least: int) -> None:
     """Refuse fewer vertices than there must be, and say by how large details there would be less."""
-    if wanted.n is None or n_least <= wanted.n:
+    if wanted.n is None or wanted.rows * n_least <= wanted.n:
         return
     size = outline.detail_for(int(_FITTING * wanted.n))
     hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
-    refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")
+    refuse("n", wanted.n, f"at least {wanted.rows * n_least}, the vertices that the border needs{hint}")
 
 
 def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:
@@ -510,7 +551,8 @@ def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> 
     return replace(borders, points=points), field.lowered(alone, gaps, grade)
 
 
-def _number(borders: Borders, field: Field) -> int:
+def _number(borders: Borders, field: Field, layers: Heights | None) -> int:
     """About how many vertices a mesh has: two triangles for each inner vertex, by Euler's formula."""
     n_boundary = int((borders.sides.min(axis=1) <= 0).sum())
-    return max(round(field.count + n_boundary / 2 + 1), len(borders.points))
+    more = 0.0 if layers is None else layers.more(borders, field)
+    return max(round(field.count + n_boundary / 2 + 1 + more), len(borders.points))

@@ -44,6 +44,8 @@ class Mesh(ReadOnly):
         Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
     quadratic : QuadraticTriangles or None
         The triangles with six nodes, if ``order=2`` was asked for.
+    layers : (T,) int32 array or None
+        The number of the boundary layer that each triangle is in, from 1 at the border, or 0; None if there are none.
     """
 
     points: NDArray[np.float64]
@@ -56,6 +58,7 @@ class Mesh(ReadOnly):
     edge_tags: NDArray[np.int32] | None = None
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
+    layers: NDArray[np.int32] | None = None
 
     @property
     def energy(self) -> float:

@@ -24,6 +24,15 @@ def _radius(text: Any) -> float:
         raise ValueError(f"{error}, or {', '.join(_RADII)}") from None
 
 
+def _layers(text: Any) -> tuple[int, float, float]:
+    """Parse the number of boundary layers, the height of the first, and their growth."""
+    try:
+        number, first, growth = str(text).split(",")
+        return Whole(1, 1000).parse(number), Real(above=0).parse(first), Real(above=0).parse(growth)
+    except ValueError:
+        raise ValueError(f"{text!r} must be a number of layers, the height of the first > 0 and a growth > 0") from None
+
+
 MESH = (
     replace(
         common.IMAGES,
@@ -53,6 +62,12 @@ MESH = (
         "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
     ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
+    passed(
+        "layers",
+        Text(_layers),
+        "Boundary layers of masks and polygons: their number, the height of the first, the growth of the next.",
+        metavar="N,H,GROWTH",
+    ),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),

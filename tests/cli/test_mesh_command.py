@@ -100,8 +100,11 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
     row = json.loads(capsys.readouterr().out)
     assert row["area"] == pytest.approx((cvtimg.read_image("labels.png") == 2).sum())
     assert "n_straight" not in row
-    assert main(["mesh", "labels.png", "-n", "90", "--label", "2", "-o", "c.vtu", "--order", "2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["n_straight"] == 0
+    words = ["mesh", "labels.png", "-n", "90", "--label", "3", "-o", "c.vtu", "--json"]
+    assert main([*words, "--order", "2", "--layers", "1,0.5,1.3"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert (row["n"], row["n_straight"]) == (90, 0)
+    assert row["in_layers"] > 50
     assert len(meshio.read("c.vtu").cells_dict["triangle6"]) == row["triangles"]
     assert main(["mesh", "labels.png", "-n", "90", "--label", "9", "-o", "b.vtu"]) == 1
     assert "labels.png: holds no label 9" in capsys.readouterr().err
@@ -117,6 +120,12 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
         (["mesh", "cross.csv", "-n", "9"], 1, "cross.csv: polygons must not cross themselves"),
         (["mesh", "hole.wkt", "-n", "9"], 1, "hole.wkt: a hole at (5, 5) must lie inside"),
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
+        (["mesh", "mask.png", "--layers", "3,1"], 2, "'3,1' must be a number of layers, the height of the first"),
+        (
+            ["mesh", "labels.png", "--layers", "3,1,1"],
+            1,
+            "--layers is for masks and polygons: choose a label by --label",
+        ),
         (["mesh", "mask.png", "--order", "2", "-o", "a.stl"], 2, "--order 2: 'a.stl' must end in one of .vtu, .msh"),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
