@@ -222,16 +222,17 @@ def _from_others(given: Given) -> bool:
 
 
 def _noise_like(result: Restoration) -> dict[str, Any]:
-    """Say whether noise is white, or else its level in each band and how far neighbors share it."""
+    """Say whether noise is white, or else its level in each band and how far neighbors share it; and how it grows."""
     import numpy as np
 
-    shared = result.noise_shared
+    shared, lines = result.noise_shared, result.noise_lines
+    grows = {} if lines is None else {"noise_lines": lines.tolist()}
     if shared is None:
-        return {"noise_like": "white"}
+        return {"noise_like": "white", **grows}
     middle = len(shared) // 2
     variance = np.einsum("cc->c", shared[middle, middle])
     levels = np.sqrt(variance).tolist()
-    return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors}
+    return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors, **grows}
 
 
 def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
+from cvtimg.restoration.levels import bend_of
 from cvtimg.restoration.noise import noise_of
 from cvtimg.restoration.spectrum import SharedNoise, shared_noise
 from cvtimg.restoration.suspicion import Suspicion
@@ -134,6 +135,7 @@ class Evidence:
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
+    unit: float  # noise, in levels, for noise of one where versions are bent
 
     def variances(self, data: Versions, gain: float = 1.0) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
@@ -160,29 +162,35 @@ def prepare(
     # Noise is measured before any interpolation, which smooths it; `level` is its standard deviation, if given.
     if align and given.n_versions == 1:
         warnings.warn(f"align={align!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
+    placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
+    bend, unit = None if white else bend_of(given, in_place=align is None), 1.0
+    if bend:
+        unit = bend.unit(given.bands(0))
+        given, placed = (replace(one, bend=bend) for one in (given, placed))
     shared = None if white else shared_noise(given, in_place=align is None)
     noise = noise_of(given, alike=not channels)
     if level is not None:
-        noise = np.full_like(noise, level)
+        noise = np.full_like(noise, level / unit)
     elif shared:
         usual = np.sqrt(np.nanmean(noise**2)) if np.isfinite(noise).any() else 1.0
         noise = np.sqrt(shared.variance) * (noise / usual if usual else np.ones_like(noise))
     trust = trust_in(given, weights, noise)
-    placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise)
         fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), hidden=hidden)
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, shared, suspicion, channels, bool(align))
+    known = (alignment, apart, noise, trust, shared, suspicion)
+    return Evidence(given, placed, versions, *known, channels, bool(align), unit)
 
 
 def without_copies(versions: Versions) -> Versions:
     """Warn of versions that are copies of one before, and leave them out: their noise is not independent."""
     copies, known = [], versions.known.copy()
+    sums = [versions.bands(number).sum(dtype=np.float64) for number in range(versions.n_versions)]
     for one, other in combinations(range(versions.n_versions), 2):
-        same = np.array_equal(versions.known[:, :, one], versions.known[:, :, other])
+        same = sums[one] == sums[other] and np.array_equal(versions.known[:, :, one], versions.known[:, :, other])
         if same and known[:, :, other].any() and np.array_equal(versions.bands(one), versions.bands(other)):
             copies.append(f"images[{other}] is a copy of images[{one}]")
             known[:, :, other] = False

@@ -44,6 +44,9 @@ class Restoration(ReadOnly):
     noise_shared : (2 L + 1, 2 L + 1, C, C) float64 array or None
         Autocovariance of the noise over rows, columns and bands, if `detail` was asked for and pixels next to each
         other share noise; in its middle, the covariance of the bands of a pixel. None where noise is white.
+    noise_lines : (C, 2) float64 array or None
+        Variance of the noise of weight 1 in each band, as a constant and a slope: constant + slope x level. None where
+        noise is even, or `detail` was not asked for.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
@@ -76,6 +79,7 @@ class Restoration(ReadOnly):
     left_out: NDArray[np.int32]
     noise: NDArray[np.float64]
     noise_shared: NDArray[np.float64] | None
+    noise_lines: NDArray[np.float64] | None
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
     transforms: NDArray[np.float64]
@@ -136,13 +140,15 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
     deep = np.dtype(np.float64)
     white = peak(versions.dtype) if space != "rgb" else 1.0
     n_left = np.bincount(found.labels.ravel(), minlength=len(found.colors) + 1)[1:]
-    colors = from_space(found.colors, space, deep) * white
+    bend = versions.bend
+    straight = bend.straight if bend else np.asarray
+    colors = from_space(straight(found.colors), space, deep) * white
     order = np.lexsort((*colors.T[::-1], colors.sum(axis=1)))
     order = order[n_left[order] > 0]
     rank = np.zeros(len(colors) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[found.labels]
-    places = found.colors[order][labels - 1] if found.image is None else found.image
+    places = straight(found.colors[order][labels - 1] if found.image is None else found.image)
     rows = from_space(places.reshape(labels.size, -1).astype(np.float64), space, versions.dtype)
     image = rows.reshape(labels.shape if versions.grey else (*labels.shape, -1))
     generators = np.where(found.masses > 0, found.generators, np.nan)[order]
@@ -153,8 +159,9 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         colors=colors[order],
         coverage=versions.coverage,
         left_out=versions.coverage - found.used,
-        noise=evidence.noise,
-        noise_shared=evidence.shared.autocovariance if evidence.shared else None,
+        noise=evidence.noise * evidence.unit,
+        noise_shared=evidence.shared.autocovariance * evidence.unit**2 if evidence.shared else None,
+        noise_lines=bend.lines(evidence.variances(versions)[0]) if bend else None,
         weights=evidence.trust,
         shifts=evidence.alignment.shifts(labels.shape),
         transforms=evidence.alignment.transforms,
@@ -174,6 +181,7 @@ def _by_version(generators: NDArray[np.float64], versions: Versions, space: Spac
     apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
     for version, n in enumerate(n_bands):
         places = generators[:, versions.version_of == version]
+        places = versions.bend.straight(places) if versions.bend else places
         known = ~np.isnan(places).any(axis=1)
         white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
         apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white

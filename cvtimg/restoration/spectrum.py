@@ -108,7 +108,7 @@ def _measured(values: Floats, known: NDArray[np.bool_], white: float | None, sha
     """(2 n, 2 n, C, C) spectrum of the noise in a share of the blocks, the quieter ones, or None if there are few."""
     from scipy.special import gammainc, gammaincinv
 
-    blocks = _blocks(values, known)
+    blocks = blocks_of(values, known)
     means = blocks.mean(axis=(1, 2))
     if white is not None:
         inside = (means.min(axis=1) > _FROM_ENDS * white) & (means.max(axis=1) < (1 - _FROM_ENDS) * white)
@@ -141,7 +141,7 @@ def _mean_products(waves: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("bxyi,bxyj->xyij", waves, waves.conj()) / len(waves))
 
 
-def _blocks(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
+def blocks_of(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
     """(B, n, n, C) blocks without holes, at most some thousand of them."""
     if min(known.shape) < _BLOCK:
         return np.empty((0, _BLOCK, _BLOCK, values.shape[2]))

@@ -14,6 +14,7 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
+from cvtimg.restoration.anscombe import Bend
 from cvtimg.segmentation.averaging import Averaging, averaged
 
 Floats = NDArray[np.float32]
@@ -34,6 +35,7 @@ class Versions:
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
+    bend: Bend | None = None  # what makes noise even, if it is not
 
     @property
     def n_versions(self) -> int:
@@ -58,6 +60,7 @@ class Versions:
     def bands(self, version: int, rows: Any = slice(None)) -> Floats:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
         values = self.stack[version][rows].astype(np.float32)
+        values = self.bend.bent(values) if self.bend else values
         values[~self.known[rows, :, version]] = 0
         return values
 

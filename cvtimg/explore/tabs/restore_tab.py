@@ -163,6 +163,7 @@ def _found(result: Restoration) -> str:
     noise = ", ".join(f"{value:.3g}" for value in result.noise)
     near = result.noise_neighbors
     kind = f", shared by neighbors (correlation {near:.2f})" if result.noise_shared is not None else ", white"
+    kind += ", changing with the level" if result.noise_lines is not None else ""
     said = [f"Noise of {noise} levels{kind if result.detail else ''}"]
     if len(result.weights) > 1:
         said += ["weights " + ", ".join(f"{value:.2f}" for value in result.weights)]
