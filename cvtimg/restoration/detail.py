@@ -128,6 +128,8 @@ def denoise_versions(
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
     estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(versions, estimate)
+    # Groups are what matters: the kinds that they are cut from need no better estimate.
+    kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), n_generators, rng)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"), part(0, _FULL_SIZE):
         for number, largest in each(list(enumerate(passes))):
@@ -142,11 +144,10 @@ def denoise_versions(
                 with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
                 evidence.shared and evidence.shared.along(axes.matrix),
             )
-            kinds = Kinds.of(axes.looks(noisy.estimate), n_generators, rng)
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
     with threadpool_limits(1, user_api="blas"), part(_FULL_SIZE, 1):
-        lower = _with_low_frequencies(done.image, noisy, axes, passes, n_generators, _HALVINGS, rng)
+        lower = _with_low_frequencies(done.image, noisy, axes, kinds, passes, _HALVINGS)
         estimate = axes.back(lower)
     labels = done.labels + 1
     generators, masses = measured(versions, trust, labels, n_generators)
@@ -156,13 +157,7 @@ def denoise_versions(
 
 
 def _with_low_frequencies(
-    image: Floats,
-    noisy: Noisy,
-    axes: Axes,
-    passes: Sequence[int],
-    n_generators: int,
-    n_halvings: int,
-    rng: np.random.Generator,
+    image: Floats, noisy: Noisy, axes: Axes, kinds: Kinds, passes: Sequence[int], n_halvings: int
 ) -> Floats:
     """(H, W, C) image whose low frequencies are those of the noisy one restored at half its size, and so on."""
     if n_halvings == 0 or min(image.shape[:2]) < 2 * _SHORTEST:
@@ -170,11 +165,10 @@ def _with_low_frequencies(
     half = halved(noisy)
     with part(0, _FULL_SIZE):
         for number, largest in each(list(enumerate(passes))):
-            kinds = Kinds.of(axes.looks(half.estimate), n_generators, rng)
             coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0).image
             half = replace(half, estimate=with_border(coarse))
     with part(_FULL_SIZE, 1):
-        coarse = _with_low_frequencies(coarse, half, axes, passes, n_generators, n_halvings - 1, rng)
+        coarse = _with_low_frequencies(coarse, half, axes, kinds, passes, n_halvings - 1)
     return with_low_frequencies(image, coarse, 4 * half.usual_variance)
 
 

@@ -25,8 +25,8 @@ _BLOCK, _STEP = 16, 8
 _QUIET, _ENOUGH = 0.08, 24
 #: At each frequency, this share of these, those with the least power, counts, so that edges that a block has do not.
 _LOWER = 0.5
-#: At most this many blocks are looked at.
-_MOST = 1 << 12
+#: At most this many blocks are looked at; and of differences of versions, where all of them tell of noise.
+_MOST, _MOST_APART = 1 << 12, 1 << 8
 #: Blocks whose mean is nearer to an end than this part of the range have lost noise by clipping.
 _FROM_ENDS = 1 / 16
 #: Frequencies, in cycles per pixel, between which power is middle, and from which on it is high; noise whose powers
@@ -108,7 +108,7 @@ def _measured(values: Floats, known: NDArray[np.bool_], white: float | None, sha
     """(2 n, 2 n, C, C) spectrum of the noise in a share of the blocks, the quieter ones, or None if there are few."""
     from scipy.special import gammainc, gammaincinv
 
-    blocks = blocks_of(values, known)
+    blocks = blocks_of(values, known, _MOST if share < 1 else _MOST_APART)
     means = blocks.mean(axis=(1, 2))
     if white is not None:
         inside = (means.min(axis=1) > _FROM_ENDS * white) & (means.max(axis=1) < (1 - _FROM_ENDS) * white)
@@ -141,14 +141,14 @@ def _mean_products(waves: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("bxyi,bxyj->xyij", waves, waves.conj()) / len(waves))
 
 
-def blocks_of(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
-    """(B, n, n, C) blocks without holes, at most some thousand of them."""
+def blocks_of(values: Floats, known: NDArray[np.bool_], most: int = _MOST) -> _Doubles:
+    """(B, n, n, C) blocks without holes, at most so many of them."""
     if min(known.shape) < _BLOCK:
         return np.empty((0, _BLOCK, _BLOCK, values.shape[2]))
     every = slice(None, None, _STEP)
     seen, whole = (np.lib.stride_tricks.sliding_window_view(one, (_BLOCK,) * 2, (0, 1)) for one in (values, known))
     rows, columns = np.nonzero(whole[every, every].all(axis=(2, 3)))
-    drawn = np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(np.intp)
+    drawn = np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(np.intp)
     blocks = seen[every, every][rows[drawn], columns[drawn]]
     return np.moveaxis(blocks, 1, 3).astype(np.float64)
 
