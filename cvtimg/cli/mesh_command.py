@@ -19,6 +19,7 @@ EXAMPLES = """\
   cvtimg mesh labels.png --edge-length 6 -o labels.msh
   cvtimg mesh coast.geojson -n 20000 --min-size 0.01 --measures
   cvtimg mesh mask.png -n 5000 --size sizes.tif --grade 0.15 -o mesh.vtu
+  cvtimg mesh plate.geojson --name steel=1 --name clamped=0,0,0,1 -o plate.msh
   cvtimg mesh stack.tif --label 2 -n 20000 -o bone.vtu
 """
 COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", "output")
@@ -33,6 +34,8 @@ def mesh(given: Given) -> int:
     vertices as borders need.
 
     Stacks of voxels are filled with tetrahedra (experimental); they take -n or --edge-length, and -o .vtu or .msh.
+
+    Names are groups in .msh, .vtu, .inp and .xdmf, whose borders are in NAME_borders.xdmf.
 
     The suffix of -o picks the format; with --order 2 .vtu, .msh, or by meshio .inp, .xdmf and more. Without -o and
     --out-dir, one input gives NAME-mesh.vtu beside it.
@@ -51,7 +54,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.cli.mesh_inputs import read_region, read_segments, read_size
+    from cvtimg.cli.mesh_inputs import named, read_region, read_segments, read_size
     from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
@@ -76,6 +79,8 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     else:
         found = cvtimg.mesh_labels(labels, size=sizes, **making)
     stopwatch.lap("mesh")
+    if given.name:
+        found = named(found, given.name)
     found.save(task.output, overwrite=given.overwrite)
     if "--plot" in task.outputs:
         _plot(found, task.outputs["--plot"], given, y_down=not is_polygon)
@@ -94,6 +99,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "n_iter": len(found.energies) - 1,
         **({} if found.layers is None else {"in_layers": int((found.layers > 0).sum())}),
         **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
+        **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),
         **(asdict(found.measures()) if given.measures else {}),
     }
 
@@ -117,7 +123,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     flat = {"--size": given.size, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
-    flat["--layers"] = given.layers
+    flat |= {"--layers": given.layers, "--name": given.name}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     if not is_mask:

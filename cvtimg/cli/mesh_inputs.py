@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cvtimg.meshes import Mesh
+
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
 
 
@@ -82,3 +84,19 @@ def read_size(path: Path) -> NDArray[Any]:
     if size.ndim != 2:
         raise ValueError(f"--size {path} has {size.shape[2]} bands and must have one")
     return size
+
+
+def named(mesh: Mesh, names: list[tuple[str, list[float]]]) -> Mesh:
+    """Name regions by their labels, and the edges of borders whose middles are in boxes."""
+    import numpy as np
+
+    slack = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
+    regions = {int(numbers[0]): name for name, numbers in names if len(numbers) == 1}
+    boxes = {name: np.sort(np.reshape(numbers, (2, 2)), axis=0) for name, numbers in names if len(numbers) == 4}
+    borders = {
+        name: lambda places, box=box: ((places >= box[0] - slack) & (places <= box[1] + slack)).all(axis=1)
+        for name, box in boxes.items()
+    }
+    if len(regions) + len(borders) < len(names):
+        raise ValueError("--name must have each name and each label once")
+    return mesh.named(regions=regions, borders=borders)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: VTK's numbers of kinds of cells.
-TRIANGLE, POLYGON, TETRAHEDRON, TRIANGLE6 = 5, 7, 10, 22
+LINE, TRIANGLE, POLYGON, TETRAHEDRON, LINE3, TRIANGLE6 = 3, 5, 7, 10, 21, 22
 _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 
@@ -17,10 +17,10 @@ def vtu_content(
     points: NDArray[np.float64],
     corners: NDArray[Any],
     ends: NDArray[Any],
-    kind: int,
+    kind: int | NDArray[Any],
     values: Mapping[str, NDArray[Any]],
 ) -> bytes:
-    """Return the content of a VTU file of cells of one kind: corners, one cell after the other, and the end of each."""
+    """Return the content of a VTU file: corners, one cell after the other, the end of each, and their kind or kinds."""
     arrays = {
         "points": (np.asarray(points, "<f8"), 3),
         "connectivity": (np.asarray(corners, "<i4"), 1),

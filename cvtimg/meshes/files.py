@@ -1,9 +1,14 @@
-"""Mesh files: VTU, OBJ with groups and PLY are written here, others by meshio."""
+"""Mesh files: VTU, XDMF, OBJ with groups and PLY are written here, others by meshio.
+
+Names of regions and of borders are physical groups in MSH, arrays of 0 and 1 in VTU, sets of elements and of nodes in
+INP, and tags in XDMF, whose borders are a file of their own, for FEniCS.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +17,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
-from cvtimg.files.vtu import TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
-from cvtimg.files.whole import StrPath, scratch_folder, write_whole
+from cvtimg.files.vtu import LINE, LINE3, TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
+from cvtimg.files.whole import StrPath, scratch_folder, whole_file
 
 #: What meshio is asked for, beside the formats below, and how.
 _MESHIO: dict[str, dict[str, Any]] = {
@@ -25,10 +30,13 @@ _MESHIO: dict[str, dict[str, Any]] = {
     ".mesh": {},
     ".off": {},
     ".vtk": {},
-    ".xdmf": {"data_format": "XML"},
 }
 #: Those that have no triangles with six nodes.
 _STRAIGHT = (".obj", ".ply", ".stl", ".mesh", ".off")
+#: XDMF's names of cells of the plane and of their sides.
+_XDMF = {"triangle": "Triangle", "triangle6": "Triangle_6", "line": "Polyline", "line3": "Edge_3"}
+#: Names that formats have for other things.
+TAKEN = ("border", "connectivity", "offsets", "points", "quality", "tag", "types")
 #: Cells, and what is on their sides: VTK's number and meshio's name.
 _CELLS = {"triangle": (TRIANGLE, "line"), "tetra": (TETRAHEDRON, "triangle"), "triangle6": (TRIANGLE6, "line3")}
 
@@ -65,16 +73,30 @@ def suffixes(kind: str = "triangle") -> tuple[str, ...]:
 def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple[str, ...] | None = None) -> None:
     """Write a mesh in the format that the suffix picks."""
     suffix = check_choice("suffix", Path(path).suffix.lower(), allowed or suffixes())
-    content = MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)
-    write_whole(path, content, overwrite=overwrite)
+    contents = {path: MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)}
+    if suffix == ".xdmf" and mesh.side_tags is not None:
+        borders = replace(mesh, cells=mesh.sides, tags=mesh.side_tags)
+        contents[f"{str(path)[: -len(suffix)]}_borders{suffix}"] = _xdmf(borders, _CELLS[mesh.kind][1])
+    with ExitStack() as files:  # both or none
+        for each, content in contents.items():
+            files.enter_context(whole_file(each, overwrite=overwrite)).write(content)
 
 
 def _vtu(mesh: MeshContent) -> bytes:
     """VTK's format of unstructured grids."""
-    n_corners = mesh.cells.shape[1]
-    values: dict[str, NDArray[Any]] = {} if mesh.qualities is None else {"tag": mesh.tags, "quality": mesh.qualities}
-    ends = n_corners * np.arange(1, len(mesh.cells) + 1)
-    return vtu_content(mesh.places, mesh.cells, ends, _CELLS[mesh.kind][0], values)
+    cells, tags, qualities, sides = mesh.cells, mesh.tags, mesh.qualities, mesh.sides
+    kind, corners = _CELLS[mesh.kind][0], cells.shape[1] * np.arange(1, len(cells) + 1)
+    if qualities is None:
+        return vtu_content(mesh.places, cells, corners, kind, {})
+    if mesh.side_tags is None:
+        return vtu_content(mesh.places, cells, corners, kind, {"tag": tags, "quality": qualities})
+    # Lines follow, and each name has 1 in its cells.
+    kinds = np.repeat([kind, LINE if mesh.kind == "triangle" else LINE3], [len(cells), len(sides)])
+    ends = np.append(corners, corners[-1] + sides.shape[1] * np.arange(1, len(sides) + 1))
+    dimensions, tags = np.repeat([2, 1], [len(cells), len(sides)]), np.append(tags, mesh.side_tags)
+    values = {"tag": tags, "quality": np.append(qualities, np.full(len(sides), np.nan))}
+    values |= {name: (dimensions == of) & (tags == tag) for (of, tag), name in mesh.names.items()}
+    return vtu_content(mesh.places, np.append(cells, sides), ends, kinds, values)
 
 
 def _obj(mesh: MeshContent) -> bytes:
@@ -99,8 +121,29 @@ def _ply(mesh: MeshContent) -> bytes:
     return "\n".join(head).encode() + mesh.places.astype("<f8").tobytes() + faces.tobytes()
 
 
+def _xdmf(mesh: MeshContent, kind: str = "") -> bytes:
+    """XDMF with numbers as text, in as many coordinates as there are, as FEniCS takes it."""
+
+    def item(rows: NDArray[Any], number: str, form: str) -> str:
+        shape = " ".join(map(str, rows.shape))
+        text = rows_of(" ".join([form] * (rows.size // len(rows))) + "\n", rows)
+        return f'<DataItem {number} Format="XML" Dimensions="{shape}">\n{text}</DataItem>'
+
+    of_places, of_indices = ('DataType="Float" Precision="8"', "%.17g"), ('DataType="Int" Precision="4"', "%d")
+    lines = [
+        '<?xml version="1.0"?>',
+        '<Xdmf Version="3.0"><Domain><Grid Name="Grid" GridType="Uniform">',
+        f'<Geometry GeometryType="{"XYZ"[: mesh.points.shape[1]]}">{item(mesh.points, *of_places)}</Geometry>',
+        f'<Topology TopologyType="{_XDMF[kind or mesh.kind]}" NumberOfElements="{len(mesh.cells)}" '
+        f'NodesPerElement="{mesh.cells.shape[1]}">{item(mesh.cells, *of_indices)}</Topology>',
+        f'<Attribute Name="tag" AttributeType="Scalar" Center="Cell">{item(mesh.tags, *of_indices)}</Attribute>',
+        "</Grid></Domain></Xdmf>\n",
+    ]
+    return "\n".join(lines).encode()
+
+
 #: The registry of formats: suffix to the function that makes the content.
-MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj": _obj, ".ply": _ply}
+MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj": _obj, ".ply": _ply, ".xdmf": _xdmf}
 
 
 def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
@@ -108,7 +151,9 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         import meshio
     except ImportError as error:
         raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
-    cells, data, names = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}, {}
+    cells, data = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}
+    names: dict[str, Any] = {}
+    sets: dict[str, dict[str, Any]] = {}
     if suffix == ".msh" and len(
         mesh.sides
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
@@ -123,10 +168,17 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         ]
         usual = {dimension: name, dimension + 1: inside}
         names = {mesh.names.get(key) or usual[key[0]] or str(key[1]): np.array(key[::-1]) for key in keys}
+    elif suffix == ".inp" and mesh.side_tags is not None:
+        regions = {name: [np.flatnonzero(mesh.tags == tag)] for (of, tag), name in mesh.names.items() if of == 2}
+        nodes = {name: np.unique(mesh.sides[mesh.side_tags == t]) for (of, t), name in mesh.names.items() if of == 1}
+        sets = {"cell_sets": regions, "point_sets": nodes}
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
-        meshio.Mesh(mesh.places, cells, cell_data=data, field_data=names).write(part, **_MESHIO[suffix])
-        return part.read_bytes()
+        meshio.Mesh(mesh.places, cells, cell_data=data, field_data=names, **sets).write(part, **_MESHIO[suffix])
+        content = part.read_bytes()
+    if suffix == ".inp":  # of the plane, where meshio has rigid elements and shells
+        content = content.replace(b"TYPE=R3D3\n", b"TYPE=CPS3\n", 1).replace(b"TYPE=STRI65\n", b"TYPE=CPS6\n", 1)
+    return content
 
 
 def rows_of(form: str, rows: NDArray[np.generic]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +14,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import MOST_SHAPES, draw_lines, edges_of
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
-from cvtimg.meshes.files import MeshContent, suffixes, write_mesh
+from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 from cvtimg.meshes.quadratic import QuadraticTriangles
 
@@ -91,7 +92,7 @@ class Mesh(ReadOnly):
         regions: Mapping[int, str] | None = None,
         borders: Mapping[str, Callable[[NDArray[np.float64]], ArrayLike]] | None = None,
     ) -> Mesh:
-        """Name regions, and parts of the borders, for .msh files: physical groups that solvers read.
+        """Name regions and parts of the borders, for files that solvers read: .msh, .vtu, .inp and .xdmf (see `save`).
 
         Parameters
         ----------
@@ -108,7 +109,7 @@ class Mesh(ReadOnly):
         Raises
         ------
         ValueError
-            If no triangle has a label, or a name no edge.
+            If no triangle has a label, or a name no edge, or is not a word of its own.
 
         Examples
         --------
@@ -119,6 +120,10 @@ class Mesh(ReadOnly):
         {(2, 1): 'water', (1, 2): 'inlet'}
         """
         names = {(2, tag): name for tag, name in (regions or {}).items()}
+        words = [*names.values(), *(borders or {})]
+        for word in words:
+            is_free = re.fullmatch(r"[^\W\d][\w-]*", word) and word not in TAKEN and words.count(word) == 1
+            check_that(f"the name {word!r}", bool(is_free), f"be a word, given once, and none of {', '.join(TAKEN)}")
         for _, tag in names:
             check_that(f"regions has {tag}, which", bool((self.tags == tag).any()), "be a label in tags")
         middles = self.points[self.edges].mean(axis=1)
@@ -137,7 +142,9 @@ class Mesh(ReadOnly):
         path : str or path-like
             .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
             (a group for each tag), .ply or .stl; other formats need meshio. With six nodes, .vtu, .msh or what meshio
-            writes them to, such as .inp and .xdmf.
+            writes them to, such as .inp and .xdmf. Names of `named` are those of physical groups in .msh; in .vtu, of
+            arrays that are 1 in their triangles, or in lines that follow these; in .inp (Abaqus), of ELSET for regions
+            and NSET for borders. In .xdmf, ``tag`` has the numbers in `names`; borders are in NAME_borders.xdmf.
         overwrite : bool
             Replace an existing file.
 

@@ -33,6 +33,18 @@ def _layers(text: Any) -> tuple[int, float, float]:
         raise ValueError(f"{text!r} must be a number of layers, the height of the first > 0 and a growth > 0") from None
 
 
+def _name(text: Any) -> tuple[str, list[float]]:
+    """Return a name and what it is for: the number of a label, or the four of a box."""
+    name, _, numbers = str(text).partition("=")
+    try:
+        found = [float(number) for number in numbers.split(",")]
+    except ValueError:
+        found = []
+    if not name or not (len(found) == 4 or (len(found) == 1 and found[0].is_integer())):
+        raise ValueError(f"{str(text)!r} must be NAME=LABEL or NAME=X0,Y0,X1,Y1")
+    return name, found
+
+
 MESH = (
     replace(
         common.IMAGES,
@@ -67,6 +79,13 @@ MESH = (
         Text(_layers),
         "Boundary layers of masks and polygons: their number, the height of the first, the growth of the next.",
         metavar="N,H,GROWTH",
+    ),
+    Option(
+        "name",
+        Text(_name),
+        "Name a region by its label (1 without labels), or the border edges in a box, for solvers. Repeat it for more.",
+        metavar="NAME=LABEL|NAME=X0,Y0,X1,Y1",
+        many=True,
     ),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,

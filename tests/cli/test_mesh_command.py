@@ -110,6 +110,17 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
     assert "labels.png: holds no label 9" in capsys.readouterr().err
 
 
+def test_names_of_regions_and_borders_are_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["mesh", "a.wkt", "-n", "30", "-o", "a.msh", "--json", "--name", "steel=1", "--name", "left=0,1,0,0"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["names"] == {"steel": 1, "left": 2}
+    found = meshio.read("a.msh")
+    left = found.cells_dict["line"][found.cell_data_dict["gmsh:physical"]["line"] == 2]
+    assert found.field_data["left"].tolist() == [2, 1]
+    assert (found.points[left, 0] == 0).all()
+    assert np.ptp(found.points[left, 1]) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "status", "message"),
     [
@@ -126,12 +137,23 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
             1,
             "--layers is for masks and polygons: choose a label by --label",
         ),
-        (["mesh", "mask.png", "--order", "2", "-o", "a.stl"], 2, "--order 2: 'a.stl' must end in one of .vtu, .msh"),
+        (
+            ["mesh", "mask.png", "--order", "2", "-o", "a.stl"],
+            2,
+            "--order 2: 'a.stl' must end in one of .vtu, .xdmf, .msh",
+        ),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons; --label is for images of labels"),
         (["mesh", "mask.png", "--keep-points"], 1, "mask.png: has pixels; --keep-points is for polygons"),
         (["mesh", "a.wkt", "--keep-points", "-n", "3"], 1, "-n 3 must be at least 4, the vertices that"),
+        (["mesh", "a.wkt", "--name", "a=b"], 2, "'a=b' must be NAME=LABEL or NAME=X0,Y0,X1,Y1"),
+        (
+            ["mesh", "a.wkt", "--name", "a=1,2,3,4"],
+            1,
+            "borders has 'a', which must be true for the middle of some edge",
+        ),
+        (["mesh", "a.wkt", "--name", "a=1", "--name", "b=1"], 1, "--name must have each name and each label once"),
         (["mesh", "black.png", "-n", "9"], 1, "the region is empty"),
         (["mesh", "labels.png", "-n", "3"], 1, "-n 3 must be at least"),
     ],

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cvtimg import mesh_labels
 from cvtimg.halfedges import boundary_edges
@@ -53,17 +55,74 @@ def test_an_existing_file_stays(mesh: Mesh, tmp_path: Path) -> None:
         mesh.save(tmp_path / "a.xyz")
 
 
-def test_solvers_read_the_names_of_regions_and_borders(mesh: Mesh, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def named(mesh: Mesh) -> Mesh:
+    return mesh.named(regions={3: "left"}, borders={"top": lambda p: p[:, 1] == 0, "rest": lambda p: p[:, 1] > 0})
+
+
+def test_solvers_read_the_names_of_regions_and_borders(named: Mesh, tmp_path: Path) -> None:
     skfem = pytest.importorskip("skfem")
-    named = mesh.named(regions={3: "left"}, borders={"top": lambda p: p[:, 1] == 0, "rest": lambda p: p[:, 1] > 0})
     named.save(tmp_path / "a.msh")
     found = skfem.MeshTri.load(tmp_path / "a.msh")
     assert found.boundaries is not None
     assert found.subdomains is not None
     assert np.allclose(found.p[1, found.facets[:, found.boundaries["top"]]], 0)
-    assert len(found.boundaries["top"]) + len(found.boundaries["rest"]) == len(boundary_edges(mesh.triangles))
-    assert len(found.subdomains["left"]) == (mesh.tags == 3).sum()
+    assert len(found.boundaries["top"]) + len(found.boundaries["rest"]) == len(boundary_edges(named.triangles))
+    assert len(found.subdomains["left"]) == (named.tags == 3).sum()
+
+
+def test_names_are_arrays_in_vtu_files(named: Mesh, tmp_path: Path) -> None:
+    named.save(tmp_path / "a.vtu")
+    found = meshio.read(tmp_path / "a.vtu")
+    triangles, lines = found.cells
+    assert (triangles.data == named.triangles).all()
+    assert (lines.data == named.edges).all()
+    assert (found.cell_data["left"][0].ravel() == (named.tags == 3)).all()
+    for name in ("top", "rest"):
+        in_triangles, in_lines = found.cell_data[name]
+        assert not in_triangles.any()
+        of_name = lines.data[in_lines.ravel() == 1]
+        assert ((found.points[of_name, 1] == 0).all(axis=1) == (name == "top")).all()
+    assert named.edge_tags is not None
+    assert np.concatenate(found.cell_data["tag"]).ravel().tolist() == [*named.tags, *named.edge_tags]
+
+
+def test_names_are_sets_in_abaqus_files(named: Mesh, tmp_path: Path) -> None:
+    named.save(tmp_path / "a.inp")
+    found = meshio.read(tmp_path / "a.inp")
+    assert found.cell_sets["left"][0].tolist() == np.flatnonzero(named.tags == 3).tolist()
+    assert found.point_sets["top"].tolist() == np.flatnonzero(named.points[:, 1] == 0).tolist()
+    assert "*ELEMENT, TYPE=CPS3\n" in (tmp_path / "a.inp").read_text()
+
+
+def xdmf(path: Path) -> list[NDArray[np.float64]]:
+    """Read points, cells and tags without meshio, which needs h5py for it."""
+    items = ElementTree.parse(path).iter("DataItem")
+    return [
+        np.fromstring(item.text or "", sep=" ").reshape(*map(int, item.attrib["Dimensions"].split())) for item in items
+    ]
+
+
+def test_tags_of_borders_are_beside_xdmf_files(named: Mesh, tmp_path: Path) -> None:
+    named.save(tmp_path / "a.xdmf")
+    (points, triangles, tags), borders = (xdmf(tmp_path / name) for name in ("a.xdmf", "a_borders.xdmf"))
+    assert (points == named.points).all()  # FEniCS takes what has three coordinates for a surface
+    assert (triangles == named.triangles).all()
+    assert (tags == named.tags).all()
+    assert (borders[0] == points).all()
+    top = borders[1][borders[2] == next(tag for (_, tag), name in named.names.items() if name == "top")]
+    assert (points[top.astype(int), 1] == 0).all()
+    (tmp_path / "a.xdmf").unlink()
+    with pytest.raises(FileExistsError, match="a_borders"):
+        named.save(tmp_path / "a.xdmf")
+    assert not (tmp_path / "a.xdmf").exists()
+
+
+def test_wrong_names_are_told(mesh: Mesh) -> None:
     with pytest.raises(ValueError, match="borders has 'none', which must be true for the middle of some edge"):
         mesh.named(borders={"none": lambda p: p[:, 0] < -1})
     with pytest.raises(ValueError, match="regions has 9, which must be a label in tags"):
         mesh.named(regions={9: "none"})
+    for word in ("two words", "tag", "left"):
+        with pytest.raises(ValueError, match=f"the name '{word}' must be a word, given once, and none of"):
+            mesh.named(regions={3: "left"}, borders={word: lambda p: p[:, 0] == 0})
