@@ -64,6 +64,8 @@ def restore_frames(frames: Frames | Pages | Iterable[Any], *, window: int = 5, *
 
 def _restored(how: Mapping[str, Any], versions: list[Any]) -> Restoration:
     """Restore the first of some frames."""
+    if len(versions) == 1:
+        how = {**how, "align": False}
     with warnings.catch_warnings():
         if how["hidden"] == "motion":  # frames of other scenes are none of its versions
             warnings.filterwarnings("ignore", "images.* cannot be ", UserWarning)

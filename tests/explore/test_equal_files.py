@@ -196,6 +196,7 @@ def check_equal(
             Path(left).unlink(missing_ok=True)
 
 
+@pytest.mark.filterwarnings("ignore:align=")  # of one version
 @pytest.mark.parametrize(("tab", "settings"), [*cases()])
 def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), settings, 1)

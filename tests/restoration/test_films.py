@@ -46,6 +46,9 @@ def test_frames_are_better_than_each_alone_also_where_things_move_and_scenes_cha
     def error(image: NDArray[Any], number: int, part: Any = slice(None)) -> float:
         return float(np.square(image.astype(float) - clean[number])[part].mean())
 
+    np.testing.assert_array_equal(
+        next(restore_frames(film, window=1, effort="fast")).image, restore(film[:1], detail=True, effort="fast").image
+    )
     for number, result in enumerate(results):
         alone = restore([film[number]], detail=True, effort="fast").image
         assert error(result.image, number) < (0.8 if number < 3 else 1) * error(alone, number)

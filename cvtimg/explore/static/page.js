@@ -269,7 +269,7 @@ function stretched(reply, size) {
 }
 
 function drawControls() {
-	const files = {palettes: state.palettes.map(({id, name}) => ({id, name})), kind: state.picture?.frames > 1 ? "animations" : "images", pictures: sameSize().map(({id, name}) => ({id, name}))};
+	const files = {palettes: state.palettes.map(({id, name}) => ({id, name})), kind: state.picture?.frames > 1 ? "animations" : "images", pictures: state.pictures.map(({id, name}) => ({id, name}))};
 	controls.draw(tab().controls, settings(), files);
 	if (state.tab === "colors") curve.mark(settings().aim === "k" || !last ? settings().k : last.facts.k);
 }

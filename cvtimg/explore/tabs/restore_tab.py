@@ -144,13 +144,15 @@ class RestoreTab(Tab):
 def _versions(request: Request) -> list[Picture]:
     chosen = [request.files.picture(key) for key in request.settings["versions"]]
     shown = request.picture  # of an animation the frame
+    if request.settings["align"]:
+        chosen.sort(key=lambda one: one is not (shown.whole_file or shown))  # the others are moved onto it
     versions = [each for one in chosen or [shown] for each in _of_file(one, shown)]
     if len(versions) > 1 and any(one.page and not _are_versions(one.whole_file) for one in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
     sizes = {picture.size for picture in versions}
-    if len(sizes) > 1 and not request.settings["align"]:
+    if len(sizes) > 1 and not (request.settings["align"] and versions[0].size == shown.size):
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
-        raise UnfitRequestError(f"Versions must be of one size, or be aligned: {listed}")
+        raise UnfitRequestError(f"Versions must be of one size, or be aligned with the image that is shown: {listed}")
     return versions
 
 
