@@ -97,6 +97,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "below_30": float((each.least_angles < 30).mean()),
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
+        **({} if found.pairs is None else {"pairs": len(found.pairs)}),
         **({} if found.layers is None else {"in_layers": int((found.layers > 0).sum())}),
         **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
         **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),
@@ -123,7 +124,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     flat = {"--size": given.size, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
-    flat |= {"--layers": given.layers, "--name": given.name}
+    flat |= {"--layers": given.layers, "--periodic": given.periodic, "--name": given.name}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     if not is_mask:

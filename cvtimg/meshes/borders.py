@@ -81,7 +81,10 @@ def place_on_borders(
         low = np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths)
         changed = halved | (wanted < _SHORT)
         if changed.any():
-            field = field.lowered(middles[changed], low[changed], grade)
+            middles, low = middles[changed], low[changed]
+            if outline.twins is not None:
+                middles, low = outline.twins.both(lines.of_edge[changed], middles, low)
+            field = field.lowered(middles, low, grade)
     at = borders.points[borders.edges[crossed][:1]].mean(axis=(0, 1)).tolist()
     check_that(f"borders at {at}", not crossed.any(), "not cross or touch")
     return borders, field
@@ -147,6 +150,8 @@ def _spaced(outline: Outline, field: Field, share: float, on_curves: int) -> tup
         is_curved = until[stops] - until[starts] > _CURVED * np.linalg.norm(places[stops] - places[starts], axis=1)
         least = np.where(is_closed, _ROUND, np.where(is_curved, on_curves, 1))
     n_edges = np.maximum(np.rint(totals * share).astype(np.intp), least)
+    if outline.twins is not None:
+        n_edges = outline.twins.same_numbers(n_edges)
     # The points of each line in order: its first node, its inner points, its last node.
     of_chain, number = divided(n_edges + 1)
     is_inner = (number > 0) & (number < n_edges[of_chain])
@@ -170,7 +175,10 @@ def _spaced(outline: Outline, field: Field, share: float, on_curves: int) -> tup
         ends_of_open = np.unique(np.concatenate([first[~is_closed], last[~is_closed]]))
         rim = edges[(outline.sides[of_line] == OUTSIDE).any(axis=1)].ravel()
         points = outline.areas.kept(points, edges, of_line, ends_of_open, rim)
-    borders = Borders(points, edges, outline.sides[of_line])
+    pairs = None if outline.twins is None else outline.twins.pairs(chain, of_chain)
+    if pairs is not None:
+        pairs.align(points)
+    borders = Borders(points, edges, outline.sides[of_line], pairs=pairs)
     quarters = at_chain[at_edge, None] + np.diff(at_chain)[at_edge, None] * np.array([0.25, 0.75])
     near_ends = places_at(quarters, along, places)
     lines = _Lines(of_line, np.append(np.full(len(nodes), -1), own), np.stack([first, last], axis=1), near_ends)
@@ -187,6 +195,8 @@ def _spaced(outline: Outline, field: Field, share: float, on_curves: int) -> tup
         np.where(is_closed, until[stops] - until[starts], 0)[own],
     )
     smooth = turns_of(before, inner, after) < _SMOOTH
+    if pairs is not None:
+        smooth &= ~np.isin(chain[at_inner], pairs.vertices)
     return replace(borders, tracks=tracks.kept(smooth)), lines
 
 

@@ -52,6 +52,7 @@ class MeshContent:
     qualities: NDArray[np.float64] | None = None  # (T,)
     side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
+    pairs: NDArray[np.int32] | None = None  # (P, 2): points that are copies of others, moved along an axis
 
     @property
     def kind(self) -> str:
@@ -153,7 +154,7 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
     cells, data = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}
     names: dict[str, Any] = {}
-    sets: dict[str, dict[str, Any]] = {}
+    sets: dict[str, Any] = {}
     if suffix == ".msh" and len(
         mesh.sides
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
@@ -162,6 +163,9 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        if mesh.pairs is not None:
+            entities, sets["gmsh_periodic"] = _periodic(mesh, mesh.pairs, int(max(map(np.max, tags))) + 1)
+            data["gmsh:geometrical"] = [np.where(entities > 0, entities, of_sides), mesh.tags]
         keys = [
             *((dimension, tag) for tag in np.unique(of_sides)),
             *((dimension + 1, tag) for tag in np.unique(mesh.tags)),
@@ -179,6 +183,22 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     if suffix == ".inp":  # of the plane, where meshio has rigid elements and shells
         content = content.replace(b"TYPE=R3D3\n", b"TYPE=CPS3\n", 1).replace(b"TYPE=STRI65\n", b"TYPE=CPS6\n", 1)
     return content
+
+
+def _periodic(mesh: MeshContent, pairs: NDArray[np.int32], tag: int) -> tuple[NDArray[np.int32], list[Any]]:
+    """Return the entity of each edge on periodic sides, from a tag on, and Gmsh's entries for pairs of entities."""
+    entities, entries = np.zeros(len(mesh.sides), np.int32), []
+    steps = mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]]
+    for axis in (0, 1):
+        along = steps[:, axis] != 0
+        if along.any():
+            for column in (0, 1):
+                entities[np.isin(mesh.sides, pairs[along, column]).all(axis=1)] = tag + column
+            affine = np.eye(4)
+            affine[axis, 3] = steps[along, axis][0]
+            entries.append([1, (tag, tag + 1), affine, pairs[along]])
+            tag += 2
+    return entities, entries
 
 
 def rows_of(form: str, rows: NDArray[np.generic]) -> str:

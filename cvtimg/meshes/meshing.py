@@ -32,6 +32,7 @@ from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.layers import Heights, Layers
 from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import Outline, label_outline, outline_of, with_points
+from cvtimg.meshes.periodic import Pairs, Twins
 from cvtimg.meshes.projection import project_to_borders
 from cvtimg.meshes.quadratic import quadratic
 from cvtimg.meshes.relaxation import Relaxed, relax
@@ -119,6 +120,7 @@ def mesh_region(
     metric: MatrixFunction | None = None,
     boundary: str = "placed",
     order: int = 1,
+    periodic: str | None = None,
     layers: ArrayLike | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
@@ -160,6 +162,9 @@ def mesh_region(
     order : {1, 2}
         With 2, triangles have six nodes, and sides on the boundary bend with it: `Mesh.quadratic`. `n` is still the
         number of vertices.
+    periodic : {"x", "y", "xy"}, optional
+        Borders on the left and right ("x"), or at the least and the greatest y, are copies by translation, and so are
+        the vertices on them: `Mesh.pairs`. Sizes should be periodic, too. Not with `layers`.
     layers : (3,) array_like, optional
         Boundary layers: their number, the height of the first, and the growth of the next ones. Rows of vertices run
         parallel to the boundary; inside of them edges are as long as without. Where there is no room, as in thin
@@ -221,6 +226,10 @@ def mesh_region(
             "layers", metric is None and boundary == "placed", "not be given with metric or boundary='projected'"
         )
         wanted = replace(wanted, layers=Heights.checked(layers))
+    if periodic is not None:
+        is_fit = layers is None and boundary == "placed"
+        check_that("periodic", is_fit, "not be given with layers or boundary='projected'")
+        wanted = replace(wanted, periodic=periodic)
     if boundary == "projected":
         check_that("metric", metric is None, "not be given with boundary='projected'")
         return _bent(_projected(outline, wanted, fixed, np.random.default_rng(rng)), outline)
@@ -239,6 +248,7 @@ def mesh_labels(
     min_size: float = 0.0,
     tolerance: float = _TOLERANCE,
     order: int = 1,
+    periodic: str | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -250,7 +260,7 @@ def mesh_labels(
         Segment of each pixel; 0 for what is not meshed.
     image : (H, W) or (H, W, C) array, optional
         The segmented image, for borders between the centers of pixels, as `cvtimg.find_contours` has them.
-    n, edge_length, size, grade, min_size, order, effort, rng
+    n, edge_length, size, grade, min_size, order, periodic, effort, rng
         As in `mesh_region`.
     tolerance : float
         How far borders may be moved to make them smoother, in pixels; 0 for the sides of pixels.
@@ -278,6 +288,8 @@ def mesh_labels(
     least = check_non_negative("min_size", min_size)
     outline = _of_order(order, label_outline(segments, image, check_non_negative("tolerance", tolerance)))
     wanted = _Wanted.checked(n, edge_length, size, grade, least, outline.diameter)
+    if periodic is not None:
+        wanted = replace(wanted, periodic=periodic)
     return _bent(_mesh(outline, wanted, None, effort, rng), outline)
 
 
@@ -291,6 +303,7 @@ class _Wanted:
     least: float
     metric: MatrixFunction | None
     layers: Heights | None = None
+    periodic: str | None = None
 
     @property
     def rows(self) -> int:
@@ -331,7 +344,7 @@ def _bent(mesh: Mesh, outline: Outline) -> Mesh:
     """Give triangles six nodes where sides shall bend with an outline."""
     if not outline.on_lines:
         return mesh
-    found = quadratic(mesh.points, mesh.triangles, mesh.edges, outline)
+    found = quadratic(mesh.points, mesh.triangles, mesh.edges, outline, mesh.pairs)
     return replace(mesh, points=found.nodes[: len(mesh.points)], quadratic=found)
 
 
@@ -343,6 +356,9 @@ def _mesh(
     random = np.random.default_rng(rng)
     still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     outline, alone = with_points(outline, still)
+    if wanted.periodic is not None:
+        lines, twins = Twins.of(outline.lines, outline.sides, outline.bounds, wanted.periodic)
+        outline = replace(outline, lines=lines, twins=twins)
     curves = Curves(outline, still) if outline.mask is None and not outline.on_lines else None
     meshes: list[tuple[Mesh, Layers | None]] = []
     is_small = wanted.n is not None and wanted.n <= _SMALL  # else there is one trial, or it is short
@@ -429,7 +445,7 @@ def _made(
         for sweep in range(n_sweeps):
             tell(_RELAXED + (_EVEN - _RELAXED) * sweep / n_sweeps)
             if is_tried and sweep in _CANDIDATES:
-                made.append((_result(mesh, curves, relaxed, wanted.n), layers))
+                made.append((_result(mesh, curves, relaxed, wanted.n, borders.pairs), layers))
             mesh.even(field.metric(mesh.points))
             mesh.flip(None)
         for _ in range(_SMOOTHING if varies else 0):
@@ -442,14 +458,20 @@ def _made(
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         rounds = settings.mends if np.isscalar(wanted.size) else 0
         with part(_EVEN, 1):
-            mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=wanted.n is not None)
-    return [*made, (_result(mesh, curves, relaxed, wanted.n), layers)]
+            whole = np.empty(0, np.int32) if borders.pairs is None else borders.pairs.vertices
+            keeps = wanted.n is not None
+            mesh = mend(mesh, field, wanted.grade, shortest=shortest, rounds=rounds, keep_number=keeps, whole=whole)
+    return [*made, (_result(mesh, curves, relaxed, wanted.n, borders.pairs), layers)]
 
 
-def _result(mesh: PlaneTriangulation, curves: Curves | None, relaxed: Relaxed, n: int | None) -> Mesh:
+def _result(
+    mesh: PlaneTriangulation, curves: Curves | None, relaxed: Relaxed, n: int | None, pairs: Pairs | None
+) -> Mesh:
     state = mesh.state()
     if curves is not None:
         curves.keep_areas(mesh)
+    if pairs is not None:
+        pairs.align(mesh.points)
     found = Mesh(
         mesh.points.copy(),
         mesh.triangles.copy(),
@@ -458,6 +480,7 @@ def _result(mesh: PlaneTriangulation, curves: Curves | None, relaxed: Relaxed, n
         relaxed.energies,
         relaxed.converged,
         n,
+        pairs=None if pairs is None else pairs.vertices,
     )
     mesh.restore(state)
     return found

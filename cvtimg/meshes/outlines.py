@@ -15,6 +15,7 @@ from cvtimg._shared.extras import optional
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
+from cvtimg.meshes.periodic import Twins
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
@@ -45,6 +46,7 @@ class Outline:
     contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
     polygons: Any = None  # What it is the outline of, if that is polygons of shapely
+    twins: Twins | None = None  # Lines that are copies of others
     on_lines: bool = False  # Whether vertices stay on the lines, since elements bend with these
 
     @property

@@ -44,12 +44,15 @@ class QuadraticTriangles(ReadOnly):
         The ends and the node of each edge on a border, as in `Mesh.edges`.
     n_straight : int
         Number of edges on borders that were kept straight, for a triangle would have folded over, or nearly.
+    pairs : (P, 2) int32 array or None
+        Nodes on periodic sides, as `Mesh.pairs`.
     """
 
     nodes: Points
     triangles: Indices
     edges: Indices
     n_straight: int
+    pairs: Indices | None = None
 
     @property
     def jacobians(self) -> Points:
@@ -62,8 +65,13 @@ class QuadraticTriangles(ReadOnly):
         return self.jacobians.mean(axis=1) / 2
 
 
-def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outline) -> QuadraticTriangles:
-    """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
+def quadratic(
+    points: Points, triangles: Indices, edges: Indices, outline: Outline, pairs: Indices | None
+) -> QuadraticTriangles:
+    """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly.
+
+    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends.
+    """
     n = len(points)
     half_edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     keys, first, own = np.unique(edge_keys(half_edges, n), return_index=True, return_inverse=True)
@@ -83,7 +91,10 @@ def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outli
         nodes, straight = moved, straight | folded
         if not folded.any():
             break
-    return QuadraticTriangles(nodes, all_six, with_middles, int(straight.sum()))
+    if pairs is not None:
+        pairs, steps = _with_middles(points, with_middles, pairs)
+        nodes[pairs[:, 0]] = nodes[pairs[:, 1]] + steps
+    return QuadraticTriangles(nodes, all_six, with_middles, int(straight.sum()), pairs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,6 +181,25 @@ def _with_areas(nodes: Points, edges: Indices, outline: Outline, ways: _Ways, st
     chords = (kept[a] + kept[b]) / 2
     kept[middle] = chords + 3 / 4 * (kept[middle] - chords)
     return kept
+
+
+def _with_middles(points: Points, edges: Indices, pairs: Indices) -> tuple[Indices, Points]:
+    """Return pairs of vertices with those of the nodes between them, and the steps from each second to the first."""
+    found, steps = [pairs], points[pairs[:, 0]] - points[pairs[:, 1]]
+    moves, n = [steps], len(points)
+    keys = edge_keys(edges[:, :2], n)
+    order = np.argsort(keys)
+    for axis in (0, 1):
+        along = steps[:, axis] != 0
+        other = np.full(n, -1, np.int32)
+        other[pairs[along, 0]] = pairs[along, 1]
+        copies = edges[(other[edges[:, :2]] >= 0).all(axis=1)]
+        wanted = edge_keys(other[copies[:, :2]], n)
+        at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        right = keys[at] == wanted
+        found.append(np.stack([copies[right, 2], edges[at[right], 2]], axis=1))
+        moves.append(np.tile(steps[along][:1], (int(right.sum()), 1)))
+    return np.concatenate(found), np.concatenate(moves)
 
 
 def _jacobians(nodes: Points, triangles: Indices) -> Points:

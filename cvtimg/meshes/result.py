@@ -47,6 +47,8 @@ class Mesh(ReadOnly):
         The triangles with six nodes, if ``order=2`` was asked for.
     layers : (T,) int32 array or None
         The number of the boundary layer that each triangle is in, from 1 at the border, or 0; None if there are none.
+    pairs : (P, 2) int32 array or None
+        Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
     """
 
     points: NDArray[np.float64]
@@ -60,6 +62,7 @@ class Mesh(ReadOnly):
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
     layers: NDArray[np.int32] | None = None
+    pairs: NDArray[np.int32] | None = None
 
     @property
     def energy(self) -> float:
@@ -159,7 +162,8 @@ class Mesh(ReadOnly):
         points, cells, sides = (
             (self.points, self.triangles, self.edges) if six is None else (six.nodes, six.triangles, six.edges)
         )
-        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names)
+        pairs = self.pairs if six is None else six.pairs
+        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names, pairs)
         write_mesh(path, content, overwrite, suffixes(content.kind))
 
     def _repr_html_(self) -> str:

@@ -12,6 +12,7 @@ from cvtimg._shared.extras import needs
 from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import lengths_of
+from cvtimg.meshes.periodic import Pairs
 from cvtimg.meshes.sliding import Tracks
 
 Points = NDArray[np.float64]
@@ -33,6 +34,7 @@ class Borders:
     # positive, and where it is negative. Labels <= 0 are outside.
     sides: Triangles
     tracks: Tracks | None = None  # Along which some of the points may slide
+    pairs: Pairs | None = None  # Points that are copies of others
 
 
 class PlaneTriangulation(HalfEdges):

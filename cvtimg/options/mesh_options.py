@@ -7,7 +7,7 @@ from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Option, Pair, Real, Text, Whole, passed
+from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
 
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
 #: Radii of the earth in meters, as models have it.
@@ -74,6 +74,11 @@ MESH = (
         "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
     ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
+    passed(
+        "periodic",
+        Choice(("x", "y", "xy")),
+        "Pair vertices on borders that are copies: on the left and right (x), or at the least and the greatest y.",
+    ),
     passed(
         "layers",
         Text(_layers),
