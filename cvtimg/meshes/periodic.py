@@ -73,8 +73,8 @@ class Twins:
                 exact[one] = copy
                 exact = [_with_ends(line, moved) for line in exact]
                 found.append((one, other, back, axis, shift))
-        one, other, back, axes, shifts = (np.array(column) for column in zip(*found, strict=True))
-        return tuple(exact), cls(np.stack([one, other], axis=1), back, axes, shifts)
+        copies, lines_of, backs, axes, shifts = (np.array(column) for column in zip(*found, strict=True))
+        return tuple(exact), cls(np.stack([copies, lines_of], axis=1), backs, axes, shifts)
 
     def same_numbers(self, n_edges: Index) -> Index:
         """Give lines as many edges as their copies have."""
@@ -90,7 +90,9 @@ class Twins:
             copies = chain[of_chain == one]
             parts.append(np.stack([copies[::-1] if back else copies, chain[of_chain == other]], axis=1))
         counts = [len(part) for part in parts]
-        return Pairs(np.concatenate(parts), np.repeat(self.axes, counts), np.repeat(self.shifts, counts))
+        both, axes, shifts = np.concatenate(parts), np.repeat(self.axes, counts), np.repeat(self.shifts, counts)
+        first = np.unique(np.column_stack([axes, both]), axis=0, return_index=True)[1]  # lines share their ends
+        return Pairs(both[first], axes[first], shifts[first])
 
     def both(self, of_edge: Index, middles: Points, sizes: Values) -> tuple[Points, Values]:
         """Return places (E, 2) on lines, and sizes there, with those where the copies are."""

@@ -131,6 +131,7 @@ def test_names_of_regions_and_borders_are_groups(capsys: pytest.CaptureFixture[s
         (["mesh", "cross.csv", "-n", "9"], 1, "cross.csv: polygons must not cross themselves"),
         (["mesh", "hole.wkt", "-n", "9"], 1, "hole.wkt: a hole at (5, 5) must lie inside"),
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
+        (["mesh", "mask.png", "--periodic", "x"], 1, "--periodic 'x' must be for borders on the left and right"),
         (["mesh", "mask.png", "--layers", "3,1"], 2, "'3,1' must be a number of layers, the height of the first"),
         (
             ["mesh", "labels.png", "--layers", "3,1,1"],
